@@ -3,11 +3,9 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import comb
 
 import numpy as np
 
-from auditor.identification.parameters import NAMING
 from auditor.model.arrays import Flags
 from auditor.model.rig import Triple
 
@@ -19,9 +17,6 @@ FEWEST_SENSORS = 4
 
 FEWEST_COMPARED = 3
 """The sensors of a triple: fewer cannot be compared."""
-
-MOST_SETS = NAMING.most_sets
-"""Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
 
 
 @dataclass(frozen=True)
@@ -75,20 +70,6 @@ def _lemma_1(zero: tuple[int, int], elements: Mapping[tuple[int, int], str], sou
     )
 
 
-def allowed_attack_sets(sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
-    """The attacks that N sensors can tell apart: no sensor, then one, up to N - 3 of them.
-
-    No more than MOST_SETS are listed, whole sizes.
-    """
-    system = sorted(sensors)
-    sets: list[tuple[int, ...]] = []
-    for size in range(max(len(system) - 3, 0) + 1):
-        if len(sets) + comb(len(system), size) > MOST_SETS:
-            break
-        sets.extend(combinations(system, size))
-    return tuple(sets)
-
-
 def codeword(attacked: Collection[int], triples: Sequence[Triple]) -> str:
     """The e vector of an attack (Eq. 7): an element is '1' where a sensor of its triple is attacked."""
     return "".join(ABOVE if any(sensor in attacked for sensor in triple) else NOT_ABOVE for triple in triples)
@@ -116,6 +97,8 @@ def listed(sensors: Sequence[int]) -> str:
 
 def sensors_where(sensors: Sequence[int], chosen: Flags) -> list[frozenset[int]]:
     """The chosen sensors of each frame, such as the missing ones, from (F, S) flags."""
+    if not chosen.any():
+        return [frozenset()] * len(chosen)
     patterns, which = np.unique(chosen, axis=0, return_inverse=True)
     sets = [frozenset(s for s, there in zip(sensors, row, strict=True) if there) for row in patterns.tolist()]
     return [sets[index] for index in which.ravel().tolist()]

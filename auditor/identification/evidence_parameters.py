@@ -8,7 +8,7 @@ _TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/inciden
 _TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
 _CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
 _AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
-_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053 and 5000 to 5041 (docs/incidents.md)"
+_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -34,14 +34,20 @@ class Incidents:
         5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
     )
     fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
+    fewest_worth: float = parameter(
+        0.8, unit="independent frames that the findings of an incident are worth", source="three frames at 10 Hz"
+    )
+    explained_share: float = parameter(
+        0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS
+    )
     per_hour: float = parameter(2.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
     fewest_per_hour: float = parameter(
         0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
     )
     peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
-    prior_peaks: float = parameter(4.0, unit="clean peaks beyond it, of the prior", source=_PEAKS)
-    prior_hours: float = parameter(0.05, unit="hours of clean driving, of the prior", source=_PEAKS)
-    prior_scale: float = parameter(0.55, unit="mean of what such peaks exceed it by", source=_PEAKS)
+    prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_PEAKS)
+    prior_hours: float = parameter(0.083, unit="hours of clean driving, of the prior", source=_PEAKS)
+    prior_scale: float = parameter(0.36, unit="mean of what such peaks exceed it by", source=_PEAKS)
     gap_s: float = parameter(
         0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
     )

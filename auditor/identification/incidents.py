@@ -5,7 +5,9 @@
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
-5. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
+5. Most clean frames that are raised are explained by a fault as well. So evidence that a fault explains counts for a
+   share, and an attack is an incident by the frames that no fault explains (`Excursion.peak`).
+6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 """
 
@@ -27,7 +29,10 @@ _S_PER_HOUR = 3600
 
 @dataclass(frozen=True)
 class Excursion:
-    """The places of the frames at which the sum rose between two of its zeros, and the largest value that it had."""
+    """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
+
+    `peak` is the largest value of the sum of the evidence that no fault explains, or a share of the largest of all.
+    """
 
     rises: tuple[int, ...]
     peak: float
@@ -45,25 +50,35 @@ class Event:
 class Evidence:
     """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
 
-    `periods_s` (F,) are the usual times between two frames of its run; NaN where there is only one.
+    `unexplained` (F,) is what it adds where no fault explains it as well. `worth` (F,) is how many independent frames
+    it is worth, and `periods_s` (F,) are the usual times between two frames of its run; NaN where there is only one.
     """
 
     added: Floats
+    unexplained: Floats
     ratios: Floats
+    worth: Floats
     runs: Integers
     periods_s: Floats
 
 
-def evidence_of(scores: Floats, checks: int, stamps_ns: Integers, runs: Integers) -> Evidence:
+def evidence_of(
+    scores: Floats, checks: int, stamps_ns: Integers, runs: Integers, explained: Flags | None = None
+) -> Evidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
-    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order.
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `explained` (F,) says which
+    frames a fault explains as well as an attack; none where it is not given.
     """
     ratios = log_ratios(scores, checks)
     duty = INCIDENTS.duty
     intermittent = np.log(duty * np.exp(np.minimum(ratios, INCIDENTS.most_of_a_frame)) + 1 - duty)
     periods = periods_of(stamps_ns, runs)
-    return Evidence(np.nan_to_num(intermittent) * frame_worth(periods), ratios, runs, periods)
+    worth = frame_worth(periods)
+    added = np.nan_to_num(intermittent) * worth
+    return Evidence(
+        added, added if explained is None else np.where(explained, 0.0, added), ratios, worth, runs, periods
+    )
 
 
 def log_ratios(scores: Floats, checks: int) -> Floats:
@@ -101,21 +116,31 @@ def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
 def excursions(evidence: Evidence) -> Iterator[Excursion]:
     """The excursions of the sum from zero, in order; it begins anew with each run."""
     for run in _places(evidence.runs):
-        yield from _of_run(run, evidence.added[run.start : run.stop].tolist(), _quiet_frames(evidence, run.start))
+        own = slice(run.start, run.stop)
+        added, unexplained = evidence.added[own].tolist(), evidence.unexplained[own].tolist()
+        yield from _of_run(run, list(zip(added, unexplained, strict=True)), _quiet_frames(evidence, run.start))
+
+
+def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
+    """The peaks of the excursions that hold as many findings as an incident, where `raised` (F,) frames are findings.
+
+    Of clean drives: `incident_limit` follows from them.
+    """
+    return [one.peak for one in excursions(evidence) if _enough(evidence, [p for p in one.rises if raised[p]])]
 
 
 def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | None) -> list[Event]:
     """The events of F frames in the order of time, where the sum exceeds the `limit`.
 
-    Two frames of an incident at least must be findings by themselves, as the flags `raised` (F,) say. A raised frame
-    that belongs to no incident is a single-frame event where clean frames are as strong less than `per_hour`, which
-    is the usual rate where it is None.
+    Some frames of an incident must be findings by themselves, as the flags `raised` (F,) say: two at least, and as many
+    as are worth most of an independent one. A raised frame that belongs to no incident is a single-frame event where
+    clean frames are as strong less than `per_hour`, which is the usual rate where it is None.
     """
     strong = raised & (evidence.ratios > _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour))
     found: list[Event] = []
     for excursion in excursions(evidence):
         own = [place for place in excursion.rises if raised[place]]
-        if excursion.peak > limit and len(own) >= INCIDENTS.fewest_frames:
+        if excursion.peak > limit and _enough(evidence, own):
             found.append(Event(excursion.rises))
         else:
             found += [Event((place,), single=True) for place in own if strong[place]]
@@ -157,6 +182,13 @@ def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), h
     return least + max(scale * log(rate / allowed), 0.0)
 
 
+def _enough(evidence: Evidence, findings: Sequence[int]) -> bool:
+    """Whether the findings of an excursion, at these places, are enough for an incident."""
+    if len(findings) < INCIDENTS.fewest_frames:
+        return False
+    return bool(evidence.worth[list(findings)].sum() >= INCIDENTS.fewest_worth)
+
+
 def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     """(F,) the ratio that clean frames exceed `per_hour` times an hour at the rate of each frame's run.
 
@@ -166,17 +198,21 @@ def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
 
 
-def _of_run(run: range, added: Sequence[float], quiet: int) -> Iterator[Excursion]:
-    """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run."""
-    total = peak = 0.0
+def _of_run(run: range, added: Sequence[tuple[float, float]], quiet: int) -> Iterator[Excursion]:
+    """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run.
+
+    `added` are what each frame adds, and what of it no fault explains.
+    """
+    total = unexplained = peak = 0.0
     rises: list[int] = []
-    for place, more in zip(run, added, strict=True):
+    for place, (more, own) in zip(run, added, strict=True):
         if rises and (total + more <= 0 or (more <= 0 and place - rises[-1] > quiet)):
             yield Excursion(tuple(rises), peak)
-            total, peak, rises = 0.0, 0.0, []
+            total, unexplained, peak, rises = 0.0, 0.0, 0.0, []
         elif rises or more > 0:
             total += more
-            peak = max(peak, total)
+            unexplained = max(unexplained + own, 0.0)
+            peak = max(peak, unexplained, INCIDENTS.explained_share * total)
             if more > 0:
                 rises.append(place)
     if rises:

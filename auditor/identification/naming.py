@@ -4,7 +4,7 @@ Each check speaks of one sensor, by the vote of others, and an attacked sensor v
 are compared, each by the votes of those outside it (`likelihood`). The likeliest is named where it is likely enough.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import log10
@@ -93,16 +93,16 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
     columns = system.counting(absent)
-    measured: Flags = ~np.isnan(z[:, columns])
     score = np.nanmax(z[:, system.detecting(absent)], axis=1, initial=-np.inf)
+    raised = np.flatnonzero(score > limit)
+    explained = dict(zip(raised.tolist(), _explain(z[raised], system, absent, limit), strict=True))
     why_not = _why_not_compared(system, present, outside)
     states = cache(lambda which, fired: _states(system, columns, which, fired, absent))
     algorithm_2 = cache(lambda e: _algorithm_2(e, system, present))
     remarks = cache(lambda which, by_fallback: _remarks(system, columns, which, present, by_fallback=by_fallback))
     verdicts = []
-    for f, seen in enumerate(measured):
-        which = seen.tobytes()
-        found = _explain(z[f], system, absent, limit) if score[f] > limit else None
+    for f, (value, which) in enumerate(zip(score.tolist(), _rows(~np.isnan(z[:, columns])), strict=True)):
+        found = explained.get(f)
         fired = frozenset() if found is None else _fired(found, limit)
         e, audited = states(which, fired)
         if found is None and not audited:
@@ -113,19 +113,43 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
             e,
             named=algorithm_2(e),
             out_of_system=outside,
-            gap=float(limit - score[f]),
+            gap=limit - value,
             reason=remarks(which, len(e) > len(system.triples)),
         )
         verdicts.append(verdict if found is None else _finding(verdict, found, z[f], system, limit))
     return verdicts
 
 
-def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Explained:
-    """What explains one frame of scores (M,)."""
-    sets = attack_sets(system, absent, suspects_of(z, system, absent))
-    ratios = log_likelihood_ratios(z[None], system, absent, sets)
-    chances = posteriors(ratios, sets, len(system.sensors) - len(absent))[0].tolist()
-    likely = sorted(zip(sets, chances, strict=True), key=lambda one: -one[1])
+def _rows(flags: Flags) -> Iterator[bytes]:
+    """The flags of each frame as bytes, which few of them differ by."""
+    content, width = flags.tobytes(), flags.shape[1]
+    return (content[first : first + width] for first in range(0, len(content), width))
+
+
+def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explained]:
+    """What explains each of F frames of scores (F, M)."""
+    suspects = [suspects_of(one, system, absent) for one in z]
+    found: list[_Explained | None] = [None] * len(z)
+    for those in dict.fromkeys(suspects):
+        frames = [frame for frame, its in enumerate(suspects) if its == those]
+        sets = attack_sets(system, absent, those)
+        ratios = log_likelihood_ratios(z[frames], system, absent, sets)
+        chances = posteriors(ratios, sets, len(system.sensors) - len(absent))
+        for frame, of_frame, its_ratios in zip(frames, chances.tolist(), ratios, strict=True):
+            likely = sorted(zip(sets, of_frame, strict=True), key=lambda one: -one[1])
+            found[frame] = _explained(z[frame], system, absent, limit, likely, dict(zip(sets, its_ratios, strict=True)))
+    return [one for one in found if one is not None]
+
+
+def _explained(
+    z: Floats,
+    system: System,
+    absent: frozenset[int],
+    limit: float,
+    likely: Sequence[tuple[AttackSet, float]],
+    ratios: Mapping[AttackSet, float],
+) -> _Explained:
+    """What explains a frame of scores (M,), of which the likely attack sets are known and their ratios."""
     attacked = next((one for one, _ in likely if one), ())
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
     gone = absent.union(attacked)
@@ -137,7 +161,7 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
     evidence = dict.fromkeys((*own, *alone, *others))
-    ratio = float(ratios[0][sets.index(attacked)] * np.log10(np.e))
+    ratio = float(ratios[attacked] * np.log10(np.e))
     return _Explained(
         attacked, tuple(likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
     )

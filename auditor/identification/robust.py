@@ -7,8 +7,9 @@
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -17,7 +18,7 @@ from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, excursions
+from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, peaks_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
@@ -92,13 +93,11 @@ def judge_frames(
     frame. A sensor with frozen data is left out, and the frame is at least suspect; so it is where a fault explains it
     as well as an attack, unless the caller wants verdicts `without_causes`.
     """
-    frames = range(len(series.stamps_ns))
     judge = _Judge(series, system, thresholds, without_causes=without_causes)
     evidence = judge.evidence()
-    found = events(evidence, judge.raised(), thresholds.score, thresholds.incidents_per_hour)
-    judged = list(frames if only is None else only)
-    together = sorted({*judged, *(place for event in found for place in event.frames)})
-    verdicts = dict(zip(together, judge.verdicts(together), strict=True))
+    found = events(evidence, judge.raised, thresholds.score, thresholds.incidents_per_hour)
+    judged = list(range(len(series.stamps_ns)) if only is None else only)
+    verdicts = judge.verdicts({*judged, *(place for event in found for place in event.frames)})
     whole = [_apart(event, verdicts, evidence, thresholds.score) for event in found]
     for number, event in enumerate(chain.from_iterable(whole), 1):
         added = evidence.added[list(event.frames)].tolist()
@@ -114,9 +113,15 @@ def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, li
     return apart(event, [verdicts[place].attacked for place in event.frames], added, limit)
 
 
+def findings_alone(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Flags:
+    """(F,) the frames whose verdict by itself is a finding; without any there is no event, and nothing to name."""
+    return _Judge(series, system, thresholds).raised
+
+
 def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThresholds) -> list[float]:
     """The peaks of what F clean frames add to the sequential test: `incident_limit` follows from them."""
-    return [one.peak for one in excursions(_Judge(series, system, thresholds).evidence())]
+    judge = _Judge(series, system, thresholds)
+    return peaks_of(judge.evidence(), judge.raised)
 
 
 class _Judge:
@@ -134,27 +139,40 @@ class _Judge:
         faults = [()] * len(still) if without_causes else _fault_hypotheses(series, thresholds)
         self._hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
         self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
+        self._verdicts: dict[int, Verdict] = {}
+
+    @cached_property
+    def raised(self) -> Flags:
+        """(F,) whether the verdict on each frame by itself is a finding."""
+        return np.asarray((self._scores > self._thresholds.limit) | (self._faults > -np.inf))
 
     def evidence(self) -> Evidence:
         """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
         checks, series = self._system.judged_together, self._series
         of_faults = joint_limit(INCIDENTS.tail_rate, checks) + self._faults
-        return evidence_of(np.maximum(self._scores, of_faults), checks, series.stamps_ns, series.runs)
+        findings = self.verdicts(np.flatnonzero(self.raised).tolist())
+        explained = np.zeros(len(self.raised), dtype=np.bool_)
+        explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
+        return evidence_of(np.maximum(self._scores, of_faults), checks, series.stamps_ns, series.runs, explained)
 
-    def raised(self) -> Flags:
-        """(F,) whether the verdict on each frame by itself is a finding."""
-        return np.asarray((self._scores > self._thresholds.limit) | (self._faults > -np.inf))
-
-    def verdicts(self, places: Sequence[int]) -> list[Verdict]:
+    def verdicts(self, places: Collection[int]) -> dict[int, Verdict]:
         """The verdicts on the frames at these places, each by itself."""
+        missing = sorted(set(places).difference(self._verdicts))
+        self._verdicts.update(zip(missing, self._judged(missing), strict=True))
+        return {place: self._verdicts[place] for place in places}
+
+    def _judged(self, places: Sequence[int]) -> list[Verdict]:
         series, system, limit = self._series, self._system, self._thresholds.limit
         named = name_attacked(self._z[places], system, [self._unused[place] for place in places], limit)
-        weighed = []
-        for place, verdict in zip(places, named, strict=True):
+
+        def weighed(place: int, verdict: Verdict) -> Verdict:
+            if not verdict.evidence:  # most frames: nothing fired
+                return weigh(verdict, self._hypotheses[place], limit) if self._hypotheses[place] else verdict
             brightness = series.brightness_in(place)
             seen = seen_of(verdict, self._z[place], series.statistics[place], system, brightness)
-            weighed.append(weigh(verdict, self._hypotheses[place], limit, seen if verdict.evidence else {}))
-        return weighed
+            return weigh(verdict, self._hypotheses[place], limit, seen)
+
+        return [weighed(place, verdict) for place, verdict in zip(places, named, strict=True)]
 
 
 def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:

@@ -14,11 +14,13 @@ from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE
 from auditor.identification.prior import (
     Drives,
     DriveValues,
+    OwnLevel,
     drive_values,
     expected_after,
     joint_limit,
     log_odds,
     of_drive,
+    own_level,
     prior_of_cause,
     prior_of_check,
 )
@@ -40,6 +42,9 @@ _LOCALISED_FROM: Mapping[Check, float] = {
 
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
 """By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
+
+_OWN_LEVELS: WeakKeyDictionary[CleanFrames, dict[SensorCheck, OwnLevel | None]] = WeakKeyDictionary()
+"""By drive: its own level of each check, so that it is judged by many thresholds without being looked at again."""
 
 
 def thresholds_from(
@@ -69,22 +74,29 @@ class CleanDrives:
         self._ascending = {cause: ascending(self._strengths(cause)) for cause in causes if cause[0] not in TONES}
 
     def thresholds(
-        self, judged_together: int, r: Decimal, calibration_id: str = "", *, without: str | None = None
+        self, judged_together: int, r: Decimal, calibration_id: str = "", *, used: Flags | None = None
     ) -> RobustThresholds:
-        """As `thresholds_from`; `without` names a recording that they are not learnt from. Raises SettingError."""
+        """As `thresholds_from`; they are learnt from the recordings that are `used` (D,). Raises SettingError."""
         limit = joint_limit(float(checked(r)), judged_together)
-        used = self._names != without if without is not None else np.ones(len(self._clean), dtype=np.bool_)
-        of_checks = {
-            check: expected_after(prior_of_check(check), drives.chosen(used))
-            for check, drives in self._of_checks.items()
-        }
+        used = np.ones(len(self._clean), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
         known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
         scales = {
             cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
         }
         drives = np.unique(self._names[used]).size
-        return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
+        return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
+
+    def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
+        """What is expected of the checks, learnt from the recordings that are `used` (D,)."""
+        return {
+            check: expected_after(prior_of_check(check), drives.chosen(used))
+            for check, drives in self._of_checks.items()
+        }
+
+    def others(self, recording_id: str) -> Flags:
+        """(D,) which of them are of other recordings."""
+        return np.asarray(self._names != recording_id)
 
     def _strengths(self, cause: CauseIn) -> list[Floats]:
         return [one.strengths.get(cause, _NONE) for one in self._clean]
@@ -105,12 +117,24 @@ def for_drive(
 
     They hold for any of its frames, and for attacked copies of them.
     """
-    columns = dict(zip(sensor_checks, log_odds(statistics).T, strict=True))
-    of_checks = {
-        check: of_drive(one, columns[check], thresholds.limit) if check in columns else one
-        for check, one in thresholds.expected.items()
-    }
-    return replace(thresholds, expected=of_checks)
+    columns = zip(sensor_checks, log_odds(statistics).T, strict=True)
+    return _with_own(thresholds, {check: own_level(odds) for check, odds in columns})
+
+
+def for_clean_drive(
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], one: CleanFrames
+) -> RobustThresholds:
+    """As `for_drive`, for a recording that is judged by many thresholds."""
+    own = _OWN_LEVELS.setdefault(one, {})
+    if new := [check for check in sensor_checks if check not in own]:
+        own.update(zip(new, map(own_level, log_odds(one.statistics_of(new)).T), strict=True))
+    return _with_own(thresholds, {check: own[check] for check in sensor_checks})
+
+
+def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:
+    """Thresholds that know a drive's own levels."""
+    found = {check: of_drive(one, own.get(check), thresholds.limit) for check, one in thresholds.expected.items()}
+    return replace(thresholds, expected=found)
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:

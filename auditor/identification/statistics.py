@@ -11,7 +11,7 @@ from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mas
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
-    LIDAR_CHECKS,
+    SHARE_CHECKS,
     SIGNED_CHECKS,
     Check,
     CountedPair,
@@ -88,7 +88,9 @@ def sensor_statistics(
     coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
-        if one.check in LIDAR_CHECKS:
+        if one.check is Check.STRIPED_LIGHT:
+            return _least_share(one, shares)
+        if one.check in SHARE_CHECKS:
             return shares.get(one)
         if one.check in DIRECTION_CHECKS:
             pairs = [place for place, pair in enumerate(of_lidar[one.check]) if {pair.i, pair.k} <= set(one.others)]
@@ -103,6 +105,13 @@ def sensor_statistics(
         return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters, alike)
 
     return tuple(statistic(one) for one in sensor_checks)
+
+
+def _least_share(one: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
+    """The least of what each voter alone says of a camera; None where one of them says nothing."""
+    said = [shares.get(one._replace(others=(other,))) for other in one.others]
+    known = [share for share in said if share is not None]
+    return min(known) if len(known) == len(said) else None
 
 
 def _by_subject(

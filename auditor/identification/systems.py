@@ -1,6 +1,7 @@
 """What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from auditor.model.arrays import Indices
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.rig import LIDAR, Triple
 
-_RARE = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS})
+_RARE = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
 
 
@@ -43,12 +44,7 @@ class System:
 
         Where only two cameras see a place nobody else votes; that something is wrong there shows all the same.
         """
-        alone = (
-            column
-            for column, one in enumerate(self.sensor_checks)
-            if len(one.nameable) > 1 and one.check is not Check.REMOVED_LIGHT and absent.isdisjoint(one.needed)
-        )
-        return np.array(sorted({*self.counting(absent).tolist(), *alone}), dtype=np.intp)
+        return np.array(_detecting(self.sensor_checks, absent), dtype=np.intp)
 
     def counting(self, absent: frozenset[int]) -> Indices:
         """The checks that count in a frame without these sensors: each of the most voters that are there."""
@@ -71,3 +67,13 @@ def measured_triples(one: System, measured: frozenset[SensorCheck], absent: froz
         return cameras <= (conflicts if LIDAR in triple else lit)
 
     return [triple for triple in triples if is_measured(triple)]
+
+
+@cache
+def _detecting(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -> tuple[int, ...]:
+    alone = (
+        column
+        for column, one in enumerate(sensor_checks)
+        if len(one.nameable) > 1 and one.check is not Check.REMOVED_LIGHT and absent.isdisjoint(one.needed)
+    )
+    return tuple(sorted({*counting_checks(sensor_checks, absent), *alone}))

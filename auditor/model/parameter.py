@@ -16,6 +16,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
@@ -59,6 +60,11 @@ def list_parameters(*groups: "DataclassInstance") -> tuple[Parameter, ...]:
 
 def canonical_json(*groups: "DataclassInstance") -> str:
     """All values as JSON with sorted keys and no spaces: what is equal here measures or judges alike."""
+    return _canonical_json(groups)
+
+
+@cache
+def _canonical_json(groups: tuple["DataclassInstance", ...]) -> str:
     values = {f"{one.group}.{one.name}": one.value for one in list_parameters(*groups)}
     return json.dumps(values, sort_keys=True, separators=(",", ":"), default=str)
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 5
+JUDGING_VERSION = 6
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by eight checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by nine checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"

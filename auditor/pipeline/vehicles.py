@@ -1,7 +1,5 @@
 """The usual rig of a vehicle, by the other recordings that a store has of it."""
 
-from dataclasses import dataclass
-
 from auditor.store import RecordingRecord, Store, rows_of, run_sql
 
 _RIGS = """
@@ -9,13 +7,6 @@ _RIGS = """
     FROM measurements JOIN rigs USING (rig_id)
     WHERE vehicle IS NOT NULL
 """
-
-
-@dataclass(frozen=True)
-class _Seen:
-    vehicle: str
-    recording_id: str
-    topics: frozenset[str]
 
 
 class UsualRigs:
@@ -26,7 +17,8 @@ class UsualRigs:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._seen: list[_Seen] = []
+        self._rigs: dict[str, list[frozenset[str]]] = {}
+        self._largest: dict[str, dict[str, frozenset[str]]] = {}
 
     def missing(self, recording: RecordingRecord, topics: frozenset[str]) -> str:
         """A sentence on the topics that a rig of these topics lacks; empty where it lacks none, or that is not known.
@@ -36,12 +28,11 @@ class UsualRigs:
         recording_id, vehicle = recording.recording_id, recording.vehicle
         if vehicle is None:
             return ""
-        if not any(one.recording_id == recording_id for one in self._seen):
-            rows = rows_of(run_sql(self._store, _RIGS))
-            self._seen = [_Seen(row["vehicle"], row["recording_id"], frozenset(row["topics"])) for row in rows]
-        own = [one.topics for one in self._seen if one.recording_id == recording_id]
-        others = [one.topics for one in self._seen if one.vehicle == vehicle and one.recording_id != recording_id]
-        usual = max(others, key=lambda other: (len(other), sorted(other)), default=frozenset[str]())
+        if recording_id not in self._rigs:
+            self._read()
+        own = self._rigs.get(recording_id, [])
+        by_recording = self._largest.get(vehicle, {})
+        usual = next((rig for other, rig in by_recording.items() if other != recording_id), frozenset[str]())
         largest = max(map(len, own), default=0)
         lacking = sorted(usual - frozenset[str]().union(*own))
         if len(topics) < largest or len(usual) <= largest or not lacking:
@@ -50,3 +41,12 @@ class UsualRigs:
             f"its rig has {len(topics)} sensors, and the usual one of vehicle {vehicle} has {len(usual)}: "
             f"without {', '.join(lacking)}"
         )
+
+    def _read(self) -> None:
+        """Read the rigs of each recording, and by vehicle the largest of each recording, the largest of all first."""
+        self._rigs, self._largest = {}, {}
+        rows = rows_of(run_sql(self._store, _RIGS))
+        for row in sorted(rows, key=lambda row: (len(row["topics"]), sorted(row["topics"])), reverse=True):
+            topics = frozenset(row["topics"])
+            self._rigs.setdefault(row["recording_id"], []).append(topics)
+            self._largest.setdefault(row["vehicle"], {}).setdefault(row["recording_id"], topics)

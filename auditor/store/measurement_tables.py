@@ -96,9 +96,10 @@ def fault_feature_rows(
         yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
 
 
-def read_fault_features(frames_path: Source, path: Source, rig: Rig) -> FrameFaultFeatures:
-    """The fault features of the measured frames of a finished measurement. Raises StoreError."""
-    frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
+def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: Source) -> FrameFaultFeatures:
+    """The fault features, from a file of their own, of frames that were read from another. Raises StoreError."""
+    frames, stamps_ns = measured["frame"].to_numpy(), measured["stamp_ns"].to_numpy()
+    coverage = {name: _where_kept(measured[name], len(rig.sensors), frames_path) for name in BRIGHTNESS}
     places = {pair: place for place, pair in enumerate(rig.pairs)}
     columns = {name: np.full((len(frames), len(rig.pairs)), np.nan) for name in COLUMNS}
     table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
@@ -161,6 +162,13 @@ _PIXELS = {
     Statistic.GATED: ("gated_valid_px", "gated_inconsistent_px"),
 }
 
+_JUDGED = (
+    *("frame", "stamp_ns", "state", "statistics", "unmasked_statistics", "fingerprint", "returns"),
+    *(name for names in _PIXELS.values() for name in names),
+    *BRIGHTNESS,
+)
+"""The columns of frames that verdicts and calibrations come from."""
+
 
 def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
     """The row of a tick without a frame."""
@@ -206,10 +214,16 @@ def measured_row(
     }
 
 
-def read_errors(path: Source, rig: Rig, statistic: Statistic) -> FrameErrors:
-    """The disparity errors of a finished frames file, its skipped ticks left out. Raises StoreError."""
+def read_frames(path: Source) -> pa.Table:
+    """What a finished frames file has of its measured frames that judging needs. Raises StoreError."""
+    table = read_table("frames", path, ["skipped", *_JUDGED])
+    none_skipped = table["skipped"].null_count == len(table)
+    return table if none_skipped else table.filter(table["skipped"].is_null())
+
+
+def errors_of(table: pa.Table, path: Source, rig: Rig, statistic: Statistic) -> FrameErrors:
+    """The disparity errors of frames that were read from a file. Raises StoreError."""
     valid, inconsistent = _PIXELS[statistic]
-    table = _measured(path, ["frame", "stamp_ns", "state", valid, inconsistent])
     F, T, S = len(table), len(rig.measured_triples), len(rig.sensors)
     # NULL becomes NaN, which is never >= MIN_VALID_PX.
     pixels, flagged = (_padded(table[name], T, len(rig.triples), path) for name in (valid, inconsistent))
@@ -228,14 +242,12 @@ def read_errors(path: Source, rig: Rig, statistic: Statistic) -> FrameErrors:
     )
 
 
-def read_statistics(path: Source, rig: Rig) -> FrameStatistics:
-    """The statistics of a finished frames file, its skipped ticks left out. Raises StoreError."""
-    kept = ["statistics", "unmasked_statistics", "fingerprint", "returns"]
-    table = _measured(path, ["frame", "stamp_ns", "state", *kept])
+def statistics_of(table: pa.Table, path: Source, rig: Rig) -> FrameStatistics:
+    """The statistics of frames that were read from a file. Raises StoreError."""
     F, S, checks = len(table), len(rig.sensors), rig_sensor_checks(rig)
-    before = sum(one.check not in ADDED_LATER for one in checks)
+    earlier = [sum(one.check not in ADDED_LATER[n:] for one in checks) for n in range(len(ADDED_LATER))]
     statistics, unmasked = (
-        _where_kept(table[name], len(checks), path, before) for name in ("statistics", "unmasked_statistics")
+        _where_kept(table[name], len(checks), path, earlier) for name in ("statistics", "unmasked_statistics")
     )
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     returns = _floats(table["returns"], F * S, path).reshape(F, S)
@@ -248,24 +260,6 @@ def read_statistics(path: Source, rig: Rig) -> FrameStatistics:
         fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
         returns=returns[:, rig.sensors.index(LIDAR)] if LIDAR in rig.sensors else np.full(F, np.nan),
     )
-
-
-def read_coverage(
-    path: Source, rig: Rig, names: Sequence[str]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
-    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL.
-
-    Raises StoreError.
-    """
-    table = _measured(path, ["frame", "stamp_ns", *names])
-    values = {name: _where_kept(table[name], len(rig.sensors), path) for name in names}
-    return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
-
-
-def _measured(path: Source, columns: Sequence[str]) -> pa.Table:
-    """These columns of the measured frames."""
-    table = read_table("frames", path, ["skipped", *columns])
-    return table.filter(table["skipped"].is_null())
 
 
 def _floats(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.float64]:
@@ -281,11 +275,11 @@ def _padded(column: pa.ChunkedArray, width: int, before: int, path: Source) -> N
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
-def _where_kept(column: pa.ChunkedArray, width: int, path: Source, before: int = 0) -> NDArray[np.float64]:
-    """(F, width) values of the lists, NaN where NULL and where the whole list is; older lists end at `before`."""
+def _where_kept(column: pa.ChunkedArray, width: int, path: Source, earlier: Sequence[int] = ()) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL and where the whole list is; older ones have `earlier` widths."""
     kept = column.is_valid().to_numpy()
     rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
-    width_stored = before if before and stored == rows * before else width
+    width_stored = next((one for one in earlier if stored == rows * one), width)
     values = np.full((len(column), width), np.nan)
     values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(-1, width_stored)
     return values

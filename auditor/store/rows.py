@@ -1,7 +1,7 @@
 """Records as rows of their tables, and rows as records."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from datetime import UTC
 from typing import Any
@@ -14,7 +14,7 @@ from auditor.model.measurement import Procedure, Statistic
 from auditor.model.poses import FramePose
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
-from auditor.model.verdict import FINDINGS, AttackLabel, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Alternative, AttackLabel, Evidence, FaultHypothesis, Verdict, VerdictKind
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
     DIGITS_OF_R,
@@ -294,28 +294,37 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
     )
 
 
-def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: int, verdict: Verdict) -> Row:
-    """The row of one frame's verdict."""
+def verdict_columns(
+    judgement_id: str, measurement_id: str, judged: Sequence[tuple[int, int, Verdict]]
+) -> dict[str, Sequence[object]]:
+    """The columns of the verdicts on some frames, each with its frame number and stamp."""
+    verdicts = [verdict for _, _, verdict in judged]
+    findings = [verdict.finding for verdict in verdicts]
     return {
-        "judgement_id": judgement_id,
-        "measurement_id": measurement_id,
-        "frame": frame,
-        "stamp_ns": stamp_ns,
-        "e": verdict.e,
-        "kind": verdict.kind.value,
-        "attacked": list(verdict.attacked),
-        "named": None if verdict.named is None else list(verdict.named),
-        "out_of_system": list(verdict.out_of_system),
-        "gap": verdict.gap,
-        "reason": verdict.reason or None,
-        "evidence": [evidence._asdict() for evidence in verdict.evidence],
-        "alternatives": [{"attacked": list(a.attacked), "worse_by": a.worse_by} for a in verdict.alternatives],
-        "causes": [one._asdict() for one in verdict.causes],
-        "finding": verdict.finding and verdict.finding.kind.value,
-        "finding_attacked": verdict.finding and list(verdict.finding.attacked),
-        "posterior": verdict.posterior,
-        "log10_ratio": verdict.log10_ratio,
-        "event": verdict.finding and verdict.finding.event,
-        "single_frame": verdict.finding and verdict.finding.single,
-        "event_added": verdict.finding and verdict.finding.added,
+        "judgement_id": [judgement_id] * len(judged),
+        "measurement_id": [measurement_id] * len(judged),
+        "frame": [frame for frame, _, _ in judged],
+        "stamp_ns": [stamp_ns for _, stamp_ns, _ in judged],
+        "e": [one.e for one in verdicts],
+        "kind": [one.kind for one in verdicts],
+        "attacked": [one.attacked for one in verdicts],
+        "named": [one.named for one in verdicts],
+        "out_of_system": [one.out_of_system for one in verdicts],
+        "gap": [one.gap for one in verdicts],
+        "reason": [one.reason or None for one in verdicts],
+        "evidence": [_as_dicts(one.evidence) for one in verdicts],
+        "alternatives": [_as_dicts(one.alternatives) for one in verdicts],
+        "causes": [_as_dicts(one.causes) for one in verdicts],
+        "finding": [one and one.kind for one in findings],
+        "finding_attacked": [one and one.attacked for one in findings],
+        "posterior": [one.posterior for one in verdicts],
+        "log10_ratio": [one.log10_ratio for one in verdicts],
+        "event": [one and one.event for one in findings],
+        "single_frame": [one and one.single for one in findings],
+        "event_added": [one and one.added for one in findings],
     }
+
+
+def _as_dicts(entries: Sequence[Evidence | Alternative | FaultHypothesis]) -> list[dict[str, Any]] | tuple[()]:
+    """Most frames have none."""
+    return [entry._asdict() for entry in entries] if entries else ()

@@ -7,6 +7,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
+import pyarrow as pa
+
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
@@ -23,11 +25,12 @@ from auditor.store.measurement_tables import (
     FrameCells,
     FrameFaultFeatures,
     FramesWriter,
+    errors_of,
+    fault_features_of,
     read_cells,
-    read_errors,
-    read_fault_features,
+    read_frames,
     read_regions,
-    read_statistics,
+    statistics_of,
 )
 from auditor.store.packs.files import Files, finished_files, rows_of_files
 from auditor.store.packs.index import Packs
@@ -61,10 +64,10 @@ from auditor.store.rows import (
     stored_measurement,
     stored_recording,
     triple_rows,
-    verdict_row,
+    verdict_columns,
 )
 from auditor.store.schema import TABLES
-from auditor.store.tables import Row, Stored, read_rows, read_table, write_rows, writing
+from auditor.store.tables import Row, Source, Stored, read_rows, read_table, write_rows, writing
 
 MANIFESTS = {
     **dict.fromkeys(WRITTEN, "measurements"),
@@ -86,6 +89,7 @@ class Store:
         self._rigs: dict[str, Rig] = {}
         self._measurements: dict[str, StoredMeasurement] = {}
         self._only: Mapping[str, Collection[str]] = {}
+        self._read: tuple[str, pa.Table] | None = None
         self.packs = Packs(folder)
 
     @classmethod
@@ -140,13 +144,14 @@ class Store:
         with logged(self.folder) as entry:
             write_rows(table, self.path(table, row_id), rows, entry.announce)
 
-    def write_page(self, path: Path, content: bytes) -> None:
-        """Put a page in its place; the log says so where that is in the store. Raises StoreError."""
+    def write_page(self, path: Path, text: str) -> Path:
+        """Put a page in its place, and give that; the log says so where it is in the store. Raises StoreError."""
         if path.resolve().is_relative_to(self.folder):
             with logged(self.folder) as entry:
-                write_whole(path.resolve(), content, entry.announce)
+                write_whole(path.resolve(), text.encode(), entry.announce)
         else:
-            write_whole(path, content)
+            write_whole(path, text.encode())
+        return path
 
     def _outputs(self, written: Iterable[Written]) -> list[Row]:
         """Files as the column `outputs` has them."""
@@ -243,16 +248,15 @@ class Store:
     def forget(self, measurement_id: str) -> None:
         """Read a measurement anew when it is asked for next: it was removed, and may be measured again."""
         self._measurements.pop(measurement_id, None)
+        self._read = None
 
     def load_errors(self, measurement_id: str, statistic: Statistic) -> FrameErrors:
         """The disparity errors of a finished measurement."""
-        rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_errors(self.source("frames", measurement_id), rig, statistic)
+        return errors_of(*self._frames(measurement_id), statistic)
 
     def load_statistics(self, measurement_id: str) -> FrameStatistics:
         """The statistics of the sensor checks and the fingerprints of a finished measurement."""
-        rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_statistics(self.source("frames", measurement_id), rig)
+        return statistics_of(*self._frames(measurement_id))
 
     def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
         """The counts of a finished measurement on their grids, frame by frame: enough to recount its statistics."""
@@ -261,10 +265,14 @@ class Store:
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
         """The fault features of a finished measurement's frames."""
-        rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_fault_features(
-            self.source("frames", measurement_id), self.source("fault_features", measurement_id), rig
-        )
+        return fault_features_of(*self._frames(measurement_id), self.source("fault_features", measurement_id))
+
+    def _frames(self, measurement_id: str) -> tuple[pa.Table, Source, Rig]:
+        """The measured frames of a measurement, kept until another is asked for, where they come from, and its rig."""
+        source, rig = self.source("frames", measurement_id), self.rig(self.measurement(measurement_id).rig_id)
+        if self._read is None or self._read[0] != measurement_id:
+            self._read = measurement_id, read_frames(source)
+        return self._read[1], source, rig
 
     def load_regions(self, measurement_id: str, frame: int) -> list[Region]:
         """The portions of a frame's sensors that would be damaged, were they attacked."""
@@ -317,13 +325,12 @@ class Store:
         rig = self.rig(self.measurement(judgement.measurement_id).rig_id)
         judgement_id, row = judgement.judgement_id, judgement_row(judgement, rig)
         robust = judgement.method == Method.ROBUST
-        in_incidents = 0
-        counts: Counter[VerdictKind] = Counter()
+        judged = list(verdicts)
+        counts = Counter(verdict.kind for _, _, verdict in judged)
+        findings = (verdict for _, _, verdict in judged if verdict.kind in FINDINGS)
+        in_incidents = sum(verdict.in_incident or not robust for verdict in findings)
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
-            for frame, stamp_ns, verdict in verdicts:
-                counts[verdict.kind] += 1
-                in_incidents += verdict.kind in FINDINGS and (verdict.in_incident or not robust)
-                table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
+            table.add_columns(verdict_columns(judgement_id, judgement.measurement_id, judged))
             written = table.commit()
         row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}
         self.write("judgements", judgement_id, [{**row, "outputs": self._outputs([written])}])
@@ -344,10 +351,7 @@ class Store:
     # Pictures
 
     def write_picture(self, measurement_id: str, picture: Picture) -> tuple[Written, ...]:
-        """Keep what the cameras saw in a frame, and the mask of its inconsistent pixels.
-
-        Its files are finished by the measurement's row, which is to name them.
-        """
+        """Keep what the cameras saw in a frame, and its mask: files that the row of the measurement is to name."""
         return write_picture(self.folder / "pictures", measurement_id, picture)
 
     def picture(self, measurement_id: str, frame: int) -> Picture | None:
@@ -370,11 +374,7 @@ class Store:
     # Files
 
     def ids(self, table: str) -> list[str]:
-        """The ids of the finished files of a table, sorted.
-
-        Frames and their cells are finished with their measurement, verdicts with their judgement, cases with their
-        evaluation.
-        """
+        """The ids of the finished files of a table, sorted; other rows finish some of them, see MANIFESTS."""
         manifest = MANIFESTS.get(table, table)
         packed = self.packs.ids(manifest)
         known = sorted(packed.union(finished(self.folder / manifest))) if packed else finished(self.folder / manifest)

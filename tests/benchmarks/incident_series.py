@@ -21,10 +21,10 @@ import numpy as np
 
 from auditor.identification.cross_validation import count_incidents, hours_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import evidence_of, excursions, frame_worth
+from auditor.identification.incidents import evidence_of, frame_worth
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
-from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.scores import for_drive, normalised_scores
 from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
@@ -67,8 +67,11 @@ class Drive:
 
     def judged(self, series: FrameSeries) -> list[Verdict]:
         """The verdicts, as a scan has them."""
-        own = for_drive(self.thresholds, self.system.sensor_checks, series.statistics)
-        return judge_frames(series, self.system, own)
+        return judge_frames(series, self.system, self.own(series))
+
+    def own(self, series: FrameSeries) -> RobustThresholds:
+        """The thresholds with what is usual of the drive itself."""
+        return for_drive(self.thresholds, self.system.sensor_checks, series.statistics)
 
     def scores(self) -> np.ndarray:
         """(F,) the largest z of each clean frame."""
@@ -270,9 +273,10 @@ def fit(drives: Sequence[Drive]) -> Iterator[str]:
     peaks, hours = [], 0.0
     added = []
     for drive, values in zip(drives, scores, strict=True):
-        stamps = drive.series({}, MEASURED_HZ).stamps_ns
+        series = drive.series({}, MEASURED_HZ)
+        stamps = series.stamps_ns
         evidence = evidence_of(values, drive.system.judged_together, stamps, runs_of(stamps))
-        peaks += [one.peak for one in excursions(evidence)]
+        peaks += clean_peaks(series, drive.system, drive.own(series))
         hours += hours_of(stamps)
         added.append(evidence.added / frame_worth(np.array([1 / MEASURED_HZ])))
     excess = [peak - INCIDENTS.peaks_from for peak in peaks if peak > INCIDENTS.peaks_from]

@@ -229,6 +229,13 @@ def test_light_of_one_colour_is_the_mean_of_the_voters_that_have_colours():
     assert coloured((2, 3, 4), -12) == 0, "S_2 has it"
 
 
+def test_light_in_rows_is_the_least_of_what_its_voters_say():
+    shares = {SensorCheck(Check.STRIPED_LIGHT, 1, (other,)): share for other, share in ((2, 0.4), (3, 0.1))}
+    checks = [SensorCheck(Check.STRIPED_LIGHT, 1, others) for others in ((2, 3), (2,), (2, 4))]
+    assert sensor_statistics(checks, {}, shares) == (0.1, 0.4, None)
+    assert checks[1].nameable == (1, 2), "which of two cameras has light in half of its rows nobody knows"
+
+
 def test_light_of_one_colour_names_its_camera_by_one_voter():
     assert SensorCheck(Check.COLOURED_LIGHT, 1, (2,)).nameable == (1,)
 

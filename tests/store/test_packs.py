@@ -173,9 +173,10 @@ def test_files_stay_while_a_connection_reads_them(kept, folder):
 
 
 def test_a_reader_that_found_a_file_reads_the_pack_where_it_went_meanwhile(folder, monkeypatch):
+    known = Store.open(folder).ids("measurements")[0]
+    before, found = Store.open(folder).load_statistics(known), []
     store = Store.open(folder)
-    known = store.ids("measurements")[0]
-    before, found = store.load_statistics(known), []
+    store.rig(store.measurement(known).rig_id)
     source = store.source("frames", known)
     path = source.find()
     pack(Store.open(folder))

@@ -109,8 +109,8 @@ def fault_scores(
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T) / FAULT_SCORES.glare
-    seconds = TEMPORAL_WINDOW.seconds
-    return {key: window_means(values[:, None], stamp_ns, seconds, runs)[:, 0] for key, values in found.items()}
+    means = window_means(np.stack([*found.values()], axis=1), stamp_ns, TEMPORAL_WINDOW.seconds, runs)
+    return dict(zip(found, np.ascontiguousarray(means.T), strict=True))
 
 
 def fault_hypotheses(
@@ -337,7 +337,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT})
+        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:

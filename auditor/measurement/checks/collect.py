@@ -19,6 +19,7 @@ from auditor.measurement.checks.light import LightDifference, light_difference, 
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
+from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Mask
@@ -44,15 +45,17 @@ class FrameChecks:
     """The results of all checks, by camera pair (i, k) or by reference camera.
 
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
-    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise
-    than each other. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`:
-    how many points are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
-    `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
+    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
+    `striped_light`: what the source, and what the reference, has of light in rows. `point_dropout`: the share of its
+    points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points are isolated. `unmasked` are those
+    of `counts` that the LiDAR's range masks changed, without it. `verified_conflicts`, `consistencies` and `lights`
+    hold the first two pixel by pixel: they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
     lost_returns: Mapping[Pair, Cells]
     counts: Mapping[Pair, PairCounts]
+    striped_light: Mapping[Pair, tuple[float | None, float | None]]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
     unmasked: Mapping[Pair, PairCounts]
@@ -80,7 +83,12 @@ class FrameChecks:
             SensorCheck(Check.ISOLATED_POINTS, LIDAR, (k,)): isolated_ratio(found)
             for k, found in self.isolated_shares.items()
         }
-        return dropout | {check: share for check, share in isolated_points.items() if share is not None}
+        in_rows = {
+            SensorCheck(Check.STRIPED_LIGHT, camera, (other,)): share
+            for (i, k), (of_source, of_reference) in self.striped_light.items()
+            for camera, other, share in ((i, k, of_source), (k, i, of_reference))
+        }
+        return dropout | {check: share for check, share in (isolated_points | in_rows).items() if share is not None}
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
@@ -112,6 +120,7 @@ def collect_checks(
     `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
     """
     lit = views_of(half_res, colours)
+    rows = {camera: Rows.of(half_res[camera]) for pair in maps for camera in pair}
     isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
@@ -148,6 +157,7 @@ def collect_checks(
             for j, k in verified_conflicts
         },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
+        striped_light={(i, k): (rows[i].above(rows[k]), rows[k].above(rows[i])) for i, k in maps},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
@@ -186,6 +196,7 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
         },
         lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
+        striped_light={pair: one.striped_light[own] for pair, one in of_pairs.items() if own in one.striped_light},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={
             pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts

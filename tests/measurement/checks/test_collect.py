@@ -45,7 +45,8 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
         ),
     }
     assert set(frame_checks.shares) == {
-        SensorCheck(check, 0, (3,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)
+        *(SensorCheck(check, 0, (3,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)),
+        *(SensorCheck(Check.STRIPED_LIGHT, *pair) for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
@@ -57,7 +58,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
     assert not frame_checks.lidar_conflicts
-    assert not frame_checks.shares
+    assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
