@@ -115,7 +115,7 @@ def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, li
 
 def findings_alone(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Flags:
     """(F,) the frames whose verdict by itself is a finding; without any there is no event, and nothing to name."""
-    return _Judge(series, system, thresholds).raised()
+    return _Judge(series, system, thresholds).raised
 
 
 def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThresholds) -> list[float]:

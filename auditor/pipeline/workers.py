@@ -44,7 +44,7 @@ Progress = Callable[[str, int], None]
 
 _POLL_S = 0.1
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-_PRELOADED = ["auditor.pipeline.measure"]
+_PRELOADED = ["auditor.pipeline.warm"]
 _LONGEST_WHAT = 200
 """A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
 can leave none behind."""

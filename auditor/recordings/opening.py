@@ -5,7 +5,6 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from auditor.errors import RecordingError
@@ -19,6 +18,7 @@ from auditor.recordings.parts import files_of, grouped
 from auditor.recordings.recording import Reader, Recording
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.survey import survey
+from auditor.resources import entries_of
 
 READERS: tuple[tuple[str, Reader], ...] = (
     ("mcap", McapReader()),
@@ -38,7 +38,7 @@ KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 @cache
 def readers() -> tuple[tuple[str, Reader], ...]:
     """All readers, each with its name: the built-in table, then those of other packages."""
-    return READERS + tuple((entry.name, entry.load()()) for entry in entry_points(group="auditor.readers"))
+    return READERS + tuple((entry.name, entry.load()()) for entry in entries_of("auditor.readers"))
 
 
 def reader_of(path: Path) -> Reader | None:

@@ -140,6 +140,7 @@ ATTACKERS: Mapping[str, Attacker | None] = {
     "5 % of logs, strong": contaminated(0.05, STRONG),
     "20 % of logs, mild": contaminated(0.2, MILD),
     "20 % of logs, strong": contaminated(0.2, STRONG),
+    "40 % of logs, strong": contaminated(0.4, STRONG),
     "20 % of logs, one camera, all frames mild": widens(0.2),
     "creeps in a fifth of logs": creeps(0.2),
     "creeps in all logs": creeps(1.0),

@@ -3,12 +3,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.identification.systems import System, measured_triples
-from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, LIDAR_CHECKS, Check, sensor_checks_of
+from auditor.model.checks import (
+    CAMERA_CHECKS,
+    DIRECTION_CHECKS,
+    LIDAR_CHECKS,
+    WHOLE_IMAGE_CHECKS,
+    Check,
+    sensor_checks_of,
+)
 from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
 
-OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
+OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS)
 """The checks of a camera by other cameras."""
 
 
@@ -37,7 +44,7 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
     assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
-        "and the six pairs; light of one colour, light in rows and lost returns do not count"
+        "and the six pairs; light of one colour, in rows or over all of an image, and lost returns do not count"
     )
 
 

@@ -10,7 +10,11 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import LimitError, RecordingError
+from auditor.pipeline.many import MeasureSettings, find_batch
+from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
+from tests.making.small_drives import write_drive
+from tests.store.kept import THREE_CAMERAS
 
 
 def square(item: int, progress: Progress) -> int:
@@ -178,3 +182,19 @@ def is_running(pid: int) -> bool:
     except OSError:
         return False
     return state != "Z"
+
+
+def modules_of(path: str, progress: Progress) -> list[str]:
+    """The modules that a process imports for one recording, beside those that it was forked with."""
+    before = set(sys.modules)
+    [task] = find_batch([Path(path)], Path(path).parent / "audit", MeasureSettings(jobs=1)).tasks
+    measure_recording(task, progress)
+    return sorted(set(sys.modules) - before)
+
+
+def test_a_process_imports_hardly_anything_for_its_recording(tmp_path: Path) -> None:
+    write_drive(tmp_path / "drive.mcap", 2, seed=1, positions_m=THREE_CAMERAS)
+    [outcome] = run_all(modules_of, [str(tmp_path / "drive.mcap")], 1, lambda *_: None, lambda _: Limits())
+    assert outcome.result is not None
+    assert {name.partition(".")[0] for name in outcome.result} <= {"rosbags"}
+    assert len(outcome.result) < 5

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import options
+from auditor.cli import judging_options, options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
@@ -38,7 +38,7 @@ _USUAL_R = Decimal("0.01")
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
-@options.method_option
+@judging_options.method_option
 @options.jobs_option
 def command(folder: Path, method: str, jobs: int) -> int:
     """Make a small fleet, attack three of its drives, audit them all, and write their pages.

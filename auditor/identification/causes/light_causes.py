@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from math import nan
 from typing import NamedTuple
 
+import numpy as np
+
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
-from auditor.model.checks import CAMERA_CHECKS, Check
+from auditor.model.checks import CAMERA_CHECKS, WHOLE_IMAGE_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
@@ -17,7 +19,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted, `striped` that of light in rows, NaN where it was not measured.
+    where no other colour camera voted; `whole` the larger of light in rows and over the whole image, NaN where neither
+    was measured.
     """
 
     added: float
@@ -27,12 +30,12 @@ class Seen(NamedTuple):
     lit_px: float = nan
     saturated_px: float = nan
     coloured: float = nan
-    striped: float = nan
+    whole: float = nan
 
     @property
     def thrown(self) -> bool:
-        """Whether light of one colour was added, or light in rows: no dirt, glare or exposure adds such."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.striped >= LIGHT_OF_CAUSES.least_striped
+        """Whether light of one colour was added, in rows or over all of the image: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.whole >= LIGHT_OF_CAUSES.least_whole
 
     @property
     def unchanged(self) -> bool:
@@ -63,14 +66,23 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured, striped = (
+        coloured, striped, veiling = (
             nan if column is None else float(z[column])
-            for column in (own.get(Check.COLOURED_LIGHT), own.get(Check.STRIPED_LIGHT))
+            for column in map(own.get, (Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS))
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, lit, saturated, coloured, striped)
+            found[sensor] = Seen(
+                z[added],
+                z[removed],
+                z[inconsistent],
+                darker,
+                lit,
+                saturated,
+                coloured,
+                float(np.fmax(striped, veiling)),
+            )
     return found
 
 

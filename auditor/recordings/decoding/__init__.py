@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
@@ -25,6 +24,7 @@ from auditor.recordings.decoding.interface import (
 )
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.recording import Definition
+from auditor.resources import entries_of
 
 __all__ = [
     "CameraInfo",
@@ -71,7 +71,7 @@ The entry points group `auditor.decoders` adds to them: each has the name of its
 @cache
 def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
     """The built-in table and the decoders of other packages; built-in schemas cannot be replaced."""
-    offered = {entry.name: entry.load() for entry in entry_points(group="auditor.decoders")}
+    offered = {entry.name: entry.load() for entry in entries_of("auditor.decoders")}
     return offered | DECODERS
 
 

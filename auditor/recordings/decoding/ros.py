@@ -90,7 +90,7 @@ class RosTypes:
 
 
 @cache
-def _known() -> Typestore:
+def known_types() -> Typestore:
     """ROS 2's own definitions; nothing is ever registered in it."""
     return get_typestore(Stores.ROS2_HUMBLE)
 
@@ -98,7 +98,7 @@ def _known() -> Typestore:
 @lru_cache(maxsize=64)  # the recordings of a fleet share their definitions
 def _make_store(schema: str, definition: Definition | None) -> Typestore:
     if definition is None:
-        return _known()
+        return known_types()
     store = registered(schema, parse_definition(schema, definition))
     _check_layout(schema, store)
     return store
@@ -117,7 +117,7 @@ def registered(schema: str, types: Types) -> Typestore:
 
 def _check_layout(schema: str, store: Typestore) -> None:
     """Raises DecodingError where a well-known name has another definition than ROS's."""
-    known = _known().fielddefs
+    known = known_types().fielddefs
     for name, (_, fields) in store.fielddefs.items():
         if name in known and _layout(fields) != _layout(known[name][1]):
             raise DecodingError(f"{name} is defined otherwise than by ROS", where=schema)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
@@ -12,6 +11,7 @@ from auditor.measurement.disparity.matchers.options import MatcherOptions
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
+from auditor.resources import entries_of
 
 NO_NETWORK = MatcherOptions()
 """The options of matchers that are not networks."""
@@ -28,7 +28,7 @@ def find_matcher(name: str, options: MatcherOptions = NO_NETWORK) -> Matcher:
     kind, _, file = name.partition(":")
     if kind in MODEL_FILES and file:
         return MODEL_FILES[kind](Path(file), options)
-    plugins = {point.name: point for point in entry_points(group="auditor.matchers")}
+    plugins = {point.name: point for point in entries_of("auditor.matchers")}
     if name in plugins:
         options.only(name)
         factory: Callable[[], Matcher] = plugins[name].load()

@@ -1,0 +1,14 @@
+"""What the processes of recordings need, made once: they are forked from one that has imported this module.
+
+Threads do not survive a fork, so nothing here may start any; and no code of other packages' plug-ins is run, since that
+would fail for all recordings at once.
+"""
+
+import auditor.pipeline.measure  # noqa: F401 - with all that it imports
+from auditor.recordings.decoding.ros import known_types
+from auditor.resources import plug_ins
+from auditor.store import table_of
+
+known_types()
+plug_ins()
+table_of([{"frame": 0}])  # Arrow imports pandas where it is installed, which takes longer than to measure a frame
