@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 
 import duckdb
 import pyarrow as pa
@@ -99,13 +100,19 @@ def _asked(
             raise QueryError(in_one_line(error), where=where, remedy=_REMEDY) from error
 
 
+@cache
+def _parser() -> duckdb.DuckDBPyConnection:
+    """Reads statements and runs none."""
+    return duckdb.connect()
+
+
 def _refuse_but_select(text: str) -> None:
     """Raise QueryError for all but one SELECT statement, before any view is made."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
         raise QueryError("it is not UTF-8", where="SQL", remedy=_REMEDY) from error
-    with duckdb.connect() as parser:
+    with _parser().cursor() as parser:
         try:
             kinds = [_kind(statement) for statement in parser.extract_statements(text)]
         except duckdb.Error as error:
