@@ -30,6 +30,7 @@ from tests.benchmarks.scenes import Case, Scene, load
 
 VEHICLES = {3: 12, 4: 8}
 """By how many cameras."""
+NIGHTS = 90
 A_LOG = 0.1
 FRAMES = 40
 NAMED = 8
@@ -224,7 +225,7 @@ class Fleet:
         self.rig: Rig = self.rigs[0]
         self.system = system_of(self.rig)
         self.vehicles = VEHICLES[cameras]
-        self._frames = [clean_frames(scene, system_of(rig)) for scene, rig in zip(bank.clean, self.rigs, strict=True)]
+        self.frames = [clean_frames(scene, system_of(rig)) for scene, rig in zip(bank.clean, self.rigs, strict=True)]
         rng = np.random.default_rng((seed, cameras))
         self._own = {vehicle: self.drawn(rng, OF_VEHICLE) for vehicle in range(self.vehicles)}
         self._after = self.drawn(rng, OF_VEHICLE)
@@ -265,9 +266,13 @@ class Fleet:
         """What a vehicle or drive has of its own."""
         return {c: rng.normal(0, deviations * prior_of_check(c).between) for c in self.system.sensor_checks}
 
+    def log(self, night: int, place: int, vehicle: int, rng: np.random.Generator) -> Log:
+        """A log of a vehicle that nobody attacks."""
+        return self._made(night, place, vehicle, rng, None).log
+
     def _made(self, night: int, place: int, vehicle: int, rng: np.random.Generator, attack: Attack | None) -> Made:
-        scene = int(rng.choice(len(self._frames), p=self.weights(night)))
-        start = int(rng.integers(0, self._frames[scene].frames - FRAMES + 1))
+        scene = int(rng.choice(len(self.frames), p=self.weights(night)))
+        start = int(rng.integers(0, self.frames[scene].frames - FRAMES + 1))
         offsets = [self.own(vehicle, night), self.drawn(rng, OF_DRIVE)]
         raised, turn = self._raised(attack, rng), self.turned(vehicle, night, rng)
         offsets += [turn.odds] if turn else []
@@ -291,7 +296,7 @@ class Fleet:
         raised: Mapping[SensorCheck, Floats],
         turn: Turn | None,
     ) -> CleanFrames:
-        source = self._frames[scene]
+        source = self.frames[scene]
         statistics = {}
         for check, values in source.statistics.items():
             changed = log_odds(values[part]) + sum(one.get(check, 0.0) for one in offsets) + raised.get(check, 0.0)

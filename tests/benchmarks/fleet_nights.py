@@ -24,7 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from decimal import Decimal
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -37,18 +37,22 @@ from auditor.identification.refreshing.drives import Drive, Folds, Shown, shown_
 from auditor.identification.robust import FrameSeries, findings_alone
 from auditor.identification.scores import CleanDrives, for_clean_drive
 from auditor.identification.systems import System
-from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
+from auditor.model.measurement import Procedure
+from auditor.model.rig_kind import RigKind
 from auditor.pipeline.refreshing import choosing, learning
 from auditor.pipeline.refreshing.choosing import Known
 from auditor.pipeline.refreshing.learning import Learnt, learn
 from auditor.pipeline.refreshing.night import waiting_after
 from auditor.pipeline.refreshing.pool import Group
 from auditor.store import make_calibration
+from auditor.store.records import content_id
 from auditor.store.versions.decisions import Decided, Decision
 from auditor.store.versions.history import History, How, Move
 from tests.benchmarks.fleet_bank import (
     ATTACKERS,
     BEGINS,
+    NIGHTS,
     TURNING,
     TURNS,
     VEHICLES,
@@ -65,7 +69,6 @@ from tests.benchmarks.scenes import Scene
 from tests.making.stores import PROCEDURE
 
 R = Decimal("0.01")
-NIGHTS = 90
 MOST = 24
 """Logs of a calibration beside those that were named: fewer than the program takes, so that a run takes minutes."""
 AGAIN = 7
@@ -168,6 +171,22 @@ class Nights:
         return self._known_nights[key]
 
 
+@lru_cache(8)
+def _known_thresholds(clean: tuple[CleanFrames, ...], system: System, r: Decimal) -> RobustThresholds:
+    return thresholds_of(clean, system, r)
+
+
+def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
+    """As the program's, which are the same for one version in two nights."""
+    return _known_thresholds(tuple(clean), system, r)
+
+
+def _calibration(kind: RigKind, procedure: Procedure, clean: Sequence[CleanFrames]) -> Calibration:
+    """A calibration whose id is that of the names of its logs: hashing all their frames takes long."""
+    names = sorted(one.recording_id for one in clean)
+    return Calibration(content_id("calibration", *names), kind, procedure, tuple(clean))
+
+
 def nights_of(
     bank: Bank, fleet: Fleet, nights: int, attacker: Attacker | None, known: dict[tuple[str, ...], Learnt]
 ) -> Outcome:
@@ -175,6 +194,8 @@ def nights_of(
     influence.INFLUENCE = replace(INFLUENCE, most_drives=MOST)  # type: ignore[attr-defined]
     learning.system_of = system_of  # type: ignore[attr-defined]
     choosing.shown_by_others = Again().shown_by_others  # type: ignore[attr-defined]
+    choosing.thresholds_of = learning.thresholds_of = _thresholds  # type: ignore[attr-defined, assignment]
+    learning.make_calibration = _calibration  # type: ignore[attr-defined, assignment]
     run, outcome = Nights(fleet, known), Outcome()
     for night in range(nights):
         if night == BEGINS:
