@@ -6,6 +6,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
+# for each other there.
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+    os.environ.setdefault(_threads, "1")
+
 # However busy the machine, no example fails for the time that it took.
 settings.register_profile("without deadline", deadline=None)
 settings.load_profile("without deadline")

@@ -23,7 +23,6 @@ from auditor.measurement.parameters import (
     MEASURING,
     SGBM,
     TEXTURE,
-    measuring_settings,
 )
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.measurement import COUNTING_VERSION, EXPERIMENTS_VERSION
@@ -96,6 +95,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
+    "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),
@@ -238,11 +238,12 @@ def test_a_changed_value_changes_the_digest_and_its_unit_and_source_do_not() -> 
 
 
 def test_the_settings_are_canonical_json_of_all_values() -> None:
-    values = json.loads(measuring_settings())
+    settings = canonical_json(*MEASURING)
+    values = json.loads(settings)
     assert values["disparity_error.absolute_px"] == 3.0
     assert values["row_alignment.blocks"] == [6, 20]
     assert len(values) == len(list_parameters(*MEASURING))
-    assert measuring_settings() == json.dumps(values, sort_keys=True, separators=(",", ":"))
+    assert settings == json.dumps(values, sort_keys=True, separators=(",", ":"))
     assert json.loads(judging_settings())["hierarchy.farthest"] == 1.5
 
 

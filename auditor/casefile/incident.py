@@ -7,6 +7,7 @@ from typing import Any
 
 from auditor.model.measurement import Region
 from auditor.model.rig import LIDAR, Rig
+from auditor.reporting.incident.examples import Example, examples_of
 from auditor.store import RecordingRecord, Store, rows_of
 from auditor.store.export import Table
 from auditor.store.queries import run_sqls
@@ -66,9 +67,23 @@ class CaseIncident:
         return [{**row, "in_incident": row["frame"] in inside} for row in rows]
 
     @cached_property
-    def examples(self) -> dict[str, int]:
-        """The frames that show it, by what they are to it: before, strongest, after, clean."""
-        return {row["example"]: row["frame"] for row in rows_of(self._tables["examples"])}
+    def examples(self) -> tuple[Example, ...]:
+        """The frames that show it, the strongest first; some may be of other recordings of its drive."""
+        return examples_of(self.store, self.incident_id).get(self.incident_id, ())
+
+    @property
+    def own_examples(self) -> set[int]:
+        """Those of the recording with the strongest frame."""
+        return {one.frame for one in self.examples if one.measurement_id == self.measurement_id}
+
+    @property
+    def strongest(self) -> int | None:
+        """Its strongest frame."""
+        return next((one.frame for one in self.examples if "strongest" in one.what), None)
+
+    def place_of(self, measurement_id: str, name: str) -> str:
+        """The name of a file of a frame in the case: of other recordings it begins with their measurement."""
+        return name if measurement_id == self.measurement_id else f"{measurement_id[:8]}_{name}"
 
     @cached_property
     def _tables(self) -> dict[str, Table]:
@@ -78,7 +93,6 @@ class CaseIncident:
             {
                 "verdicts": f"FROM verdicts WHERE {within} ORDER BY frame",
                 "own": f"FROM incident_frames WHERE {own} AND {within}",
-                "examples": f"FROM incident_examples WHERE {own}",
             },
         )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,15 @@ from auditor.casefile.incident import CaseIncident
 from auditor.casefile.ply import ply
 from auditor.casefile.redaction import Redaction
 from auditor.casefile.sidecar import SidecarFrame, write_sidecar
-from auditor.errors import RecordingError
+from auditor.errors import RecordingError, RigError
 from auditor.measurement import use_one_thread
 from auditor.measurement.drawing import blur_around, damaged_cloud, draw_frame, draw_overlays
 from auditor.model.frames import Frame
 from auditor.model.pictures import FramePicture
-from auditor.pipeline.pictures.at_hand import recording_at_hand, stream_of
+from auditor.pipeline.pictures.at_hand import frames_at_hand, recording_at_hand, stream_of
 from auditor.recordings import FrameStream, Recording, survey
 from auditor.recordings.writers.clip import write_clip
+from auditor.reporting.incident.examples import Example
 from auditor.store import Store
 
 CLIP, SIDECAR = "clip.mcap", "findings.mcap"
@@ -60,7 +62,7 @@ def write_recorded(task: RecordedTask) -> tuple[str, ...]:
             _frame_ids(incident, recording, task.redaction),
             words_of(incident, task.redaction),
         )
-    return remarks
+    return (*remarks, *_write_others(incident, task))
 
 
 def write_kept(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> int:
@@ -68,17 +70,11 @@ def write_kept(incident: CaseIncident, folder: Path, redaction: Redaction | None
 
     The sidecar has no images then, and its times are the stamps. Raises RecordingError and OSError.
     """
-    pictures = [
-        picture
-        for frame in sorted(set(incident.examples.values()))
-        for picture in incident.store.frame_pictures(incident.measurement_id, frame)
-    ]
-    for picture in pictures:
-        _write_picture(picture, incident, folder, redaction)
+    pictures = sum(_write_kept(incident, one, folder, redaction) for one in incident.examples)
     frames = (_shown(incident, row, row["stamp_ns"]) for row in incident.frames)
     ids = {sensor: f"S_{sensor}" for sensor in incident.rig.sensors}
     write_sidecar(incident, folder / SIDECAR, frames, ids, words_of(incident, redaction))
-    return len(pictures)
+    return pictures
 
 
 def words_of(incident: CaseIncident, redaction: Redaction | None) -> str:
@@ -110,7 +106,7 @@ class _Frames:
         self._stream = stream
         self._times = times
         self._task = task
-        self._examples = set(incident.examples.values())
+        self._examples = incident.own_examples
 
     def shown(self) -> Iterator[SidecarFrame]:
         drawn = self._drawn()
@@ -129,30 +125,60 @@ class _Frames:
         for item in self._stream.chosen(self._examples | _nearest(incident)):
             if isinstance(item, Frame):
                 if item.number in self._examples:
-                    _write_example(item, incident, self._task.folder, self._task.redaction)
+                    _write_example(item, incident, incident.measurement_id, self._task)
                 yield item
 
 
 def _nearest(incident: CaseIncident) -> set[int]:
     """The frames of the incident whose images are shown."""
     inside = [row["frame"] for row in incident.frames if row["in_incident"]]
-    strongest = incident.examples.get("strongest", inside[0] if inside else 0)
+    strongest = incident.strongest or 0
     return set(sorted(inside, key=lambda frame: abs(frame - strongest))[:_MOST_OVERLAYS])
 
 
-def _write_example(frame: Frame, incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
-    regions = incident.regions(frame.number)
+def _write_others(incident: CaseIncident, task: RecordedTask) -> Iterator[str]:
+    """Write the examples that are of other recordings of the drive; of one that is gone what the store keeps."""
+    others = [one for one in incident.examples if one.measurement_id != incident.measurement_id]
+    for measurement_id, examples in groupby(others, key=lambda one: one.measurement_id):
+        listed = list(examples)
+        try:
+            for frame in frames_at_hand(incident.store, measurement_id, {one.frame for one in listed}):
+                _write_example(frame, incident, measurement_id, task)
+        except (RecordingError, RigError) as error:
+            for one in listed:
+                _write_kept(incident, one, task.folder, task.redaction)
+            frames = " and ".join(" and ".join(one.what) for one in listed)
+            yield f"the frame {frames} is of another recording and as the store keeps it: {error.what}"
+
+
+def _write_example(frame: Frame, incident: CaseIncident, measurement_id: str, task: RecordedTask) -> None:
+    regions = incident.regions(frame.number) if measurement_id == incident.measurement_id else []
     for picture in draw_frame(frame, incident.rig, regions):
-        _write_picture(picture, incident, folder, redaction)
+        _write_picture(picture, incident, measurement_id, task.folder, task.redaction)
     if frame.cloud is not None:
         damaged = damaged_cloud(frame.cloud, incident.rig, regions)
-        write_file(folder / "clouds" / f"{frame.number}.ply", ply(frame.cloud.xyz_m, damaged))
+        name = incident.place_of(measurement_id, f"{frame.number}.ply")
+        write_file(task.folder / "clouds" / name, ply(frame.cloud.xyz_m, damaged))
 
 
-def _write_picture(picture: FramePicture, incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
+def _write_kept(incident: CaseIncident, example: Example, folder: Path, redaction: Redaction | None) -> int:
+    """Write the pictures that the store keeps of an example, and give their number."""
+    pictures = incident.store.frame_pictures(example.measurement_id, example.frame)
+    for picture in pictures:
+        _write_picture(picture, incident, example.measurement_id, folder, redaction)
+    return len(pictures)
+
+
+def _write_picture(
+    picture: FramePicture, incident: CaseIncident, measurement_id: str, folder: Path, redaction: Redaction | None
+) -> None:
+    path = folder / "pictures" / incident.place_of(measurement_id, picture.name)
+    if path.exists():
+        return
     if redaction is not None:
-        picture = blur_around(picture, incident.rig, incident.regions(picture.frame))
-    write_file(folder / "pictures" / picture.name, picture.data)
+        regions = incident.regions(picture.frame) if measurement_id == incident.measurement_id else []
+        picture = blur_around(picture, incident.rig, regions)
+    write_file(path, picture.data)
 
 
 def _shown(

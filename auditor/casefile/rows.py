@@ -81,7 +81,7 @@ def ticket(incident: CaseIncident, remarks: tuple[str, ...]) -> dict[str, Any]:
         "frames": row["frames"],
         "first_frame": incident.part["first_frame"],
         "last_frame": incident.part["last_frame"],
-        "strongest_frame": incident.examples.get("strongest"),
+        "strongest_frame": incident.strongest,
         "largest_gap": row["largest_gap"],
         "evidence": row["evidence"],
         "alternatives": row["alternatives"],

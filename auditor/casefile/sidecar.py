@@ -1,7 +1,7 @@
 """The sidecar: what was found, as an MCAP file on the recording's timeline, for viewers of recordings.
 
-The event, the log, the damaged portions in the images and the box in the cloud are Foxglove's messages in JSON. The
-images with overlays and the damaged points are ROS 2 messages, which Foxglove and Rerun both draw.
+All are Foxglove's messages. The event, the log, the damaged portions in the images and the box in the cloud are JSON;
+the images with overlays and the damaged points are protobuf, which Rerun draws as well.
 """
 
 import json
@@ -19,9 +19,10 @@ from auditor.model.measurement import Region
 from auditor.model.optics.geometry import quaternion_from_rotation
 from auditor.model.pictures import FramePicture
 from auditor.model.rig import LIDAR
+from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_IMAGE, POINT_CLOUD
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import McapFile, mcap_file
-from auditor.recordings.writers.messages import MessageMaker
+from auditor.recordings.writers.protobuf import FLOAT32, descriptors, protobuf
 
 PREFIX = "/auditor"
 _WARNING, _ERROR = 3, 4  # levels of foxglove.Log
@@ -29,7 +30,8 @@ _LINE_LOOP = 2  # a type of foxglove.PointsAnnotation
 _RED = {"r": 1.0, "g": 0.15, "b": 0.15, "a": 1.0}
 _GLASS = {"r": 1.0, "g": 0.15, "b": 0.15, "a": 0.35}
 _BOX_LASTS_NS = 200_000_000
-_POINT_CLOUD, _IMAGE = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CompressedImage"
+_STRIDE_BYTES = 12
+_IN_PLACE = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +76,17 @@ class _Writer:
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
-        self.maker = MessageMaker("cdr")
         self.messages = 0
 
     def json(self, topic: str, schema: str, log_time_ns: int, message: Mapping[str, Any]) -> None:
-        """A message of Foxglove's."""
+        """A message of Foxglove's in JSON."""
         definition = Definition("jsonschema", json.dumps(SCHEMAS[schema]).encode())
         self._write(Topic(f"{PREFIX}/{topic}", schema, "json"), definition, log_time_ns, json.dumps(message).encode())
 
-    def ros2(self, topic: str, schema: str, log_time_ns: int, data: bytes) -> None:
-        """A message of ROS 2."""
-        definition = Definition("ros2msg", self.maker.definition(schema).encode())
-        self._write(Topic(f"{PREFIX}/{topic}", schema, "cdr"), definition, log_time_ns, data)
+    def protobuf(self, topic: str, schema: str, log_time_ns: int, message: Mapping[str, Any]) -> None:
+        """A message of Foxglove's in protobuf."""
+        definition = Definition("protobuf", descriptors(schema))
+        self._write(Topic(f"{PREFIX}/{topic}", schema, "protobuf"), definition, log_time_ns, protobuf(schema, message))
 
     def _write(self, topic: Topic, definition: Definition, log_time_ns: int, data: bytes) -> None:
         self._file.write(topic, definition, log_time_ns, data)
@@ -104,17 +105,37 @@ def _write_frame(incident: CaseIncident, writer: _Writer, frame: SidecarFrame, f
             scene = _scene(frame, region, incident, frame_ids[LIDAR])
             writer.json(f"S_{LIDAR}/box", "foxglove.SceneUpdate", at, scene)
     for picture in frame.overlays:
-        image = writer.maker.compressed_image(picture.data, "jpeg", frame.stamp_ns, frame_ids[picture.sensor])
-        writer.ros2(f"S_{picture.sensor}/overlay", _IMAGE, at, image)
+        image = {
+            "timestamp": _timestamp(frame.stamp_ns),
+            "data": picture.data,
+            "format": "jpeg",
+            "frame_id": frame_ids[picture.sensor],
+        }
+        writer.protobuf(f"S_{picture.sensor}/overlay", COMPRESSED_IMAGE, at, image)
     if frame.damaged_m is not None and len(frame.damaged_m):
-        points = np.ones((len(frame.damaged_m), 4), dtype=np.float32)
-        points[:, :3] = frame.damaged_m
-        cloud = writer.maker.point_cloud(points, frame.stamp_ns, frame_ids[LIDAR])
-        writer.ros2(f"S_{LIDAR}/damaged", _POINT_CLOUD, at, cloud)
+        cloud = _cloud(frame.damaged_m, frame.stamp_ns, frame_ids[LIDAR])
+        writer.protobuf(f"S_{LIDAR}/damaged", POINT_CLOUD, at, cloud)
 
 
 def _time(ns: int) -> dict[str, int]:
     return {"sec": ns // 10**9, "nsec": ns % 10**9}
+
+
+def _timestamp(ns: int) -> dict[str, int]:
+    """As protobuf has it."""
+    return {"seconds": ns // 10**9, "nanos": ns % 10**9}
+
+
+def _cloud(points_m: Points, stamp_ns: int, frame_id: str) -> dict[str, Any]:
+    """A foxglove.PointCloud of (N, 3) points."""
+    return {
+        "timestamp": _timestamp(stamp_ns),
+        "frame_id": frame_id,
+        "pose": _IN_PLACE,
+        "point_stride": _STRIDE_BYTES,
+        "fields": [{"name": axis, "offset": 4 * place, "type": FLOAT32} for place, axis in enumerate("xyz")],
+        "data": points_m.astype("<f4").tobytes(),
+    }
 
 
 def _event(incident: CaseIncident) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import shutil
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,16 @@ import auditor
 from auditor.casefile.folder import new_file, new_folder, write_file
 from auditor.casefile.incident import CaseIncident
 from auditor.casefile.manifest import files_of, write_manifest
-from auditor.casefile.recorded import RecordedTask, write_kept, write_recorded
-from auditor.casefile.redaction import Redaction
+from auditor.casefile.recorded import RecordedTask, words_of, write_kept, write_recorded
+from auditor.casefile.redaction import LEFT_OUT, Redaction
 from auditor.casefile.rows import ticket, write_rows, write_ticket, write_timeline
 from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import LimitsOf, limits_by_size
 from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
-from auditor.reporting.case_page import CasePage, PictureLine, render_case
+from auditor.reporting.case_page import CasePage, render_case
+from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.one import Incidents
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.sketch import sketch, track_of
@@ -34,13 +35,6 @@ INDEX = "index.html"
 
 SECONDS = 2.0
 """Before and after the incident so much belongs to a case."""
-
-_WORDS = {
-    Content.COLOUR: "as recorded",
-    Content.OVERLAY: "with what is damaged",
-    Content.ABOVE: "the cloud from above",
-    Content.RANGE: "the cloud as a range image",
-}
 
 
 @dataclass(frozen=True)
@@ -70,7 +64,7 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
     """
     # a redacted page has no pictures of its own: those in the folder are blurred
     incidents = Incidents(store, Pictures.NONE if settings.redact else Pictures.INCIDENTS)
-    incident = CaseIncident(store, incident_called(incidents.rows, beginning), settings.seconds)
+    incident = CaseIncident(store, incident_called(store, incidents.rows, beginning), settings.seconds)
     redaction = Redaction.of_store(store) if settings.redact else None
     with new_folder(into) as folder:
         remarks = _of_several(incident) + _write_recorded(incident, folder, settings, redaction)
@@ -82,11 +76,13 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
         if track is not None:
             place = sketch(track, incident.part["first_frame"], incident.part["last_frame"])
             write_file(folder / "place.svg", place.encode())
-        page = incidents.one(incident.row)
-        text = render_one(redaction.value(page) if redaction else page, index=INDEX)
-        write_file(folder / "page.html", text.encode())
+        shown = _shown(incident, folder, redaction)
+        page = incidents.one(incident.row, () if redaction else shown or None)
+        page = replace(redaction.value(page), shown=shown, place="") if redaction else page
+        write_file(folder / "page.html", render_one(page, index=INDEX, beside=True).encode())
+        words = words_of(incident, redaction)
         title = str(redaction.value(described, "")["title"] if redaction else described["title"])
-        write_file(folder / INDEX, _index(incident, folder, title, remarks, redacted=settings.redact).encode())
+        write_file(folder / INDEX, _index(incident, folder, title, words, remarks, shown).encode())
         write_manifest(folder, _predicate(incident, remarks, settings, redaction), settings.key)
         files = len(files_of(folder))
     return Case(incident.incident_id, files, remarks)
@@ -123,23 +119,38 @@ def _of_several(incident: CaseIncident) -> tuple[str, ...]:
     return (f"the incident runs through {parts} recordings: clip and pictures are of the one with its strongest frame",)
 
 
-def _index(incident: CaseIncident, folder: Path, title: str, remarks: tuple[str, ...], *, redacted: bool) -> str:
-    names = {frame: example for example, frame in reversed(incident.examples.items())}
-    words = {**_WORDS, Content.COLOUR: "blurred"} if redacted else _WORDS
-    pictures = []
-    for path in (folder / "pictures").glob("*"):
-        frame, _, rest = path.name.partition("_S")
-        sensor, content, _ = rest.split(".")
-        of = f"S_{sensor} {words[Content(content)]}"
-        pictures.append(PictureLine(f"pictures/{path.name}", names.get(int(frame), ""), int(frame), int(sensor), of))
+def _shown(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> tuple[ShownExample, ...]:
+    """The pictures of the case, by the frames that they are of."""
+    shown = []
+    for one in incident.examples:
+        beginning = f"{incident.place_of(one.measurement_id, str(one.frame))}_S"
+        pictures = []
+        for path in (folder / "pictures").glob(f"{beginning}*"):
+            sensor, content, _ = path.name.removeprefix(beginning).split(".")
+            address = f"pictures/{path.name}"
+            pictures.append(ShownPicture(address, int(sensor), Content(content), blurred=redaction is not None))
+        if pictures:
+            example = replace(one, name=LEFT_OUT) if redaction else one
+            shown.append(ShownExample(example, in_order(pictures)))
+    return tuple(shown)
+
+
+def _index(
+    incident: CaseIncident,
+    folder: Path,
+    title: str,
+    words: str,
+    remarks: tuple[str, ...],
+    shown: tuple[ShownExample, ...],
+) -> str:
     return render_case(
         CasePage(
             title,
             auditor.__version__,
             incident.incident_id,
-            words=str(incident.row["evidence"] or ""),
+            words=words,
             remarks=remarks,
-            pictures=tuple(pictures),
+            shown=shown,
             has_place=(folder / "place.svg").is_file(),
             files=tuple(files_of(folder)),
         )

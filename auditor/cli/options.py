@@ -1,16 +1,14 @@
-"""Options that several verbs share."""
+"""Options of the verbs that read recordings or a store."""
 
 import os
-import re
 from collections.abc import Callable
-from decimal import Decimal
 from functools import wraps
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from auditor.cli.values import FiniteRange
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:
@@ -18,20 +16,7 @@ if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
     from auditor.recordings import Origin
 
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
-
 DEFAULT_STORE = Path("audit")
-
-
-class FiniteRange(click.FloatRange):
-    """A number within limits; "nan" and "inf", which Python reads as numbers, are refused."""
-
-    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number. Fails as click does."""
-        number = super().convert(value, param, ctx)
-        if not isfinite(number):
-            self.fail(f"{value!r} is not a number: write one such as 0.5", param, ctx)
-        return float(number)
 
 
 store_option = click.option(
@@ -246,102 +231,3 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     own = jobs_option(pictures_option(again_option(content_option(collected))))
     return matcher_options(rig_option(origin_options(budget_options(own))))
-
-
-class _Rate(click.ParamType[Decimal]):
-    name = "rate"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Decimal:
-        from auditor.errors import SettingError  # noqa: PLC0415 - keeps --help quick
-        from auditor.identification.thresholds import parse_r  # noqa: PLC0415
-
-        try:
-            return value if isinstance(value, Decimal) else parse_r(str(value))
-        except SettingError as error:
-            self.fail(f"{error.what}; {error.remedy}", param, ctx)
-
-
-RATE = _Rate()
-"""A designated false-alarm rate r, as a Decimal in [0, 1]."""
-
-
-class _Sensor(click.ParamType[int]):
-    name = "S_k"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
-        if not found:
-            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
-        return int(found[1])
-
-
-SENSOR = _Sensor()
-"""A sensor by its number, as S_2 or 2."""
-
-
-method_option = click.option(
-    "--method",
-    type=click.Choice(["robust", "paper"]),
-    default="robust",
-    show_default=True,
-    help="Eight checks and joint identification, or disparity errors and Algorithm 2.",
-)
-
-
-strict_option = click.option(
-    "--strict",
-    is_flag=True,
-    help="Refuse thresholds that are the prior alone and r < 0.0001; with --method paper r < 1/N, which N clean "
-    "samples cannot resolve.",
-)
-
-
-recount_option = click.option(
-    "--recount", is_flag=True, help="Compute statistics again from the stored cells, in today's windows."
-)
-
-
-def judging_options(command: Decorated) -> Decorated:
-    """The method, the designated false-alarm rate and the thresholds that verdicts are reached with."""
-    for option in (
-        click.option(
-            "--min-coverage",
-            type=FiniteRange(0, 1),
-            default=0.99,
-            show_default=True,
-            help="Share of frames, messages and time below which a recording counts as not fully audited.",
-        ),
-        strict_option,
-        click.option(
-            "--transfer", is_flag=True, help="Accept thresholds of another rig kind; the verdicts will say so."
-        ),
-        click.option(
-            "--calibration",
-            metavar="ID|FILE",
-            help="Thresholds to judge by.  [default: the one in force that fits, or the prior]",
-        ),
-        click.option(
-            "--statistic",
-            type=click.Choice(["gated", "plain"]),
-            default="gated",
-            show_default=True,
-            help="With --method paper: count pixels with texture only, or all (the paper's E).",
-        ),
-        click.option(
-            "--incidents-per-hour",
-            type=FiniteRange(min=0),
-            metavar="NUMBER",
-            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 2]",
-        ),
-        click.option(
-            "-r",
-            "r",
-            type=RATE,
-            default="0.01",
-            show_default=True,
-            help="Designated false-alarm rate, as 0.01 or 1%: of a frame, or with --method paper of each E.",
-        ),
-        method_option,
-    ):
-        command = option(command)
-    return command

@@ -9,6 +9,8 @@ from auditor.cli.metrics import gauge, labels
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from auditor.store.versions.decisions import Decision, Refresh
 
 _PREFIX = "auditor_refresh_"
@@ -44,12 +46,14 @@ def json_line(refresh: "Refresh") -> str:
         "measured": len(refresh.measured),
         "failed": [vars(one) for one in refresh.failed],
         **({"planned": [vars(one) for one in refresh.planned]} if refresh.dry_run else {}),
-        "rig_kinds": [_rig_kind(one) for one in refresh.decisions],
+        "rig_kinds": [_rig_kind(one, refresh.store) for one in refresh.decisions],
     }
     return json.dumps(answer, ensure_ascii=False)
 
 
-def _rig_kind(one: "Decision") -> dict[str, object]:
+def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
+    from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415 - keeps --help quick
+
     return {
         "kind": one.kind,
         "matcher": one.matcher,
@@ -70,6 +74,7 @@ def _rig_kind(one: "Decision") -> dict[str, object]:
         "planted_lost_in_all": one.lost_in_all and one.lost_in_all._asdict(),
         "largest_rise": max((rise.deviations for rise in one.rises), default=None),
         "creep": one.creep,
+        "to_do": [step._asdict() for step in next_steps(one, store)],
         "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
         "left_out": sum(not used.included for used in one.recordings),
     }

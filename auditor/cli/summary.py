@@ -25,7 +25,8 @@ _COUNTS = ("clean", "attacked", "unidentified", "suspect")
 _RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r")
 _EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
-_INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
+_INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
+_ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
 
@@ -242,7 +243,7 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]"
             shown_rows,
             (*_INCIDENT_COLUMNS, *told),
             "Incidents",
-            expendable=("gap", "seconds"),
+            expendable=("gap", "seconds", "incident"),
             wrapped=("sensors", *told),
         )
 
@@ -265,10 +266,13 @@ def _named(one: Mapping[str, Any]) -> str:
 
 
 def _incident(one: "Decided") -> dict[str, Any]:
+    from auditor.store.reviews import in_words  # noqa: PLC0415 - DuckDB is heavy
+
     row = one.incident
-    said = f"reviewed as {row['review']}: {row['review_reason']}" if row["review"] else None
+    said = in_words(row) if row["review"] else None
     return {
         _REMARK: one.excuse or said,
+        "incident": row["incident_id"][:_ID_SHOWN],
         "recording": _first([part["name"] for part in row["parts"]]),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],

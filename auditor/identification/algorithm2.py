@@ -3,11 +3,9 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import comb
 
 import numpy as np
 
-from auditor.identification.parameters import NAMING
 from auditor.model.arrays import Flags
 from auditor.model.rig import Triple
 
@@ -19,9 +17,6 @@ FEWEST_SENSORS = 4
 
 FEWEST_COMPARED = 3
 """The sensors of a triple: fewer cannot be compared."""
-
-MOST_SETS = NAMING.most_sets
-"""Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +68,6 @@ def _lemma_1(zero: tuple[int, int], elements: Mapping[tuple[int, int], str], sou
         attacked=tuple(i for i, state in s.items() if state == ABOVE),
         undetermined=tuple(i for i, state in s.items() if state == NOT_MEASURED),
     )
-
-
-def allowed_attack_sets(sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
-    """The attacks that N sensors can tell apart: no sensor, then one, up to N - 3 of them.
-
-    No more than MOST_SETS are listed, whole sizes.
-    """
-    system = sorted(sensors)
-    sets: list[tuple[int, ...]] = []
-    for size in range(max(len(system) - 3, 0) + 1):
-        if len(sets) + comb(len(system), size) > MOST_SETS:
-            break
-        sets.extend(combinations(system, size))
-    return tuple(sets)
 
 
 def codeword(attacked: Collection[int], triples: Sequence[Triple]) -> str:

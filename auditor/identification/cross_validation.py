@@ -12,7 +12,7 @@ from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Largest, Without, ascending
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
-from auditor.identification.scores import CleanDrives, for_drive, thresholds_from
+from auditor.identification.scores import CleanDrives, for_clean_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.identification.thresholds import BELOW_EVERY_ERROR, checked, threshold_rank
@@ -82,7 +82,7 @@ def each_left_out(calibration: Calibration, system: System, r: Decimal) -> Itera
     drives = _drives_of(calibration, system)
 
     def judge(left_out: CleanFrames) -> tuple[int, int]:
-        by_others = drives.thresholds(system.judged_together, r, without=left_out.recording_id)
+        by_others = drives.thresholds(system.judged_together, r, used=drives.others(left_out.recording_id))
         series, thresholds = as_scanned(left_out, by_others, system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
@@ -130,7 +130,7 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
 @lru_cache(maxsize=2)
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
-    return CleanDrives(calibration.clean, system.sensor_checks)
+    return CleanDrives(calibration.clean, system.sensor_checks, one=True)
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:
@@ -142,7 +142,8 @@ def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list
     drives = _drives_of(calibration, system)
     peaks: list[float] = []
     for left_out in calibration.clean:
-        learnt = drives.thresholds(system.judged_together, r, without=None if alone else left_out.recording_id)
+        used = None if alone else drives.others(left_out.recording_id)
+        learnt = drives.thresholds(system.judged_together, r, used=used)
         series, thresholds = as_scanned(left_out, learnt, system)
         peaks += clean_peaks(series, system, thresholds)
     return peaks
@@ -197,7 +198,7 @@ def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
 def as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
     """The frames of a clean recording, and thresholds as a scan has them that knows its own usual statistics."""
     series = FrameSeries.of_clean(clean, system)
-    return series, for_drive(learnt, system.sensor_checks, series.statistics)
+    return series, for_clean_drive(learnt, system.sensor_checks, clean)
 
 
 def _count_runs(above: Flags) -> int:

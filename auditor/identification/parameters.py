@@ -55,6 +55,7 @@ class WindowedMean:
 
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened after black wet cars of streets 5013 and 5031"
+_WHOLE = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
@@ -75,6 +76,8 @@ class CheckPriors:
     coloured_light: tuple[float, ...] = parameter(
         (-3.1, 0.36, 0.25, 1.8), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
     )
+    whole_image: tuple[float, ...] = parameter((-3.93, 0.25, 0.1, 1.8), unit=_OF_PRIOR, source=_WHOLE)
+    whole_image_of_one: tuple[float, ...] = parameter((-3.93, 0.3, 0.15, 1.8), unit=_OF_PRIOR, source=_WHOLE)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
@@ -180,7 +183,6 @@ class Naming:
     least_probability: float = parameter(
         0.7, unit="posterior probability of a set, below which no sensor is named", source=CURVES
     )
-    most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
 
@@ -235,6 +237,7 @@ class LightOfCauses:
     least_coloured: float = parameter(
         2.5, unit="z of light of one colour, from which on it was thrown in", source=_ONE_COLOUR
     )
+    least_whole: float = parameter(2.5, unit="z of light in rows or over all of an image: thrown in", source=_WHOLE)
     blind: float = parameter(
         6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN
     )

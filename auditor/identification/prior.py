@@ -36,6 +36,8 @@ _OF_CAMERAS = {
         CHECK_PRIORS.inconsistency_of_two,
         CHECK_PRIORS.inconsistency,
     ),
+    Check.STRIPED_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
+    Check.VEILING_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
 }
 """By check the priors of one voter, of two, and of more."""
 
@@ -50,6 +52,13 @@ class Prior(NamedTuple):
     within: float
     between: float
     tail: float = 1.0
+
+
+class OwnLevel(NamedTuple):
+    """The level of the drive that is judged: the median of its values, and how many independent frames it is worth."""
+
+    median: float
+    worth: float
 
 
 class DriveValues(NamedTuple):
@@ -154,21 +163,26 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     return Expected(mean, prior.tail * deviation, prior.tail * sqrt(within), D, int(seen.frames.sum()))
 
 
-def of_drive(one: Expected, values: Floats, limit: float) -> Expected:
-    """What is expected of the frames of the drive that is judged, whose values are (F,), NaN where not measured.
+def own_level(values: Floats) -> OwnLevel | None:
+    """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any."""
+    known = values[~np.isnan(values)]
+    return OwnLevel(float(np.median(known)), effective_size(known)) if known.size else None
+
+
+def of_drive(one: Expected, own: OwnLevel | None, limit: float) -> Expected:
+    """What is expected of the frames of the drive that is judged.
 
     Its median shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
     since its later scenes may differ as drives do. A drive that is attacked for most of its time would hide that in its
     median: so what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
     """
-    known = values[~np.isnan(values)]
-    if not known.size or limit <= 0:
+    if own is None or limit <= 0:
         return one
     between = one.deviation**2 - one.within**2
-    of_median = HIERARCHY.of_median * one.within**2 / effective_size(known)
+    of_median = HIERARCHY.of_median * one.within**2 / own.worth
     learnt = between / (between + of_median)
     deviation = sqrt(one.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
-    mean = one.mean + learnt * (float(np.median(known)) - one.mean)
+    mean = one.mean + learnt * (own.median - one.mean)
     return replace(one, mean=min(mean, one.mean + limit * (one.deviation - deviation)), deviation=deviation)
 
 

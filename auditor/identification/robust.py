@@ -113,6 +113,11 @@ def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, li
     return apart(event, [verdicts[place].attacked for place in event.frames], added, limit)
 
 
+def findings_alone(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Flags:
+    """(F,) the frames whose verdict by itself is a finding; without any there is no event, and nothing to name."""
+    return _Judge(series, system, thresholds).raised
+
+
 def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThresholds) -> list[float]:
     """The peaks of what F clean frames add to the sequential test: `incident_limit` follows from them."""
     judge = _Judge(series, system, thresholds)

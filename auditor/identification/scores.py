@@ -15,16 +15,18 @@ from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE
 from auditor.identification.prior import (
     Drives,
     DriveValues,
+    OwnLevel,
     drive_values,
     expected_after,
     joint_limit,
     log_odds,
     of_drive,
+    own_level,
     prior_of_cause,
     prior_of_check,
 )
 from auditor.identification.thresholds import checked
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Flags, Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Cause, CauseIn
@@ -42,6 +44,9 @@ _LOCALISED_FROM: Mapping[Check, float] = {
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
 """By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
 
+_OWN_LEVELS: WeakKeyDictionary[CleanFrames, dict[SensorCheck, OwnLevel | None]] = WeakKeyDictionary()
+"""By drive: its own level of each check, so that it is judged by many thresholds without being looked at again."""
+
 
 def thresholds_from(
     clean: Sequence[CleanFrames],
@@ -55,64 +60,78 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks).thresholds(judged_together, r, calibration_id)
+    return CleanDrives(clean, sensor_checks, one=True).thresholds(judged_together, r, calibration_id)
 
 
 class CleanDrives:
-    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
+    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    def __init__(self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck]) -> None:
+    Where no more than `one` recording is ever left out, far fewer of their frames' fault scores are kept.
+    """
+
+    def __init__(
+        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one: bool = False
+    ) -> None:
         self._clean = clean
         self._places: dict[str, list[int]] = {}
-        for place, one in enumerate(clean):
-            self._places.setdefault(one.recording_id, []).append(place)
+        for place, drive in enumerate(clean):
+            self._places.setdefault(drive.recording_id, []).append(place)
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
         of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
         of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
-        largest = {cause: Largest(self._ever_asked_for()) for cause in causes if cause[0] not in TONES}
-        for one in clean:
+        asked_for = self._ever_asked_for() if one else sum(drive.frames for drive in clean)
+        largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
+        for drive in clean:
             for check, drives in of_checks.items():
-                drives.append(_statistics_of(one, check))
+                drives.append(_statistics_of(drive, check))
             for cause, drives in of_causes.items():
-                drives.append(_strengths_of(one, cause))
+                drives.append(_strengths_of(drive, cause))
             for cause, values in largest.items():
-                values.add(one.strengths.get(cause, _NONE))
+                values.add(drive.strengths.get(cause, _NONE))
         self._of_checks = {check: Drives.of(drives) for check, drives in of_checks.items()}
         self._of_causes = {cause: Drives.of(drives) for cause, drives in of_causes.items()}
         self._largest = {cause: values.ascending for cause, values in largest.items()}
 
     def thresholds(
-        self, judged_together: int, r: Decimal, calibration_id: str = "", *, without: str | None = None
+        self, judged_together: int, r: Decimal, calibration_id: str = "", *, used: Flags | None = None
     ) -> RobustThresholds:
-        """As `thresholds_from`; `without` names a recording that they are not learnt from. Raises SettingError."""
+        """As `thresholds_from`; they are learnt from the recordings that are `used` (D,). Raises SettingError."""
         limit = joint_limit(float(checked(r)), judged_together)
-        used = np.ones(len(self._clean), dtype=np.bool_)
-        left_out = self._places.get(without, []) if without is not None else []
-        used[left_out] = False
-        of_checks = {
-            check: expected_after(prior_of_check(check), drives.chosen(used))
-            for check, drives in self._of_checks.items()
-        }
+        used = np.ones(len(self._clean), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
         known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
         scales = {
-            cause: fault_scale(cause[0], found, limit, self._shown(cause, left_out)) for cause, found in known.items()
+            cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
         }
-        drives = len(self._places) - bool(left_out)
-        return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
+        gone = {self._clean[place].recording_id for place in np.flatnonzero(~used).tolist()}
+        drives = len(self._places) - sum(not used[self._places[name]].any() for name in gone)
+        return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
+
+    def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
+        """What is expected of the checks, learnt from the recordings that are `used` (D,)."""
+        return {
+            check: expected_after(prior_of_check(check), drives.chosen(used))
+            for check, drives in self._of_checks.items()
+        }
+
+    def others(self, recording_id: str) -> Flags:
+        """(D,) which of them are of other recordings."""
+        used = np.ones(len(self._clean), dtype=np.bool_)
+        used[self._places.get(recording_id, [])] = False
+        return used
 
     def _ever_asked_for(self) -> int:
         """How many of the largest fault scores a quantile of them depends on, whichever recording is left out."""
         frames = [sum(self._clean[place].frames for place in places) for places in self._places.values()]
         return ceil((1 - FAULT_SCALE.shown_quantile) * sum(frames)) + max(frames, default=0) + 2
 
-    def _shown(self, cause: CauseIn, left_out: Sequence[int]) -> float:
+    def _shown(self, cause: CauseIn, used: Flags) -> float:
         """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
         if cause[0] in TONES:
             return 0.0
         values, below = self._largest[cause]
-        gone = ascending([self._clean[place].strengths.get(cause, _NONE) for place in left_out])
-        measured = Without(values, gone, below)
+        left_out = [self._clean[place].strengths.get(cause, _NONE) for place in np.flatnonzero(~used).tolist()]
+        measured = Without(values, ascending(left_out), below)
         return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
 
 
@@ -123,12 +142,24 @@ def for_drive(
 
     They hold for any of its frames, and for attacked copies of them.
     """
-    columns = dict(zip(sensor_checks, log_odds(statistics).T, strict=True))
-    of_checks = {
-        check: of_drive(one, columns[check], thresholds.limit) if check in columns else one
-        for check, one in thresholds.expected.items()
-    }
-    return replace(thresholds, expected=of_checks)
+    columns = zip(sensor_checks, log_odds(statistics).T, strict=True)
+    return _with_own(thresholds, {check: own_level(odds) for check, odds in columns})
+
+
+def for_clean_drive(
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], one: CleanFrames
+) -> RobustThresholds:
+    """As `for_drive`, for a recording that is judged by many thresholds."""
+    own = _OWN_LEVELS.setdefault(one, {})
+    if new := [check for check in sensor_checks if check not in own]:
+        own.update(zip(new, map(own_level, log_odds(one.statistics_of(new)).T), strict=True))
+    return _with_own(thresholds, {check: own[check] for check in sensor_checks})
+
+
+def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:
+    """Thresholds that know a drive's own levels."""
+    found = {check: of_drive(one, own.get(check), thresholds.limit) for check, one in thresholds.expected.items()}
+    return replace(thresholds, expected=found)
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:

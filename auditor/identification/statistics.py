@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
-from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
+from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
-    LIDAR_CHECKS,
+    SHARE_CHECKS,
     SIGNED_CHECKS,
+    WHOLE_IMAGE_CHECKS,
     Check,
     CountedPair,
     SensorCheck,
@@ -85,9 +86,12 @@ def sensor_statistics(
     of_lidar = {check: [counted for counted in cells if counted.check is check] for check in DIRECTION_CHECKS}
     directions = {check: window_means_of(grids, cells) for check, grids in of_lidar.items() if grids}
     of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
+    coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
-        if one.check in LIDAR_CHECKS:
+        if one.check in WHOLE_IMAGE_CHECKS:
+            return _least_share(one, shares)
+        if one.check in SHARE_CHECKS:
             return shares.get(one)
         if one.check in DIRECTION_CHECKS:
             pairs = [place for place, pair in enumerate(of_lidar[one.check]) if {pair.i, pair.k} <= set(one.others)]
@@ -98,9 +102,17 @@ def sensor_statistics(
         if windows is None or not able or (len(able) < len(one.others) and one.check is not Check.COLOURED_LIGHT):
             return None
         voters = windows.of([others.index(other) for other in able])
-        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters)
+        alike = np.array([(other in coloured) == (one.sensor in coloured) for other in able], dtype=np.bool_)
+        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters, alike)
 
     return tuple(statistic(one) for one in sensor_checks)
+
+
+def _least_share(one: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
+    """The least of what each voter alone says of a camera; None where one of them says nothing."""
+    said = [shares.get(one._replace(others=(other,))) for other in one.others]
+    known = [share for share in said if share is not None]
+    return min(known) if len(known) == len(said) else None
 
 
 def _by_subject(
@@ -129,26 +141,24 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     return WindowMeans((B / ((N + pseudo_count) * steps)).astype(np.float32), fewest <= N)
 
 
-def vote(check: Check, voters: WindowMeans) -> float | None:
+def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float | None:
     """The largest over all windows of what a sensor's voters say of it there; None where no window has enough voters.
 
     A camera's voters are other cameras, the LiDAR's are pairs. Two at least must have compared the window, where there
-    are two. Of LiDAR conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is
-    attacked itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric
-    mean of their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as
-    well, and for lost returns, it is the smallest.
+    are two; and where some of a camera's voters have colours as it has, or are grey as it is, and others are not, one
+    of those `alike` (V,) at least: plants are brighter in near infrared, so that all others share one error.
+
+    Of LiDAR conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is attacked
+    itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
+    their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, and
+    for lost returns, it is the smallest.
     """
     if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
-        return _mean_vote(voters)
+        return _largest(_mean(voters), voters, alike)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:
         smallest = np.sqrt(np.maximum(_mean(voters), 0) * np.maximum(smallest, 0))
-    return _largest(smallest, voters)
-
-
-def _mean_vote(voters: WindowMeans) -> float | None:
-    """The largest mean of what the voters say."""
-    return _largest(_mean(voters), voters)
+    return _largest(smallest, voters, alike)
 
 
 def _mean(voters: WindowMeans) -> Floats:
@@ -157,9 +167,11 @@ def _mean(voters: WindowMeans) -> Floats:
     return np.asarray(total / np.maximum(_count(voters), 1))
 
 
-def _largest(said: NDArray[np.floating], voters: WindowMeans) -> float | None:
+def _largest(said: NDArray[np.floating], voters: WindowMeans, alike: Flags | None) -> float | None:
     """The largest of (rows, columns) where two voters, or the only one, compared a window; 0 at least."""
     enough = _count(voters) >= min(FEWEST_VOTERS, len(voters.means))
+    if alike is not None and alike.any():
+        enough &= voters.known[alike].any(axis=0)
     return max(float(said[enough].max()), 0.0) if enough.any() else None
 
 

@@ -1,4 +1,4 @@
-"""The numbers of the check for light of one colour; `parameters.MEASURING` has them among the others."""
+"""The numbers of the checks for light of one colour, in rows and over all of an image, among `parameters.MEASURING`."""
 
 from dataclasses import dataclass
 
@@ -19,4 +19,33 @@ class ColouredLight:
     purity: float = parameter(2.0, unit="times what the other channels have, taken off", source=_COLOURED)
 
 
+_LIT = "two frames of three real drives and of 14 streets, with faults and lights (docs/decisions.md): chosen on them"
+
+
+@dataclass(frozen=True)
+class StripedLight:
+    """Light in some rows of one of two cameras."""
+
+    offset: float = parameter(10.0, unit="grey levels added before logarithms are taken", source=BY_HAND)
+    blocks: int = parameter(12, unit="blocks of columns, side by side", source=BY_HAND)
+    usable_share: float = parameter(0.5, unit="share of a block's row neither black nor saturated", source=BY_HAND)
+    blocks_share: float = parameter(0.5, unit="share of the blocks that both cameras know", source=BY_HAND)
+    without_share: float = parameter(0.25, unit="share of those blocks in which a lit row may not show", source=BY_HAND)
+    rows_around: int = parameter(25, unit="half px, rows that a row is compared with", source=_LIT)
+    rows_apart: int = parameter(2, unit="half px that rows of two cameras may lie apart", source=_LIT)
+    usual: float = parameter(0.03, unit="logarithm of a level, that is none", source=_LIT)
+
+
+@dataclass(frozen=True)
+class VeilingLight:
+    """Light over the whole image of one of two cameras."""
+
+    darkest_share: float = parameter(0.003, unit="share of the pixels that are not black", source=_LIT)
+    largest_gain: float = parameter(1.5, unit="times the other camera's darkest level", source=_LIT)
+    usual: float = parameter(20.0, unit="grey levels above that, which are none", source=_LIT)
+    range: float = parameter(50.0, unit="grey levels, from nothing to a statistic of 1", source=BY_HAND)
+
+
 COLOURED_LIGHT = ColouredLight()
+STRIPED_LIGHT = StripedLight()
+VEILING_LIGHT = VeilingLight()

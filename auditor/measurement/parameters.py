@@ -6,9 +6,9 @@ pixels of it, px those of the full image.
 
 from dataclasses import dataclass
 
-from auditor.measurement.colour_parameters import COLOURED_LIGHT
+from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT, VEILING_LIGHT
 from auditor.measurement.point_parameters import ISOLATED_POINTS, LOST_RETURNS, POINT_DROPOUT
-from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
+from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
@@ -339,6 +339,8 @@ MEASURING = (
     SATURATION,
     LIGHT,
     COLOURED_LIGHT,
+    STRIPED_LIGHT,
+    VEILING_LIGHT,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,
@@ -353,11 +355,6 @@ MEASURING = (
     STORED_RESIDUALS,
 )
 """All that can change a count or a measured statistic."""
-
-
-def measuring_settings() -> str:
-    """The values of MEASURING as canonical JSON."""
-    return canonical_json(*MEASURING)
 
 
 def measuring_digest() -> str:

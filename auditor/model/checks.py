@@ -16,13 +16,15 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are eight.
+    """One kind of statistic of a sensor; there are ten.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
     next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
-    LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return.
+    LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
+    light in some rows that the other cameras do not have. VEILING_LIGHT: the darkest of a camera's image lies far above
+    that of the others'.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -33,6 +35,8 @@ class Check(StrEnum):
     ISOLATED_POINTS = "isolated_points"
     COLOURED_LIGHT = "coloured_light"
     LOST_RETURNS = "lost_returns"
+    STRIPED_LIGHT = "striped_light"
+    VEILING_LIGHT = "veiling_light"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
@@ -47,8 +51,14 @@ CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCON
 IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS})
-"""Those at the end of every list of sensor checks that measurements of earlier versions lack."""
+ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+"""Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
+
+WHOLE_IMAGE_CHECKS = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+"""The checks of a camera by what the whole image of each other camera shows."""
+
+SHARE_CHECKS = LIDAR_CHECKS.union(WHOLE_IMAGE_CHECKS)
+"""Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
 SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
@@ -83,7 +93,7 @@ class SensorCheck(NamedTuple):
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
-        alone = self.check in CAMERA_CHECKS and len(self.others) < FEWEST_VOTERS
+        alone = self.check in (*CAMERA_CHECKS, *WHOLE_IMAGE_CHECKS) and len(self.others) < FEWEST_VOTERS
         return self.needed if alone else (self.sensor,)
 
 
@@ -148,6 +158,12 @@ def sensor_checks_of(
             SensorCheck(Check.LOST_RETURNS, LIDAR, cameras)
             for cameras in _conflict_cameras(conflicts)
             if len(cameras) > FEWEST_VOTERS  # one pair's wrong matches look like a surface
+        ),
+        *(
+            SensorCheck(check, camera, others)
+            for check in WHOLE_IMAGE_CHECKS
+            for camera in sorted(partners)
+            for others in _voters(tuple(sorted(partners[camera])))
         ),
     )
 

@@ -33,7 +33,7 @@ from auditor.model.calibration import (
     prior_calibration,
     read_later,
 )
-from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import LIDAR, Rig
@@ -196,7 +196,7 @@ def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]
     For measurements made before windows or votes were changed. Statistics without cells stay as they were measured.
     """
     sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
-    counted = [column for column, one in enumerate(sensor_checks) if one.check not in LIDAR_CHECKS]
+    counted = [column for column, one in enumerate(sensor_checks) if one.check not in SHARE_CHECKS]
     of_cells = [sensor_checks[column] for column in counted]
     stored = store.load_statistics(measurement)
     statistics, row_of = stored.statistics.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}

@@ -1,12 +1,29 @@
 """The templates in `reports/`, filled: every page escapes all text, and fails where a value is missing."""
 
 from collections.abc import Callable, Mapping
+from types import CodeType
 from typing import Any
 
 import jinja2
 
 from auditor.reporting.page_text import shown_on_page
 from auditor.resources import resource_folder
+
+
+class _Compiled(jinja2.BytecodeCache):
+    """The templates that this process has compiled: that takes longer than to fill one, and a fleet has many pages."""
+
+    def __init__(self) -> None:
+        self._code: dict[tuple[str, str], CodeType | None] = {}
+
+    def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        bucket.code = self._code.get((bucket.key, bucket.checksum))
+
+    def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        self._code[bucket.key, bucket.checksum] = bucket.code
+
+
+_COMPILED = _Compiled()
 
 
 def fill(
@@ -23,6 +40,7 @@ def fill(
         finalize=shown_on_page,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
+        bytecode_cache=_COMPILED,
     )
     environment.filters.update(filters or {})
     environment.tests.update(tests or {})

@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import COLUMNS, rig_sensor_checks
-from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT
+from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.evaluation_tables import CHUNK_FRAMES
 from auditor.store.queries import run_sql
@@ -21,12 +21,15 @@ _KNOWN_BY = (
 _MEASURED = ", ".join(
     ("statistics", "present", "fingerprint", *BRIGHTNESS, "fault_features", "fault_features_after", "returns")
 )
+_EARLIER = f"SELECT evaluation_id FROM evaluations WHERE counting_version < {COUNTING_VERSION}"  # noqa: S608 - a number
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
-WHERE statistics IS NOT NULL
+WHERE statistics IS NOT NULL AND evaluation_id NOT IN ({_EARLIER})
 ORDER BY setup, rig_id, evaluation_id, frame, draw
 """  # noqa: S608 - our own names
-_TOO_OLD = "SELECT DISTINCT evaluation_id FROM cases WHERE statistics IS NULL ORDER BY evaluation_id"
+_TOO_OLD = f"""
+SELECT evaluation_id FROM cases WHERE statistics IS NULL UNION {_EARLIER} ORDER BY evaluation_id
+"""  # noqa: S608 - our own names
 
 Floats = NDArray[np.float64]
 

@@ -245,9 +245,9 @@ def errors_of(table: pa.Table, path: Source, rig: Rig, statistic: Statistic) -> 
 def statistics_of(table: pa.Table, path: Source, rig: Rig) -> FrameStatistics:
     """The statistics of frames that were read from a file. Raises StoreError."""
     F, S, checks = len(table), len(rig.sensors), rig_sensor_checks(rig)
-    before = sum(one.check not in ADDED_LATER for one in checks)
+    earlier = [sum(one.check not in ADDED_LATER[n:] for one in checks) for n in range(len(ADDED_LATER))]
     statistics, unmasked = (
-        _where_kept(table[name], len(checks), path, before) for name in ("statistics", "unmasked_statistics")
+        _where_kept(table[name], len(checks), path, earlier) for name in ("statistics", "unmasked_statistics")
     )
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     returns = _floats(table["returns"], F * S, path).reshape(F, S)
@@ -275,11 +275,11 @@ def _padded(column: pa.ChunkedArray, width: int, before: int, path: Source) -> N
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
-def _where_kept(column: pa.ChunkedArray, width: int, path: Source, before: int = 0) -> NDArray[np.float64]:
-    """(F, width) values of the lists, NaN where NULL and where the whole list is; older lists end at `before`."""
+def _where_kept(column: pa.ChunkedArray, width: int, path: Source, earlier: Sequence[int] = ()) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL and where the whole list is; older ones have `earlier` widths."""
     kept = column.is_valid().to_numpy()
     rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
-    width_stored = before if before and stored == rows * before else width
+    width_stored = next((one for one in earlier if stored == rows * one), width)
     values = np.full((len(column), width), np.nan)
     values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(-1, width_stored)
     return values

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 
 import duckdb
 import pyarrow as pa
@@ -13,6 +14,7 @@ from auditor.store.sql_files import SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
 
 _BATCH_ROWS = 100_000
+_REMEDY = "auditor query lists the views"
 _OUT_OF_MEMORY = "Out of Memory Error"
 """How DuckDB begins what it says there; inside an answer the error's class is Arrow's."""
 
@@ -53,6 +55,7 @@ def run_sql(store: Store, text: str) -> pa.Table:
     It can read the store's finished files and nothing else, and write nothing. Raises QueryError where it is no single
     SELECT, is not allowed, or fails, and StoreError where a file of the store cannot be read.
     """
+    _refuse_but_select(text)
     return _run(store, text, {}, "SQL")
 
 
@@ -65,12 +68,13 @@ def run_sqls(store: Store, texts: Mapping[str, str]) -> dict[str, pa.Table]:
         try:
             return {name: connection.sql(text).to_arrow_table() for name, text in texts.items()}
         except (duckdb.Error, pa.ArrowException) as error:
-            raise QueryError(in_one_line(error), where="SQL", remedy="auditor query lists the views") from error
+            raise QueryError(in_one_line(error), where="SQL", remedy=_REMEDY) from error
 
 
 @contextmanager
 def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.RecordBatchReader]:
     """As `run_sql`, the answer batch by batch, never all of it in memory. Raises also LimitError."""
+    _refuse_but_select(text)
     with _asked(store, text, {}, "SQL", limits) as answer:
         reading = getattr(answer, "to_arrow_reader", None) or answer.fetch_arrow_reader  # its name before DuckDB 1.5
         yield reading(_BATCH_ROWS)
@@ -86,26 +90,39 @@ def _asked(
     store: Store, text: str, values: Mapping[str, Value], where: str, limits: SqlLimits | None = None
 ) -> Iterator[duckdb.DuckDBPyRelation]:
     """One SELECT statement, ready to be run; errors of DuckDB inside the block are ours, in one line."""
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise QueryError("it is not UTF-8", where=where, remedy="auditor query lists the views") from error
     with connected(store, text, limits) as connection:
         try:
-            statements = connection.extract_statements(text)
-            kinds = [_kind(statement) for statement in statements]
-            if kinds != [duckdb.StatementType.SELECT.name]:
-                raise QueryError(
-                    f"only one SELECT statement can be run, not {' and '.join(kinds) or 'nothing'}",
-                    where=where,
-                    remedy="ask one question at a time; nothing can be changed from SQL",
-                )
             connection.execute("BEGIN TRANSACTION READ ONLY")  # DuckDB 2 lets a SELECT hold INSERT, UPDATE and DELETE
             yield connection.sql(text, params=values)
         except (duckdb.Error, pa.ArrowException) as error:  # Arrow's where it cannot hold what DuckDB gives
             if limits is not None and _OUT_OF_MEMORY in str(error):
                 raise limits.out_of_memory() from error
-            raise QueryError(in_one_line(error), where=where, remedy="auditor query lists the views") from error
+            raise QueryError(in_one_line(error), where=where, remedy=_REMEDY) from error
+
+
+@cache
+def _parser() -> duckdb.DuckDBPyConnection:
+    """Reads statements and runs none."""
+    return duckdb.connect()
+
+
+def _refuse_but_select(text: str) -> None:
+    """Raise QueryError for all but one SELECT statement, before any view is made."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise QueryError("it is not UTF-8", where="SQL", remedy=_REMEDY) from error
+    with _parser().cursor() as parser:
+        try:
+            kinds = [_kind(statement) for statement in parser.extract_statements(text)]
+        except duckdb.Error as error:
+            raise QueryError(in_one_line(error), where="SQL", remedy=_REMEDY) from error
+    if kinds != [duckdb.StatementType.SELECT.name]:
+        raise QueryError(
+            f"only one SELECT statement can be run, not {' and '.join(kinds) or 'nothing'}",
+            where="SQL",
+            remedy="ask one question at a time; nothing can be changed from SQL",
+        )
 
 
 def _kind(statement: duckdb.Statement) -> str:

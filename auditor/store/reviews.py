@@ -4,7 +4,8 @@ A review is bound to what stays when an incident is measured or judged anew: rec
 time and the sensors. The views `reviews` and `incidents` find it again.
 """
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, date, datetime
 from enum import StrEnum
@@ -14,7 +15,7 @@ from auditor.errors import StoreError
 from auditor.store.export import rows_of
 from auditor.store.log import Kind, logged
 from auditor.store.log.provenance import user
-from auditor.store.queries import run_query
+from auditor.store.queries import run_query, run_sql
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store
 
@@ -29,6 +30,9 @@ class ReviewVerdict(StrEnum):
 
 EXCUSING = frozenset({ReviewVerdict.FALSE_ALARM, ReviewVerdict.KNOWN})
 """What is said of incidents that nobody has to look at again."""
+
+_ID = re.compile(r"[0-9a-f]{1,32}")
+_NAMED = "SELECT name, incident_id FROM incident_names WHERE {}"
 
 
 @dataclass(frozen=True)
@@ -56,13 +60,32 @@ class Review:
         return content_id("review", {name: str(value) for name, value in values.items()})
 
 
-def incident_called(incidents: Sequence[dict[str, Any]], beginning: str) -> dict[str, Any]:
-    """The one of some rows of the view `incidents` whose id begins so. Raises StoreError unless it is just one."""
+def incident_called(store: Store, incidents: Sequence[dict[str, Any]], beginning: str) -> dict[str, Any]:
+    """The one of the rows of the view `incidents` whose id begins so, or began so before it grew.
+
+    Raises StoreError unless it is just one.
+    """
     found = [row for row in incidents if row["incident_id"].startswith(beginning)]
+    if not found and _ID.fullmatch(beginning):
+        known = set(incidents_named(store, [beginning]).values())
+        found = [row for row in incidents if row["incident_id"] in known]
     if len(found) == 1 and beginning:
         return found[0]
     what = f"{len(found)} incidents have an id that begins so" if found else "the store has no such incident"
     raise StoreError(what, where=beginning, remedy="auditor query incidents lists them with their ids")
+
+
+def incidents_named(store: Store, beginnings: Iterable[str]) -> dict[str, str]:
+    """The ids of the incidents that have, or may have had, a name that begins so, by these names. Raises StoreError."""
+    wanted = " OR ".join(f"starts_with(name, '{one}')" for one in beginnings if _ID.fullmatch(one))
+    return {row["name"]: row["incident_id"] for row in rows_of(run_sql(store, _NAMED.format(wanted or "false")))}
+
+
+def in_words(incident: Mapping[str, Any]) -> str:
+    """What the review in effect says of an incident, a row of the view `incidents`, and whether it has grown since."""
+    seconds, then = incident["seconds"], incident["reviewed_seconds"]
+    grown = f" (it has grown since, from {then:.1f} to {seconds:.1f} s)" if seconds > then else ""
+    return f"reviewed as {incident['review'].replace('-', ' ')}: {incident['review_reason']}{grown}"
 
 
 def review_incident(

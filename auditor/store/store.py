@@ -144,13 +144,14 @@ class Store:
         with logged(self.folder) as entry:
             write_rows(table, self.path(table, row_id), rows, entry.announce)
 
-    def write_page(self, path: Path, content: bytes) -> None:
-        """Put a page in its place; the log says so where that is in the store. Raises StoreError."""
+    def write_page(self, path: Path, text: str) -> Path:
+        """Put a page in its place, and give that; the log says so where it is in the store. Raises StoreError."""
         if path.resolve().is_relative_to(self.folder):
             with logged(self.folder) as entry:
-                write_whole(path.resolve(), content, entry.announce)
+                write_whole(path.resolve(), text.encode(), entry.announce)
         else:
-            write_whole(path, content)
+            write_whole(path, text.encode())
+        return path
 
     def _outputs(self, written: Iterable[Written]) -> list[Row]:
         """Files as the column `outputs` has them."""

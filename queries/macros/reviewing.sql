@@ -7,3 +7,7 @@ CREATE MACRO is_one_incident(recordings, sensors, from_ns, to_ns, other_recordin
     AND list_sort(sensors) = list_sort(other_sensors)
     AND from_ns <= other_to_ns
     AND other_from_ns <= to_ns;
+
+-- The name of an incident that begins with a frame: what it hashes is content, and no verdict.
+CREATE MACRO name_of_incident(recording_id, rig_id, matcher, stamp_ns) AS
+    md5(concat_ws(' ', recording_id, rig_id, matcher, stamp_ns));

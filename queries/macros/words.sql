@@ -8,6 +8,13 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
             THEN coalesce('S_' || i || ' and S_' || k || ' both', 'the cameras') || ' disagree with the LiDAR'
         WHEN 'added_light'
             THEN coalesce('S_' || i || ' or S_' || k || ' alone sees light', 'S_' || i || ' sees light that others do not')
+        WHEN 'striped_light' THEN coalesce(
+            'S_' || i || ' or S_' || k || ' alone has light in some rows', 'S_' || i || ' has light in some rows that others do not'
+        )
+        WHEN 'veiling_light' THEN coalesce(
+            'S_' || i || ' or S_' || k || ' alone has light over its whole image',
+            'S_' || i || ' has light over its whole image that others do not'
+        )
         WHEN 'coloured_light' THEN 'S_' || i || ' sees light of one colour that others do not'
         WHEN 'removed_light'
             THEN coalesce('S_' || i || ' or S_' || k || ' alone lacks light', 'S_' || i || ' lacks light that others see')

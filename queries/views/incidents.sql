@@ -3,7 +3,7 @@
 -- param gap_s DOUBLE = 0.5: Events, or frames by the paper's method, of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
--- column incident_id: Hash of the judgement and the number of its first frame; other parameters make other incidents of an id.
+-- column incident_id: Hash of where it begins: the first recording's content, rig and matcher, and the stamp of its first frame. It stays when the recording is judged or measured anew; a name that it had before it grew is in `incident_names`.
 -- column judgement_id: The judgement of its first frame; the parts have those of the others.
 -- column rig_id: The rig.
 -- column drive_id: The recording that its drive begins with.
@@ -32,6 +32,7 @@
 -- column causes: What else than an attack may lie behind it, in words.
 -- column review: What somebody said of it (auditor review): confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
+-- column reviewed_seconds: How long the incident was when that was said; it may have grown since.
 WITH placed AS (
     SELECT
         measurement.measurement_id,
@@ -176,9 +177,12 @@ shared AS (
     FROM (SELECT *, added / nullif(sum(added) OVER (PARTITION BY line, kind, attacked, run), 0) AS share FROM said)
     GROUP BY ALL
 ),
-found AS (
+told AS (
 SELECT
-    any_value(md5(whole.parts[1].judgement_id || ' ' || whole.parts[1].first_frame)) AS incident_id,
+    any_value(name_of_incident(
+        whole.parts[1].recording_id, incident.rig_id, measurement.matcher, whole.parts[1].from_ns
+    )) AS begins,
+    max(measurement.measured_at) AS measured_at,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
@@ -218,10 +222,21 @@ JOIN whole USING (line, kind, attacked, run)
 LEFT JOIN carried USING (line, kind, attacked, run)
 LEFT JOIN shared USING (line, kind, attacked, run)
 LEFT JOIN rigs AS rig USING (rig_id)
+LEFT JOIN measurements AS measurement ON measurement.measurement_id = incident.measurement_id
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
 LEFT JOIN judgements AS judgement ON judgement.judgement_id = incident.judgement_id
 GROUP BY line, incident.kind, incident.attacked, run
 HAVING bool_or(wanted)
+),
+-- A recording may be measured in several ways, and repeat its stamps: the latest measurement has the plain name.
+found AS (
+    SELECT
+        CASE WHEN place = 1 THEN begins ELSE md5(begins || ' ' || place) END AS incident_id,
+        * EXCLUDE (begins, measured_at, place)
+    FROM (
+        SELECT *, row_number() OVER (PARTITION BY begins ORDER BY measured_at DESC, measurement_id, first_frame) AS place
+        FROM told
+    )
 ),
 last AS (
     SELECT found.incident_id, arg_max(reviews, {moment: reviews.reviewed_at, id: reviews.review_id}) AS review
@@ -236,7 +251,8 @@ last AS (
 SELECT
     found.*,
     CASE WHEN last.review.in_effect THEN last.review.verdict END AS review,
-    CASE WHEN last.review.in_effect THEN last.review.reason END AS review_reason
+    CASE WHEN last.review.in_effect THEN last.review.reason END AS review_reason,
+    CASE WHEN last.review.in_effect THEN (last.review.to_ns - last.review.from_ns) / 1e9 END AS reviewed_seconds
 FROM found
 LEFT JOIN last USING (incident_id)
 ORDER BY name, from_ns, kind, attacked, first_frame

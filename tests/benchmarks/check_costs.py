@@ -97,7 +97,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     timed(
         seconds,
         f"{kind}: lost returns, a pair",
-        lambda: count_lost_returns(view, scanned, maps[1, k], pair, 1),
+        lambda: count_lost_returns(view, scanned, maps[1, k], pair, 1, (half_res[k], half_res[1])),
     )
     places = timed(
         seconds, f"{kind}: places, a pair", lambda: places_of(pair.matches, ImageGrid.of(*half_res[k].shape))

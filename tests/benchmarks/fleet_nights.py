@@ -1,424 +1,354 @@
 r"""Nights of a synthetic fleet that is refreshed, with and without the guard, under attackers of the calibration.
 
-The fleet is synthetic: 20 vehicles of two rig kinds, 8 with four cameras and 12 with three, each of which brings a log
-in 15 % of the nights. The frames of a log are measured ones: a stretch of 4 s of a scene of the BANK, drawn by a
-season that goes from clear and foliage to low sun, wet and dusk. To their log odds are added what the vehicle and the
-drive have of their own, drawn; one vehicle comes back from the workshop with other values. The first 8 nights nobody
-attacks; then a person confirms the version in force, and nobody looks at anything any more. An attacked log has
-what an attack raises on measured frames: the log odds of an attacked frame of ATTACKED less those of the same frame
-clean. What is in force at the end is tried on all of ATTACKED: how many attacks it finds, against what it finds after
-the same nights without an attacker. `unguarded` is a calibration of the last logs, as many, whatever they show.
+The fleet is that of `fleet_bank`: 20 vehicles of two rig kinds, 90 nights, a season, a visit to a workshop, a camera
+that turns. The first 8 nights nobody attacks; then a person confirms the version in force, and nobody looks at anything
+any more. What is in force at the end is tried on all of ATTACKED: how many attacks it finds, against what it finds
+after the same nights without an attacker. `unguarded` is a calibration of the last logs, as many, whatever they show.
 
     python -m tests.benchmarks.clean_statistics --into BANK --streets 21 --first 9000 --frames 100
     python -m tests.benchmarks.clean_statistics --into ATTACKED --streets 42 --first 5000 --frames 8 \
         --attacked --every 8
-    python -m tests.benchmarks.fleet_nights BANK --attacked ATTACKED [--nights 68] [--seeds 3] [--only NAME...]
+    python -m tests.benchmarks.turned_streets --into TURNED
+    python -m tests.benchmarks.fleet_nights --bank BANK --attacked ATTACKED --turned TURNED --kept FOLDER \
+        [--seeds 0 1 2] [--only NAME...]
 
-Prints a row a scenario. Intervals are 95 %, of detection over the streets of ATTACKED.
+What became of each attacker, seed and rig kind is kept in FOLDER, and is not drawn again. Prints a row an attacker, of
+all that is kept. Intervals are 95 %: of detection and of false promotions over fleets (a seed of a rig kind) or over
+streets, of logs Wilson's.
 """
 
 import argparse
-import sys
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import pickle
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, datetime
 from decimal import Decimal
-from functools import cache, partial
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.cross_validation import thresholds_of, wilson
-from auditor.identification.prior import OFFSET, log_odds, prior_of_check
+from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.refresh_parameters import INFLUENCE
 from auditor.identification.refreshing import influence
-from auditor.identification.refreshing.clustered import difference_of
-from auditor.model.arrays import Floats
+from auditor.identification.refreshing.clustered import difference_of, share_of
+from auditor.identification.refreshing.drives import Drive, Folds, Shown, shown_by
+from auditor.identification.robust import FrameSeries, findings_alone
+from auditor.identification.scores import CleanDrives, for_clean_drive
+from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
-from auditor.model.checks import SensorCheck
-from auditor.model.rig import LIDAR, Rig
-from auditor.model.verdict import FINDINGS
-from auditor.pipeline.judge import system_of
+from auditor.model.measurement import Procedure
+from auditor.model.rig_kind import RigKind
+from auditor.pipeline.refreshing import choosing, learning
 from auditor.pipeline.refreshing.choosing import Known
-from auditor.pipeline.refreshing.learning import learn
+from auditor.pipeline.refreshing.learning import Learnt, learn
 from auditor.pipeline.refreshing.night import waiting_after
-from auditor.pipeline.refreshing.pool import Group, Log
+from auditor.pipeline.refreshing.pool import Group
 from auditor.store import make_calibration
-from auditor.store.versions.decisions import Decided
+from auditor.store.records import content_id
+from auditor.store.versions.decisions import Decided, Decision
 from auditor.store.versions.history import History, How, Move
-from auditor.store.versions.records import UsedRecording
-from tests.benchmarks.rates import clean_frames, judge_scene
-from tests.benchmarks.scenes import Scene, load
+from tests.benchmarks.fleet_bank import (
+    ATTACKERS,
+    BEGINS,
+    NIGHTS,
+    TURNING,
+    TURNS,
+    VEHICLES,
+    Attacker,
+    Bank,
+    Fleet,
+    Made,
+    bank_of,
+    system_of,
+)
+from tests.benchmarks.intervals import wilson_percent
+from tests.benchmarks.rates import clean_frames, frames_of
+from tests.benchmarks.scenes import Scene
 from tests.making.stores import PROCEDURE
 
 R = Decimal("0.01")
-VEHICLES = {4: 8, 3: 12}
-"""By how many cameras."""
-A_LOG = 0.15
-FRAMES = 40
-MOST = 40
-"""Logs of a calibration: fewer than the program takes, so that a run takes minutes."""
-NAMED = 8
-"""Logs of the first day that a person named clean."""
-FIRST_DAY = date(2026, 7, 1)
-EARLY, LATE = ("clear", "foliage", "overcast"), ("low sun", "wet", "dusk", "overcast")
-OF_VEHICLE, OF_DRIVE = 0.2, 0.1
-"""Deviations of what a vehicle and a drive have of their own, in the prior's deviations between drives."""
-MILD, STRONG = ("R 75 mild", "wall 1 m"), ("R 75 opaque", "paper's facula", "wall 2.5 m")
+MOST = 24
+"""Logs of a calibration beside those that were named: fewer than the program takes, so that a run takes minutes."""
+AGAIN = 7
+"""Nights after which a log of the version in force is judged by the others again; the program does so every night."""
+DAY_NS = 86_400 * 10**9
 NOW = datetime(2026, 7, 1, tzinfo=UTC)
-
-Shift = Mapping[SensorCheck, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Bank:
-    """The clean scenes, what attacks raise by name and sensor, and the scenes that versions are tried on."""
-
-    clean: Sequence[Scene]
-    shifts: Mapping[tuple[str, int], Sequence[Shift]]
-    tried: Sequence[Scene]
-
-
-@dataclass(frozen=True)
-class Made:
-    """A log of a night; `attacked` says whether somebody attacked it."""
-
-    log: Log
-    night: int
-    attacked: bool
-
-
-@dataclass(frozen=True)
-class Told:
-    """What an attacker is told of a log: the night and vehicle, the night's share, and draws."""
-
-    night: int
-    vehicle: int
-    rng: np.random.Generator
-
-
-@dataclass(frozen=True)
-class Attack:
-    """What is done to a log: attacks of these names at a `scale`, on a share of its frames; `sensor` None is drawn."""
-
-    names: Sequence[str]
-    scale: float = 1.0
-    frames: float = 0.4
-    sensor: int | None = None
-
-
-Attacker = Callable[[Told], Attack | None]
-
-
-def contaminated(share: float, names: Sequence[str]) -> Attacker:
-    """Attacks a share of the logs, each for 40 % of its frames."""
-    return lambda told: Attack(names) if told.rng.random() < share else None
-
-
-def creeps(share: float) -> Attacker:
-    """A share of the logs, all frames, one camera: 1 % of a strong attack more each night."""
-
-    def attacks(told: Told) -> Attack | None:
-        if told.rng.random() >= share:
-            return None
-        return Attack(("R 75 opaque",), (told.night - BEGINS) / 100, 1.0, 2)
-
-    return attacks
-
-
-def owns(names: Sequence[str], frames: float) -> Attacker:
-    """All logs of one vehicle."""
-    return lambda told: Attack(names, 1.0, frames, 2) if told.vehicle == 0 else None
-
-
-def floods(told: Told) -> Attack | None:
-    """All logs of one vehicle in the middle night, of which there are forty more then."""
-    return Attack(MILD, 1.0, 1.0, 2) if told.vehicle == 0 and told.night == FLOOD else None
-
-
-BEGINS, FLOOD, WORKSHOP = 8, 38, 45
-"""The nights of the first attack, of a flood, and of a visit to the workshop."""
-SCENARIOS: Mapping[str, Attacker | None] = {
-    "nobody": None,
-    "creeps 1 % a night in a fifth of logs": creeps(0.2),
-    "creeps 1 % a night in all logs": creeps(1.0),
-    "owns a vehicle, all frames mild": owns(("R 75 mild",), 1.0),
-    "20 % of logs, mild": contaminated(0.2, MILD),
-    "20 % of logs, strong": contaminated(0.2, STRONG),
-    "floods a day with forty logs, mild": floods,
-    "owns a vehicle, 40 % of frames strong": owns(("R 75 opaque",), 0.4),
-    "5 % of logs, mild": contaminated(0.05, MILD),
-    "5 % of logs, strong": contaminated(0.05, STRONG),
-    "1 % of logs, mild": contaminated(0.01, MILD),
-    "1 % of logs, strong": contaminated(0.01, STRONG),
-}
-
-
-def bank_of(clean: Sequence[Path], attacked: Sequence[Path]) -> Bank:
-    """Read the scenes of some folders."""
-    tried = [scene for folder in attacked for scene in load(folder)]
-    shifts: dict[tuple[str, int], list[Shift]] = defaultdict(list)
-    for scene in tried:
-        checks = system_of(scene.rig).sensor_checks
-        usual = {case.frame: log_odds(case.statistics) for case in scene.cases if not case.attack}
-        for case in scene.cases:
-            if len(case.attacked) == 1:
-                raised = np.nan_to_num(log_odds(case.statistics) - usual[case.frame])
-                shifts[case.attack, case.attacked[0]].append(dict(zip(checks, raised.tolist(), strict=True)))
-    return Bank([scene for folder in clean for scene in load(folder)], shifts, tried)
-
-
-class Fleet:
-    """The logs of all nights of the vehicles of one rig kind."""
-
-    def __init__(self, bank: Bank, cameras: int, nights: int, seed: int) -> None:
-        self._bank, self._nights, self._seed = bank, nights, seed
-        rigs = [replace(one.rig, cameras=one.rig.cameras[:cameras]) for one in bank.clean]
-        self.rig: Rig = rigs[0]
-        self.system = system_of(self.rig)
-        self.vehicles = VEHICLES[cameras]
-        self._frames = [clean_frames(scene, system_of(rig)) for scene, rig in zip(bank.clean, rigs, strict=True)]
-        self._odds = [{c: log_odds(v) for c, v in one.statistics.items()} for one in self._frames]
-        rng = np.random.default_rng((seed, cameras))
-        self._own = {vehicle: self._draw(rng, OF_VEHICLE) for vehicle in range(self.vehicles)}
-        self._after = {1: self._draw(rng, OF_VEHICLE)}
-
-    def night(self, number: int, attacker: Attacker | None) -> list[Made]:
-        """The logs of one night; the same for each attacker but for what he does."""
-        rng, made = np.random.default_rng((self._seed, self.vehicles, number)), []
-        bringing = [one for one in range(self.vehicles) if rng.random() < A_LOG or number == 0]
-        more = 40 * (attacker is floods and number == FLOOD)
-        for place, vehicle in enumerate([*bringing, *(0,) * more]):
-            own = np.random.default_rng((self._seed, self.vehicles, number, place))
-            told = Told(number, vehicle, np.random.default_rng((self._seed, self.vehicles, number, place, 1)))
-            attack = attacker(told) if attacker and number >= BEGINS else None
-            made.append(self._made(number, place, vehicle, own, attack))
-        return made
-
-    def _made(self, night: int, place: int, vehicle: int, rng: np.random.Generator, attack: Attack | None) -> Made:
-        late = night / max(self._nights - 1, 1)
-        weights = np.array([_weight(scene.family.partition(", ")[2], late) for scene in self._bank.clean])
-        scene = int(rng.choice(len(weights), p=weights / weights.sum()))
-        start = int(rng.integers(0, self._frames[scene].frames - FRAMES + 1))
-        own = self._after.get(vehicle, {}) if night >= WORKSHOP else {}
-        own, drive = own or self._own[vehicle], self._draw(rng, OF_DRIVE)
-        raised = self._raised(attack, rng)
-        name = f"{self.vehicles}-{night}-{place}{'x' * (attack is not None)}"
-        log = Log(
-            UsedRecording(name, name, name, f"v{vehicle}", FIRST_DAY + timedelta(days=night), False, "", FRAMES),
-            cache(partial(self._clean, name, scene, slice(start, start + FRAMES), night, (own, drive), raised)),
-            named=night == 0 and place < NAMED,
-            labelled=True,
-        )
-        return Made(log, night, attack is not None)
-
-    def _clean(
-        self,
-        name: str,
-        scene: int,
-        part: slice,
-        night: int,
-        offsets: Sequence[Shift],
-        raised: Mapping[SensorCheck, Floats],
-    ) -> CleanFrames:
-        source = self._frames[scene]
-        statistics = {}
-        for check, odds in self._odds[scene].items():
-            changed = odds[part] + sum(one[check] for one in offsets) + raised.get(check, 0.0)
-            share = 1 / (1 + np.exp(-changed))
-            statistics[check] = np.clip(share * (1 + 2 * OFFSET) - OFFSET, 0, 1)
-        start_ns = night * 86_400 * 10**9
-        stamps = source.stamps_ns[part] - source.stamps_ns[part.start] + start_ns
-        strengths = {cause: values[part] for cause, values in source.strengths.items()}
-        return CleanFrames(name, stamps, {}, statistics, strengths)
-
-    def _raised(self, attack: Attack | None, rng: np.random.Generator) -> dict[SensorCheck, Floats]:
-        """By check and frame what an attack adds to the log odds."""
-        if attack is None:
-            return {}
-        known = [(name, sensor) for name, sensor in self._bank.shifts if name in attack.names]
-        known = [one for one in known if one[1] in self.rig.sensors and attack.sensor in (None, one[1])]
-        if not known:  # walls have no camera, faculas no LiDAR
-            known = [one for one in self._bank.shifts if one[0] in attack.names and one[1] == LIDAR]
-        shifts = self._bank.shifts[known[int(rng.integers(len(known)))]]
-        shift, where = shifts[int(rng.integers(len(shifts)))], np.zeros(FRAMES)
-        count = round(attack.frames * FRAMES)
-        first = int(rng.integers(0, FRAMES - count + 1))
-        where[first : first + count] = attack.scale
-        return {check: shift[check] * where for check in self.system.sensor_checks}
-
-    def _draw(self, rng: np.random.Generator, deviations: float) -> dict[SensorCheck, float]:
-        return {c: rng.normal(0, deviations * prior_of_check(c).between) for c in self.system.sensor_checks}
 
 
 @dataclass
 class Outcome:
-    """What became of a scenario in one seed: nights by what was decided, and logs by what became of them."""
+    """What became of a fleet: nights by what was decided, and logs by what became of them."""
 
-    decided: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    decided: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
     false_promotions: int = 0
+    false_unguarded: int = 0
+    since: int = 0
+    """Nights since the first attacked log, those with an attacked log in force, guarded and not."""
     attacked: int = 0
     attacked_waiting: int = 0
     attacked_in_force: int = 0
     in_force: int = 0
     clean: int = 0
     clean_waiting: int = 0
+    turned: int = 0
+    turned_in_force: int = 0
     begun: int | None = None
     alarm: int | None = None
-    seen: int | None = None
-    """The first nights with an attacked log, with a held or refused candidate, and with an attacked log that waits."""
+    """The first nights with an attacked log, and with one that waits or a candidate that is held or refused."""
     found: tuple[Sequence[int], Sequence[int], Sequence[int]] = ((), (), ())
     """By street: attacks found by the version in force, by the unguarded calibration, and all."""
-    reasons: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    creep: float = 0.0
 
 
-def nights_of(bank: Bank, cameras: int, nights: int, seed: int, attacker: Attacker | None) -> Outcome:
+class Again:
+    """Judges logs by the others: new ones every time, those of before in one of some nights, to save time.
+
+    Else they show what they did when they were judged last.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[Shown, int]] = {}
+
+    def shown_by_others(self, drives: Sequence[Drive], system: System, r: Decimal) -> list[Shown]:
+        """As the program's function of this name."""
+        tonight = max(drive.clean.stamps_ns[0] for drive in drives) // DAY_NS
+        folds = Folds([drive.source for drive in drives])
+        every = CleanDrives([drive.clean for drive in drives], system.sensor_checks)
+        thresholds = cache(lambda key: every.thresholds(system.judged_together, r, used=used[key]))
+        used, found = {}, []
+        for place, drive in enumerate(drives):
+            name = drive.source.recording_id
+            shown, judged = self._known.get(name, (None, 0))
+            if shown is None or tonight - judged in (0, *range(AGAIN, 99)):
+                used[folds.of(place)] = np.isin(np.arange(len(drives)), folds.others(place))
+                shown = shown_by(drive.clean, system, thresholds(folds.of(place)))
+                self._known[name] = shown, tonight
+            found.append(shown)
+        return found
+
+
+class Nights:
+    """A fleet that is refreshed every night."""
+
+    def __init__(self, fleet: Fleet, known_nights: dict[tuple[str, ...], Learnt]) -> None:
+        self.fleet, self._known_nights = fleet, known_nights
+        self.group = Group(History(fleet.rig.kind, PROCEDURE), fleet.rig)
+        self.known, self.every = Known(), list[Made]()
+        self._last: tuple[object, Learnt] | None = None
+
+    @property
+    def attacked(self) -> set[str]:
+        """The recordings that somebody attacked."""
+        return {one.log.used.recording_id for one in self.every if one.attacked}
+
+    def refresh(self, night: int, new: Sequence[Made]) -> Decision:
+        """One refresh; the version in force is that of `known`."""
+        self.every += new
+        logs = [*self.group.logs, *(made.log for made in new if night or made.log.named)]
+        self.group = replace(self.group, logs=logs)
+        learnt = self._learn()
+        decision = learnt.decision
+        if decision.decided is Decided.PROMOTED and learnt.calibration is not None:
+            how, history = How.REFRESHED if night else How.PROMOTED, self.group.history
+            moves = (*history.moves, Move(learnt.calibration.calibration_id, how, NOW))
+            self.group = replace(self.group, history=replace(history, moves=moves))
+            confirmed = self.known.confirmed or learnt.calibration
+            self.known = replace(self.known, parent=learnt.calibration, confirmed=confirmed, before=decision.included)
+        waiting = {one.recording_id: one for one in waiting_after(decision, self.known.waiting, NOW)}
+        self.known = replace(self.known, waiting=waiting)
+        return decision
+
+    def _learn(self) -> Learnt:
+        """What the program decides; known where all is as it was last night, or as in a fleet that nobody attacks."""
+        parent = self.known.parent.calibration_id if self.known.parent else ""
+        confirmed = self.known.confirmed.calibration_id if self.known.confirmed else ""
+        key = (parent, confirmed, *(log.used.recording_id for log in self.group.logs), "", *sorted(self.known.waiting))
+        if key not in self._known_nights:
+            self._known_nights[key] = learn(self.group, self.known, [], R)
+        return self._known_nights[key]
+
+
+@lru_cache(8)
+def _known_thresholds(clean: tuple[CleanFrames, ...], system: System, r: Decimal) -> RobustThresholds:
+    return thresholds_of(clean, system, r)
+
+
+def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
+    """As the program's, which are the same for one version in two nights."""
+    return _known_thresholds(tuple(clean), system, r)
+
+
+def _calibration(kind: RigKind, procedure: Procedure, clean: Sequence[CleanFrames]) -> Calibration:
+    """A calibration whose id is that of the names of its logs: hashing all their frames takes long."""
+    names = sorted(one.recording_id for one in clean)
+    return Calibration(content_id("calibration", *names), kind, procedure, tuple(clean))
+
+
+def nights_of(
+    bank: Bank, fleet: Fleet, nights: int, attacker: Attacker | None, known: dict[tuple[str, ...], Learnt]
+) -> Outcome:
     """Refresh a fleet for some nights."""
     influence.INFLUENCE = replace(INFLUENCE, most_drives=MOST)  # type: ignore[attr-defined]
-    fleet, outcome = Fleet(bank, cameras, nights, seed), Outcome()
-    group = Group(History(fleet.rig.kind, PROCEDURE), fleet.rig)
-    known, every, in_force = Known(), list[Made](), None
+    learning.system_of = system_of  # type: ignore[attr-defined]
+    choosing.shown_by_others = Again().shown_by_others  # type: ignore[attr-defined]
+    choosing.thresholds_of = learning.thresholds_of = _thresholds  # type: ignore[attr-defined, assignment]
+    learning.make_calibration = _calibration  # type: ignore[attr-defined, assignment]
+    run, outcome = Nights(fleet, known), Outcome()
     for night in range(nights):
         if night == BEGINS:
-            known = replace(known, confirmed=in_force)
-        new = fleet.night(night, attacker)
-        every += new
-        logs = [*group.logs, *(made.log for made in new if night or made.log.named)]
-        group = replace(group, logs=logs)
-        learnt = learn(group, known, [], R)
-        decision, attacked = learnt.decision, {one.log.used.recording_id for one in every if one.attacked}
-        if attacked and outcome.begun is None:
-            outcome.begun = night
+            run.known = replace(run.known, confirmed=run.known.parent)
+        decision = run.refresh(night, fleet.night(night, attacker))
+        attacked = run.attacked
         outcome.decided[decision.decided.value] += 1
         if decision.decided in (Decided.HELD, Decided.REFUSED):
             outcome.reasons[decision.reasons[0][:60]] += 1
-            if outcome.alarm is None and outcome.begun is not None:
-                outcome.alarm = night
-        if decision.decided is Decided.PROMOTED and learnt.calibration is not None:
-            in_force = learnt.calibration
-            how = How.REFRESHED if night else How.PROMOTED
-            moves = (*group.history.moves, Move(in_force.calibration_id, how, NOW))
-            group = replace(group, history=replace(group.history, moves=moves))
-            known = replace(known, parent=in_force, confirmed=known.confirmed or in_force, before=decision.included)
-            outcome.false_promotions += bool(attacked & set(in_force.recordings))
-        waiting = {one.recording_id: one for one in waiting_after(decision, known.waiting, NOW)}
-        known = replace(known, waiting=waiting)
-        if outcome.seen is None and attacked & waiting.keys():
-            outcome.seen = night
+        if not attacked:
+            continue
+        outcome.since += 1
+        outcome.begun = night if outcome.begun is None else outcome.begun
+        assert run.known.parent is not None
+        outcome.false_promotions += bool(attacked & set(run.known.parent.recordings))
+        outcome.false_unguarded += any(made.attacked for made in run.every[-MOST:])
+        doubted = decision.decided in (Decided.HELD, Decided.REFUSED) or attacked & run.known.waiting.keys()
+        if outcome.alarm is None and doubted:
+            outcome.alarm = night
+    return _ended(bank, run, outcome, decision)
+
+
+def _ended(bank: Bank, run: Nights, outcome: Outcome, last: Decision) -> Outcome:
+    """The outcome with what is in force at the end."""
+    in_force, waiting, attacked = run.known.parent, run.known.waiting.keys(), run.attacked
     assert in_force is not None
-    outcome.attacked, outcome.clean = len(attacked), len(every) - len(attacked)
-    outcome.attacked_waiting = len(attacked & waiting.keys())
-    outcome.clean_waiting = len(waiting.keys() - attacked)
-    outcome.attacked_in_force, outcome.in_force = len(attacked & set(in_force.recordings)), len(in_force.recordings)
-    naive = make_calibration(fleet.rig.kind, PROCEDURE, [made.log.frames() for made in every[-MOST:]])
-    outcome.found = _tried(bank, fleet, in_force, naive)
+    learnt_from = set(in_force.recordings)
+    turned = {
+        made.log.used.recording_id
+        for made in run.every
+        if (run.fleet.vehicles, made.log.used.vehicle) == (VEHICLES[3], f"v{TURNING}") and made.night >= TURNS
+    }
+    outcome.turned, outcome.turned_in_force = len(turned), len(turned & learnt_from)
+    outcome.attacked, outcome.clean = len(attacked), len(run.every) - len(attacked | turned)
+    outcome.attacked_waiting = len(attacked & waiting)
+    outcome.clean_waiting = len(waiting - attacked - turned)
+    outcome.attacked_in_force, outcome.in_force = len(attacked & learnt_from), len(learnt_from)
+    outcome.creep = last.creep or 0.0
+    fleet, r = run.fleet, R
+    naive = make_calibration(fleet.rig.kind, PROCEDURE, [made.log.frames() for made in run.every[-MOST:]])
+    guarded, unguarded = (thresholds_of(one.clean, fleet.system, r) for one in (in_force, naive))
+    cases = [
+        sum(bool(c.attack) and set(c.attacked) <= set(fleet.system.sensors) for c in one.cases) for one in bank.tried
+    ]
+    after, naively = ([_found(scene, fleet.system, one) for scene in bank.tried] for one in (guarded, unguarded))
+    outcome.found = after, naively, cases
     return outcome
 
 
-def _tried(
-    bank: Bank, fleet: Fleet, guarded: Calibration, unguarded: Calibration
-) -> tuple[list[int], list[int], list[int]]:
-    """By street: attacks that both find, and all."""
-    found: tuple[list[int], list[int], list[int]] = ([], [], [])
-    thresholds = [thresholds_of(one.clean, fleet.system, R) for one in (guarded, unguarded)]
-    for scene in bank.tried:
-        for count, one in zip(found, thresholds, strict=False):
-            count.append(_found(scene, fleet, one))
-        found[2].append(sum(bool(c.attack) and set(c.attacked) <= set(fleet.system.sensors) for c in scene.cases))
-    return found
+def _found(scene: Scene, system: System, thresholds: RobustThresholds) -> int:
+    """How many attacks on a scene are found, each frame by itself in the drive of the clean ones."""
+    own, attacked = _tried(scene, system)
+    return int(
+        np.count_nonzero(findings_alone(attacked, system, for_clean_drive(thresholds, system.sensor_checks, own)))
+    )
 
 
-def _found(scene: Scene, fleet: Fleet, thresholds: RobustThresholds) -> int:
-    judged = judge_scene(scene, fleet.system, thresholds, None)
-    return sum(one.robust.kind in FINDINGS for one in judged if one.case.attack)
+@cache
+def _tried(scene: Scene, system: System) -> tuple[CleanFrames, FrameSeries]:
+    """The clean frames of a scene, and its attacked ones, each a run of its own."""
+    attacked = [one for one in scene.cases if one.attack and set(one.attacked) <= set(system.sensors)]
+    statistics = frames_of(scene, system, attacked).statistics_of(system.sensor_checks)
+    number, here = np.arange(len(attacked)), np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
+    return clean_frames(scene, system), FrameSeries(number * 10**9, number, statistics, here, ~here, {}, {})
 
 
-def _weight(condition: str, late: float) -> float:
-    return 0.05 + (1 - late) * (condition in EARLY) + late * (condition in LATE)
+def _lost(some: Mapping[tuple[int, int], Outcome], usual: Mapping[tuple[int, int], Outcome], which: int) -> str:
+    """The share of attacks that are no longer found, against the guarded fleet of nobody; intervals over streets."""
+    lost, cases = Counter[int](), Counter[int]()
+    for key, after in some.items():
+        before = usual[key]
+        for street, of in enumerate(before.found[2]):
+            lost[street] += before.found[0][street] - after.found[which][street]
+            cases[street] += of
+    return str(difference_of([lost[one] for one in sorted(cases)], [cases[one] for one in sorted(cases)]))
 
 
-def _lost(some: Sequence[Outcome], usual: Sequence[Outcome], which: int) -> str:
-    """The share of attacks that are no longer found, against the guarded fleet of nobody."""
-    lost = [
-        sum(before.found[0][street] - after.found[which][street] for before, after in zip(usual, some, strict=True))
-        for street in range(len(usual[0].found[2]))
-    ]
-    cases = [sum(one.found[2][street] for one in usual) for street in range(len(usual[0].found[2]))]
-    return str(difference_of(lost, cases))
-
-
-def row(name: str, some: Sequence[Outcome], usual: Sequence[Outcome]) -> str:
-    """A row of the table: all seeds together."""
+def row(name: str, some: Mapping[tuple[int, int], Outcome], usual: Mapping[tuple[int, int], Outcome]) -> str:
+    """A row of the table: all seeds and rig kinds together."""
+    outcomes = list(some.values())
 
     def total(of: str) -> int:
-        return sum(getattr(one, of) for one in some)
+        return sum(getattr(one, of) for one in outcomes)
 
-    nights = sum(sum(one.decided.values()) for one in some)
-    decided = [sum(one.decided[which] for one in some) for which in ("promoted", "held", "refused")]
-    delays = [
-        str(min(one.seen if one.seen is not None else 999, one.alarm if one.alarm is not None else 999) - one.begun)
-        for one in some
-        if one.begun is not None and (one.seen is not None or one.alarm is not None)
-    ]
-    low, high = wilson(total("clean_waiting"), total("clean"))
+    def nights(of: str) -> str:
+        return str(share_of([getattr(one, of) for one in outcomes], [one.since for one in outcomes]))
+
+    decided = sum((one.decided for one in outcomes), Counter())
+    delays = [one.alarm - one.begun for one in outcomes if one.alarm is not None and one.begun is not None]
+    begun = sum(one.begun is not None for one in outcomes)
+    low, high = wilson_percent(total("clean_waiting"), total("clean"))
+    caught = wilson_percent(total("attacked_waiting"), total("attacked"))
     cells = [
         name,
-        f"{decided[0]} of {nights}",
-        f"{decided[1]} / {decided[2]}",
-        str(total("false_promotions")),
+        f"{decided['promoted']} / {decided['held']} / {decided['refused']} of {sum(decided.values())}",
+        f"{nights('false_promotions')}; {nights('false_unguarded')}" if begun else "-",
         f"{total('attacked_in_force')} of {total('in_force')}",
-        f"{total('attacked_waiting')} of {total('attacked')}",
-        f"{total('clean_waiting')} of {total('clean')} ({100 * low:.1f} to {100 * high:.1f} %)",
-        ", ".join(delays) or "-",
+        f"{total('attacked_waiting')} of {total('attacked')} ({caught[0]:.0f} to {caught[1]:.0f} %)",
+        f"{total('clean_waiting')} of {total('clean')} ({low:.1f} to {high:.1f} %)",
+        f"{sorted(delays)[len(delays) // 2]} ({min(delays)} to {max(delays)}), {len(delays)} of {begun}"
+        if delays
+        else "-",
         _lost(some, usual, 0),
         _lost(some, usual, 1),
+        f"{total('turned_in_force')} of {total('turned')}",
     ]
     return f"| {' | '.join(cells)} |"
 
 
 HEAD = (
-    "| attacker | nights promoted | held / refused | promoted with an attacked log | attacked logs in force at the end "
-    "| attacked logs that wait | clean logs that wait | nights to the first alarm | attacks lost | unguarded |"
+    "| attacker | promoted / held / refused | nights with an attacked log in force; unguarded "
+    "| attacked logs in force at the end | attacked logs that wait | clean logs that wait "
+    "| nights to the first alarm: median (range), fleets | attacks lost | unguarded | turned logs in force |"
 )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("bank", type=Path, nargs="+")
-    parser.add_argument("--attacked", type=Path, nargs="+", required=True)
-    parser.add_argument("--nights", type=int, default=68)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--cameras", type=int, nargs="+", default=[3])
-    parser.add_argument("--only", nargs="+", choices=SCENARIOS)
+    parser.add_argument("--bank", type=Path, required=True)
+    parser.add_argument("--attacked", type=Path, required=True)
+    parser.add_argument("--turned", type=Path, required=True)
+    parser.add_argument("--kept", type=Path, required=True)
+    parser.add_argument("--nights", type=int, default=NIGHTS)
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2])
+    parser.add_argument("--only", nargs="+", choices=ATTACKERS)
     options = parser.parse_args()
-    names = options.only or list(SCENARIOS)
-    names = [name for name in SCENARIOS if name in names or name == "nobody"]
-    print(HEAD, "|---" * HEAD.count(" | ") + "|---|", sep="\n")
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for cameras in options.cameras:
-            bring = partial(_of_seed, options.bank, options.attacked, cameras, options.nights)
-            found = {name: [pool.submit(bring, seed, name) for seed in range(options.seeds)] for name in names}
-            usual = [one.result() for one in found["nobody"]]
-            for name, some in found.items():
-                outcomes = [one.result() for one in some]
-                print(
-                    row(name if cameras == min(VEHICLES) else f"{name} ({cameras} cameras)", outcomes, usual),
-                    flush=True,
-                )
-                for outcome in outcomes:
-                    print(f"  {dict(outcome.decided)} {dict(outcome.reasons)}", file=sys.stderr, flush=True)
+    options.kept.mkdir(parents=True, exist_ok=True)
+    bank = bank_of(options.bank, options.attacked, options.turned)
+    for seed in options.seeds:
+        for cameras in VEHICLES:
+            fleet, known = Fleet(bank, cameras, options.nights, seed), dict[tuple[str, ...], Learnt]()
+            for name in options.only or ATTACKERS:
+                path = options.kept / f"{name}, {cameras} cameras, {seed}.pickle"
+                if not path.exists():
+                    shared = dict(known)
+                    outcome = nights_of(bank, fleet, options.nights, ATTACKERS[name], shared)
+                    known = shared if ATTACKERS[name] is None else known
+                    path.write_bytes(pickle.dumps(outcome))
+                    print(path.stem, dict(outcome.decided), dict(outcome.reasons), flush=True)
+    print(HEAD, "|---" * (HEAD.count(" | ") + 1) + "|", sep="\n")
+    usual = _kept(options.kept, "nobody")
+    for name in ATTACKERS:
+        if some := _kept(options.kept, name):
+            print(row(name, some, usual))
 
 
-_bank = cache(bank_of)
-
-
-def _of_seed(
-    bank: Sequence[Path], attacked: Sequence[Path], cameras: int, nights: int, seed: int, name: str
-) -> Outcome:
-    return nights_of(_bank(tuple(bank), tuple(attacked)), cameras, nights, seed, SCENARIOS[name])
+def _kept(folder: Path, name: str) -> dict[tuple[int, int], Outcome]:
+    """What became of an attacker, by seed and rig kind."""
+    found = {}
+    for path in sorted(folder.glob(f"{name}, ? cameras, *.pickle")):
+        _, cameras, seed = path.stem.rsplit(", ", 2)
+        found[int(seed), int(cameras[0])] = pickle.loads(path.read_bytes())
+    return found
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays, rig: Ri
         half_res = arrays.views[k], arrays.views[j]
         points = verify_conflicts(views[k], arrays.maps[j, k], checks.consistencies[j, k], rig, j, half_res)
         cells[CountedPair(Check.LIDAR_CONFLICT, j, k, LIDAR)] = cells_of_points(points, views[k])
-        lost = count_lost_returns(views[k], scanned[k], arrays.maps[j, k], checks.consistencies[j, k], j)
+        lost = count_lost_returns(views[k], scanned[k], arrays.maps[j, k], checks.consistencies[j, k], j, half_res)
         cells[CountedPair(Check.LOST_RETURNS, j, k, LIDAR)] = lost
     for k, view in views.items():
         camera = rig.camera(k)

@@ -10,7 +10,8 @@ frames as much as half of all kinds, the share of each set in that being taken f
 With --judge the scenes of those folders are judged by the curves that were fitted (those of one NAME alone where scenes
 of it were left out), with three and with four cameras: of the frames that are findings at r = 1 %, by attack, how many
 are named with at least the least probability, rightly and wrongly; then the expected calibration error and Brier
-scores, of all and of the families that have enough names.
+scores, of all and of the families that have enough names. Beside them stand the Brier scores of a constant and of the
+margin, by how much z the named sensors lead, each mapped to how often that was right in the other families.
 """
 
 import argparse
@@ -20,13 +21,21 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
 from auditor.identification import evidence_parameters, likelihood, parameters
 from auditor.identification.algorithm2 import FEWEST_COMPARED
-from auditor.identification.likelihood import AttackSet, attack_sets, explained, log_likelihood_ratios, posteriors
+from auditor.identification.likelihood import (
+    AttackSet,
+    attack_sets,
+    explained,
+    log_likelihood_ratios,
+    of_sensor,
+    posteriors,
+)
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import effective_size
 from auditor.identification.scores import for_drive, normalised_scores
@@ -198,58 +207,104 @@ def fit(designs: Sequence[Design]) -> evidence_parameters.Likelihood:
     )
 
 
-def judged(frames: Sequence[Scored]) -> Iterator[tuple[Scored, float, AttackSet]]:
-    """Of each frame the likeliest set of sensors, and its probability, 0 where it is no finding."""
+class Named(NamedTuple):
+    """A frame's likeliest set of sensors: its probability, 0 where it is no finding, and its margin (z)."""
+
+    frames: Scored
+    p: float
+    best: AttackSet
+    margin: float
+
+    @property
+    def right(self) -> bool:
+        """Whether these sensors are attacked, and no others."""
+        return self.best == self.frames.attacked
+
+
+def judged(frames: Sequence[Scored]) -> Iterator[Named]:
+    """What each frame is named."""
     for one in frames:
         sets = attack_sets(one.system, NOBODY, one.system.sensors)
         findings = attack_scores(one.z, one.system, [NOBODY] * len(one.z)) > one.limit
         ratios = log_likelihood_ratios(one.z, one.system, NOBODY, sets)
         chances = posteriors(ratios, sets, len(one.system.sensors))
-        for finding, row in zip(findings, chances, strict=True):
+        for z, finding, row in zip(one.z, findings, chances, strict=True):
             best = 1 + int(np.argmax(row[1:]))
-            yield one, float(row[best]) if finding else 0.0, sets[best]
+            yield Named(one, float(row[best]) if finding else 0.0, sets[best], margin(z, one, sets[best]))
+
+
+def margin(z: Floats, one: Scored, named: AttackSet) -> float:
+    """By how much the strongest sensor's z exceeds that of the next which is not named, or the limit."""
+    own = {s: np.nanmax(z[of_sensor(one.system, NOBODY, s)], initial=-np.inf) for s in one.system.sensors}
+    return float(max(own.values()) - max([one.limit, *(value for s, value in own.items() if s not in named)]))
+
+
+def by_margin(found: Sequence[Named]) -> Floats:
+    """(N,) how often names of such a margin were right in the other families, never falling with it."""
+    margins, right = np.array([one.margin for one in found]), np.array([one.right for one in found], dtype=np.float64)
+    families = np.array([one.frames.scene.family for one in found])
+    chances = np.full(len(found), right.mean())
+    for family in set(families.tolist()):
+        here = families == family
+        if not here.all():
+            starts, shares = ascending(margins[~here], right[~here])
+            chances[here] = shares[np.maximum(np.searchsorted(starts, margins[here], side="right") - 1, 0)]
+    return chances
+
+
+def ascending(at: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The steps of the regression of values on `at` that never falls (pool adjacent violators): starts and levels."""
+    blocks: list[list[float]] = []
+    for place in np.argsort(at, kind="stable"):
+        blocks.append([float(at[place]), float(values[place]), 1.0])
+        while len(blocks) > 1 and blocks[-2][1] * blocks[-1][2] >= blocks[-1][1] * blocks[-2][2]:
+            _, total, count = blocks.pop()
+            blocks[-1][1:] = blocks[-1][1] + total, blocks[-1][2] + count
+    return np.array([start for start, _, _ in blocks]), np.array([total / count for _, total, count in blocks])
 
 
 def report(frames: Sequence[Scored], least: float) -> Iterator[str]:
     """By attack the shares found, named rightly and wrongly; then how true the probabilities of findings are."""
     found = list(judged(frames))
     for attack in dict.fromkeys(one.attack for one in frames):
-        those = [(p, best == one.attacked) for one, p, best in found if one.attack == attack]
+        those = [one for one in found if one.frames.attack == attack]
         counts = {
-            "found": sum(p > 0 for p, _ in those),
-            "named": sum(p >= least and right for p, right in those),
-            "wrongly": sum(p >= least and not right for p, right in those),
-            "with 90 %": sum(p >= SURE and right for p, right in those),
+            "found": sum(one.p > 0 for one in those),
+            "named": sum(one.p >= least and one.right for one in those),
+            "wrongly": sum(one.p >= least and not one.right for one in those),
+            "with 90 %": sum(one.p >= SURE and one.right for one in those),
         }
         shares = ", ".join(f"{name} {100 * k / len(those):.1f} %" for name, k in counts.items())
         yield f"  {attack or 'clean'} ({len(those)}): {shares}"
-    known = [(one, p, best == one.attacked) for one, p, best in found if p > 0 and len(one.attacked) <= _most(one)]
+    known = [one for one in found if one.p > 0 and len(one.frames.attacked) <= _most(one.frames)]
     groups = defaultdict(list)
-    for one, p, right in known:
-        if p >= least:
-            family = one.scene.family
-            groups["all names"].append((p, right))
-            groups[family.partition(", ")[2] or family].append((p, right))
-        groups["all findings"].append((p, right))
-    for name, those in groups.items():
-        if len(those) >= FEWEST_NAMES:
-            yield f"  {name}: {truth(*(np.array(column) for column in zip(*those, strict=True)))}"
+    for one, chance in zip(known, by_margin(known), strict=True):
+        row = one.p, one.right, chance
+        if one.p >= least:
+            family = one.frames.scene.family
+            groups["all names"].append(row)
+            groups[family.partition(", ")[2] or family].append(row)
+        groups["all findings"].append(row)
+    for name, rows in groups.items():
+        if len(rows) >= FEWEST_NAMES:
+            yield f"  {name}: {truth(*(np.array(column) for column in zip(*rows, strict=True)))}"
 
 
 def _most(one: Scored) -> int:
     return len(one.system.sensors) - FEWEST_COMPARED
 
 
-def truth(p: Floats, right: Floats) -> str:
-    """The expected calibration error of names, their Brier score beside a constant's, and those of 90 % and more."""
+def truth(p: Floats, right: Floats, of_margin: Floats) -> str:
+    """The expected calibration error of names, their Brier score beside others, and those of 90 % and more."""
     places = np.minimum((p * BINS).astype(int), BINS - 1)
     error = sum(
         abs(p[places == b].mean() - right[places == b].mean()) * (places == b).mean() for b in np.unique(places)
     )
     share, sure = right.mean(), p >= 0.9
+    own, others = (np.mean((forecast - right) ** 2) for forecast in (p, of_margin))
     return (
-        f"{len(p)}, {100 * share:.1f} % right; expected calibration error {error:.3f}, Brier score"
-        f" {np.mean((p - right) ** 2):.4f}, a constant's {share * (1 - share):.4f}; of {sure.sum()} with 90 % or more"
+        f"{len(p)}, {100 * share:.1f} % right; expected calibration error {error:.3f}, Brier score {own:.4f}, a"
+        f" constant's {share * (1 - share):.4f}, the margin's {others:.4f}; of {sure.sum()} with 90 % or more"
         f" {100 * right[sure].mean():.1f} % right"
     )
 

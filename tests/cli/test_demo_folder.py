@@ -1,5 +1,6 @@
 """A demo removes what an earlier one made, and nothing else."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -20,11 +21,10 @@ def _renders_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("auditor.cli.verbs.demo._record", stop)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def left_behind(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a demo leaves behind, one that was killed too."""
-    folder = tmp_path / "demo"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("demo")
     for take in (take for takes in fleet(folder) for take in takes if take.file.suffix != ".db3"):
         take.file.touch()
     write_drive(folder / "cedar_day.db3", count=1)
@@ -40,6 +40,12 @@ def folder(tmp_path: Path) -> Path:
     render_incident_report(store, out=folder / "audit" / "reports" / "incident.html")
     render_fleet_report(store, out=folder / "audit" / "reports")
     return folder
+
+
+@pytest.fixture
+def folder(left_behind: Path, tmp_path: Path) -> Path:
+    """The same in a folder of the test's own."""
+    return shutil.copytree(left_behind, tmp_path / "demo")
 
 
 def demo(folder: Path, capfd: pytest.CaptureFixture[str]) -> str:

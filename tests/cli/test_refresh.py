@@ -189,7 +189,14 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
         add_drive(store, f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
     answer = audit("refresh")
     assert (answer.code, kind_of(answer)["decided"]) == (4, "refused")
-    assert "look at them first" in kind_of(answer)["reasons"][0]
+    kind = kind_of(answer)
+    assert "more than 50%" in kind["reasons"][0]
+    quarantine, label, _ = kind["to_do"]
+    assert quarantine["command"] == f"auditor calibration quarantine --store {audit.store}"
+    assert f"  {quarantine['what']}: {quarantine['command']}" in answer.err
+    page = Page((audit.store / "reports" / "refresh.html").read_text())
+    assert label["command"] in page.text
+    assert run(label["command"].split()[1:]) == 0, "the command is one that runs"
 
 
 def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_night, audit_of, monkeypatch):

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 
-from auditor.identification.algorithm2 import allowed_attack_sets, disagreements
+from auditor.identification.algorithm2 import disagreements
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
 
@@ -15,6 +16,12 @@ def state_vector(errors: Sequence[float], thresholds: Thresholds, triples: Seque
         theta = thresholds.theta.get(triple)
         states.append("-" if theta is None or math.isnan(E) else "1" if E > theta else "0")  # noqa: SIM300
     return "".join(states)
+
+
+def allowed_attack_sets(sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
+    """The attacks that N sensors can tell apart: no sensor, then one, up to N - 3 of them."""
+    system = sorted(sensors)
+    return tuple(attacked for size in range(max(len(system) - 3, 0) + 1) for attacked in combinations(system, size))
 
 
 def explaining_sets(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:

@@ -2,9 +2,9 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import Identification, allowed_attack_sets, codeword, identify
+from auditor.identification.algorithm2 import Identification, codeword, identify
 from auditor.model.rig import triples_of
-from tests.identification.definitions import explaining_sets
+from tests.identification.definitions import allowed_attack_sets, explaining_sets
 
 CAMERAS = range(3, 8)
 

@@ -392,6 +392,13 @@ def test_light_of_one_colour_is_no_dirt_and_no_exposure():
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
 
 
+def test_light_in_rows_is_no_dirt_and_no_exposure():
+    assert of_lens({1: DIRT._replace(whole=2.4), 2: DIRT._replace(whole=2.5)}) == ((Cause.SOILED, 1, 1.0),)
+    toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
+    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, whole=6.0)
+    assert weigh(verdict(check="striped_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.ATTACKED
+
+
 SATURATED = Seen(added=1.99, removed=0.0, inconsistent=9.0, darker=0.5)
 BRIGHTER = Seen(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
 
@@ -437,8 +444,10 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
             [("removed_light", 1), ("added_light", 2), ("lidar_conflict", 0)],
         )
     )
-    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12, 0)}
-    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12, 0)
+    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {
+        1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12, 0, 0)
+    }
+    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12, 0, 0)
     assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4:6]).all(), "it was measured before light was kept"
     without_3 = replace(alone, out_of_system=(3,))
     assert seen_of(without_3, z, statistics, SYSTEM, {})[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from auditor.errors import ThresholdsError
-from auditor.identification.algorithm2 import allowed_attack_sets, codeword, without
+from auditor.identification.algorithm2 import codeword, without
 from auditor.identification.paper import judge, judge_frames
 from auditor.model.calibration import Thresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple, triples_of
 from auditor.model.verdict import VerdictKind
-from tests.identification.definitions import explaining_sets, state_vector
+from tests.identification.definitions import allowed_attack_sets, explaining_sets, state_vector
 
 N3 = triples_of(3, lidar=True)
 N4 = triples_of(4, lidar=True)

@@ -13,6 +13,7 @@ from auditor.identification.prior import (
     joint_limit,
     log_odds,
     of_drive,
+    own_level,
     prior_of_cause,
     prior_of_check,
     statistic_at,
@@ -213,7 +214,7 @@ def threshold_of(one, limit=3.5):
 
 
 def test_a_quiet_drive_has_a_mean_of_its_own_and_lower_thresholds():
-    own = of_drive(EXPECTED, drive(-2.6), 3.5)
+    own = of_drive(EXPECTED, own_level(drive(-2.6)), 3.5)
     assert own.mean == pytest.approx(-2.6, abs=0.02)
     assert EXPECTED.within < own.deviation < EXPECTED.deviation
     assert threshold_of(own) < threshold_of(EXPECTED) - 0.5
@@ -221,23 +222,25 @@ def test_a_quiet_drive_has_a_mean_of_its_own_and_lower_thresholds():
 
 @pytest.mark.parametrize("mean", [-1.0, 0.0, 3.0])
 def test_no_drive_raises_a_threshold_by_its_own_frames(mean):
-    assert threshold_of(of_drive(EXPECTED, drive(mean), 3.5)) == pytest.approx(threshold_of(EXPECTED))
+    assert threshold_of(of_drive(EXPECTED, own_level(drive(mean)), 3.5)) == pytest.approx(threshold_of(EXPECTED))
 
 
 def test_a_few_attacked_frames_hardly_move_what_is_expected_of_their_drive():
     frames = drive(-2.6)
     attacked = np.where(np.arange(400) % 5 == 0, 4.0, frames)
-    assert of_drive(EXPECTED, attacked, 3.5).mean == pytest.approx(of_drive(EXPECTED, frames, 3.5).mean, abs=0.15)
+    assert of_drive(EXPECTED, own_level(attacked), 3.5).mean == pytest.approx(
+        of_drive(EXPECTED, own_level(frames), 3.5).mean, abs=0.15
+    )
 
 
 def test_more_frames_say_more_of_a_drive_and_none_say_all():
-    deviations = [of_drive(EXPECTED, drive(-2.6, n), 3.5).deviation for n in (1, 4, 40, 4000)]
+    deviations = [of_drive(EXPECTED, own_level(drive(-2.6, n)), 3.5).deviation for n in (1, 4, 40, 4000)]
     assert deviations == sorted(deviations, reverse=True)
     between = EXPECTED.deviation**2 - EXPECTED.within**2
     assert deviations[-1] ** 2 > EXPECTED.within**2 + (1 - HIERARCHY.most_learnt) * between
 
 
 def test_a_drive_without_measured_frames_and_a_rate_without_limit_expect_what_they_did():
-    assert of_drive(EXPECTED, np.full(5, NAN), 3.5) == EXPECTED
-    assert of_drive(EXPECTED, np.zeros(0), 3.5) == EXPECTED
-    assert of_drive(EXPECTED, drive(-2.6), -math.inf) == EXPECTED
+    assert of_drive(EXPECTED, own_level(np.full(5, NAN)), 3.5) == EXPECTED
+    assert of_drive(EXPECTED, own_level(np.zeros(0)), 3.5) == EXPECTED
+    assert of_drive(EXPECTED, own_level(drive(-2.6)), -math.inf) == EXPECTED

@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.cross_validation import leave_one_out_robust, thresholds_of
+from auditor.identification.cross_validation import as_scanned, leave_one_out_robust, thresholds_of
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import difference_of, share_of
@@ -16,7 +16,10 @@ from auditor.identification.refreshing.drives import Drive, Folds, Shown, Source
 from auditor.identification.refreshing.gate import Compared, compared, doubts, planted_found, worse
 from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
+from auditor.identification.robust import findings_alone, judge_frames
 from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import WHOLE_IMAGE_CHECKS
+from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import system_of
 from tests.making.stores import PERIOD_NS, PROCEDURE, make_rig
 
@@ -36,12 +39,13 @@ def drawn(
     frames: float = 1.0,
     between: float = 0.3,
 ) -> Drive:
-    """A drive as the prior expects it; `raised` log odds are added to a share of its frames, in every check."""
+    """A drive as the prior expects it; `raised` log odds are added to a share of its frames, in checks that vary."""
     rng, statistics = np.random.default_rng(seed), {}
     hit = np.arange(FRAMES) < frames * FRAMES
     for check in SYSTEM.sensor_checks:
         prior = prior_of_check(check)
-        odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES) + raised * hit
+        odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES)
+        odds += raised * hit * (check.check not in WHOLE_IMAGE_CHECKS)
         statistics[check] = np.array([statistic_at(one) for one in odds])
     source = Source(f"r{seed}", vehicle or f"v{seed}", DAY + timedelta(days=day))
     return Drive(source, CleanFrames(f"r{seed}", np.arange(FRAMES) * PERIOD_NS, {}, statistics, {}))
@@ -181,3 +185,12 @@ def test_each_is_judged_by_others_once_whatever_their_number(fleet: list[Drive])
     shown = shown_by_others(fleet, SYSTEM, R)
     assert [one.frames for one in shown] == [FRAMES] * 24
     assert not [one for one in shown if one.raised(R)]
+
+
+def test_a_drive_without_a_finding_shows_what_judging_each_frame_would_show(fleet: list[Drive]) -> None:
+    thresholds = thresholds_of([one.clean for one in fleet[4:]], SYSTEM, R)
+    for one in (*fleet[:4], drawn(95, raised=3.0, frames=0.2)):
+        series, own = as_scanned(one.clean, thresholds, SYSTEM)
+        finding = [verdict.kind in FINDINGS for verdict in judge_frames(series, SYSTEM, own)]
+        assert findings_alone(series, SYSTEM, own).tolist() == finding
+        assert shown_by(one.clean, SYSTEM, thresholds).findings == sum(finding)

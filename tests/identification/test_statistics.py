@@ -172,6 +172,26 @@ def test_two_voters_must_have_compared_a_window_and_the_others_need_not():
     assert by_three((0, 0, 0)) is None
 
 
+def beside_colours(others, seen_by_grey):
+    """Of grey S_1 by grey S_3 and by S_2 and S_4, which have colours; S_3 compares the patch as far as told."""
+    counted = {
+        of(Check.PHOTOMETRIC_INCONSISTENCY, 1, other, 1): cells(
+            seen, patch(12, columns=slice(0, 8)) * (np.asarray(seen) > 0)
+        )
+        for other, seen in ((2, FULL), (3, seen_by_grey), (4, FULL))
+    }
+    counted[of(Check.COLOURED_LIGHT, 2, 4, 2)] = cells(FULL, 0)
+    return sensor_statistics([SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, others)], counted, {})[0]
+
+
+def test_of_voters_of_both_kinds_one_of_the_sensors_own_must_have_compared_a_window():
+    elsewhere = patch(FULL, rows=slice(0, 12), columns=slice(13, 16))
+    assert beside_colours((2, 3, 4), FULL) == pytest.approx(mean(12))
+    assert beside_colours((2, 3, 4), elsewhere) == 0, "plants differ to both cameras with colours"
+    assert beside_colours((2, 3, 4), 0) is None
+    assert beside_colours((2, 4), 0) == pytest.approx(mean(12)), "no other grey camera votes"
+
+
 def test_a_check_is_measured_only_where_all_its_voters_were_there():
     counted = {of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1): cells(FULL, patch(12))}
     checks = [SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, others) for others in ((2, 3), (2,), (3,))]
@@ -207,6 +227,13 @@ def test_light_of_one_colour_is_the_mean_of_the_voters_that_have_colours():
     assert coloured((2, 3, 4), 12, 4, -4) == pytest.approx(mean(2))
     assert coloured((3, 4), 12) is None, "neither of them has colours"
     assert coloured((2, 3, 4), -12) == 0, "S_2 has it"
+
+
+def test_light_in_rows_is_the_least_of_what_its_voters_say():
+    shares = {SensorCheck(Check.STRIPED_LIGHT, 1, (other,)): share for other, share in ((2, 0.4), (3, 0.1))}
+    checks = [SensorCheck(Check.STRIPED_LIGHT, 1, others) for others in ((2, 3), (2,), (2, 4))]
+    assert sensor_statistics(checks, {}, shares) == (0.1, 0.4, None)
+    assert checks[1].nameable == (1, 2), "which of two cameras has light in half of its rows nobody knows"
 
 
 def test_light_of_one_colour_names_its_camera_by_one_voter():

@@ -3,10 +3,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.identification.systems import System, measured_triples
-from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, IMAGE_CHECKS, LIDAR_CHECKS, Check, sensor_checks_of
+from auditor.model.checks import (
+    CAMERA_CHECKS,
+    DIRECTION_CHECKS,
+    LIDAR_CHECKS,
+    WHOLE_IMAGE_CHECKS,
+    Check,
+    sensor_checks_of,
+)
 from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
+
+OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS)
+"""The checks of a camera by other cameras."""
 
 
 def system(cameras, *, lidar=True, views=None, fallback=None):
@@ -29,19 +39,19 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
     one = system(4)
     assert subjects(counting(one)) == {
         *((check, 0, (1, 2, 3, 4)) for check in DIRECTION_CHECKS),
-        *((check, n, tuple(m for m in range(1, 5) if m != n)) for check in IMAGE_CHECKS for n in range(1, 5)),
+        *((check, n, tuple(m for m in range(1, 5) if m != n)) for check in OF_CAMERAS for n in range(1, 5)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
     assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
-        "and the six pairs; light of one colour and lost returns do not count"
+        "and the six pairs; light of one colour, in rows or over all of an image, and lost returns do not count"
     )
 
 
 def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
     assert subjects(counting(system(4), 2)) == {
         *((check, 0, (1, 3, 4)) for check in DIRECTION_CHECKS),
-        *((check, n, tuple(m for m in (1, 3, 4) if m != n)) for check in IMAGE_CHECKS for n in (1, 3, 4)),
+        *((check, n, tuple(m for m in (1, 3, 4) if m != n)) for check in OF_CAMERAS for n in (1, 3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
@@ -51,7 +61,7 @@ def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
     found = counting(system(4), 1, 2)
     assert subjects(found) == {
         (Check.LIDAR_CONFLICT, 0, (3, 4)),
-        *((check, n, (7 - n,)) for check in IMAGE_CHECKS for n in (3, 4)),
+        *((check, n, (7 - n,)) for check in OF_CAMERAS for n in (3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
@@ -59,7 +69,7 @@ def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
 
 
 def test_without_the_lidar_none_of_its_checks_count():
-    assert {check.check for check in counting(system(3), 0)} == set(IMAGE_CHECKS)
+    assert {check.check for check in counting(system(3), 0)} == set(OF_CAMERAS)
     assert subjects(counting(system(3), 0)) == subjects(counting(system(3, lidar=False)))
 
 

@@ -26,13 +26,13 @@ def gradient():
 
 @pytest.mark.parametrize(("colour", "channel"), COLOURS.items())
 def test_a_laser_of_one_colour_falls_into_one_channel(colour, channel):
-    shown = ColouredFacula(colour, 100, 10, 45, 30).apply(image()).pixels
+    shown = ColouredFacula(100, 10, 45, 30, colour).apply(image()).pixels
     assert shown[30, 45, channel] == 150
     assert (np.delete(shown, channel, axis=2) == 50).all()
 
 
 def test_a_grey_camera_records_the_share_of_the_colour():
-    shown = [ColouredFacula(colour, 100, 10, 45, 30).apply(image(colour=False)).pixels.max() for colour in COLOURS]
+    shown = [ColouredFacula(100, 10, 45, 30, colour).apply(image(colour=False)).pixels.max() for colour in COLOURS]
     assert shown == [50 + 11, 50 + 59, 50 + 30]
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from auditor.cli import run
+from auditor.store import Store, run_sql
+from auditor.store.export import encode
 
 Printed = Callable[[], tuple[bytes, bytes]]
 DEFECTS = ("Traceback", "defect of auditor", "auditor failed on it", "RuntimeWarning")
@@ -41,7 +43,13 @@ class Audit:
         return Answer(code, out, err.decode())
 
     def scan(self, *recordings: Path, how: tuple[str, ...] = ()) -> Answer:
-        return self("scan", *recordings, *how)
+        """A scan without pictures, for which the recording would be read again in a process of its own."""
+        return self("scan", *recordings, "--pictures", "none", *how)
 
     def ask(self, sql: str) -> Any:
-        return self("query", "--sql", sql, "--format", "json").rows
+        return ask(self.store, sql)
+
+
+def ask(store: Path, sql: str) -> Any:
+    """The rows of an answer as they are printed, without the process that the SQL of users is run in."""
+    return json.loads(encode(run_sql(Store.open(store), sql), "json"))

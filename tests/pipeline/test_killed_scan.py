@@ -22,10 +22,11 @@ KILLS = 3
 def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     """A store with thresholds, and three recordings of which one is attacked."""
     folder = tmp_path_factory.mktemp("night")
+    small = {"count": 6, "seed": 1, "positions_m": (0.6, 0.3, 0.0)}
     drives = [
-        write_drive(folder / "one.mcap", count=8, seed=1),
-        write_drive(folder / "two.mcap", count=8, seed=1, start_ns=START_NS + MINUTE_NS, attacked={1: range(2, 6)}),
-        write_drive(folder / "three.bag", count=8, seed=1, start_ns=START_NS + 2 * MINUTE_NS),
+        write_drive(folder / "one.mcap", **small),
+        write_drive(folder / "two.mcap", **small, start_ns=START_NS + MINUTE_NS, attacked={1: range(1, 6)}),
+        write_drive(folder / "three.bag", **small, start_ns=START_NS + 2 * MINUTE_NS),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
     for table in set(TABLES) - {"calibrations", "calibration_history"}:

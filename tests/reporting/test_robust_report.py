@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.model.checks import Check, SensorCheck
+from auditor.model.checks import DIRECTION_CHECKS, LIDAR_CHECKS, Check, SensorCheck
 from auditor.model.verdict import Evidence
 from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render
@@ -36,6 +36,8 @@ def test_an_incident_tells_its_evidence_by_sensor_and_check_with_z_and_the_limit
         ("coloured_light", 1, None, 10),
         ("photometric_inconsistency", 1, None, 10),
         ("removed_light", 1, None, 10),
+        ("striped_light", 1, None, 10),
+        ("veiling_light", 1, None, 10),
     ]
     limit = part_of(store).provenance.limit
     assert all(limit < line.mean <= line.largest + 1e-9 <= 12 for line in incident.checks)
@@ -73,7 +75,7 @@ def test_thresholds_say_how_many_drives_they_were_learnt_from(store):
     assert "false-alarm rate of a frame" in words
     assert "resolvable" not in words
     assert {(line.check, line.sensor, line.others) for line in by.checks if line.sensor == 1} == {
-        (check, 1, (2, 3)) for check in ("added_light", "removed_light", "photometric_inconsistency", "coloured_light")
+        (check, 1, (2, 3)) for check in Check if check not in {*LIDAR_CHECKS, *DIRECTION_CHECKS}
     }
     assert all(0 < line.expected < line.theta <= 1 and line.samples == 60 for line in by.checks)
 

@@ -6,11 +6,12 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import allowed_attack_sets, codeword, disagreements, identify
+from auditor.identification.algorithm2 import codeword, disagreements, identify
 from auditor.identification.cross_validation import wilson
 from auditor.identification.thresholds import resolvable, threshold
 from auditor.model.rig import triples_of
 from auditor.store.connection import connected
+from tests.identification.definitions import allowed_attack_sets
 
 TRIPLE = "STRUCT(i TINYINT, j TINYINT, k TINYINT)[]"
 

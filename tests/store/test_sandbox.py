@@ -4,7 +4,7 @@ import pytest
 
 from auditor.errors import QueryError, StoreError
 from auditor.store.export import encode
-from auditor.store.queries import run_query, run_sql
+from auditor.store.queries import run_query, run_sql, run_sqls
 from auditor.store.schema import TABLES
 from auditor.store.sql_files import views
 from auditor.store.store import Store
@@ -24,8 +24,8 @@ def everything_under(folder):
 
 
 def test_the_views_answer(store):
-    for view in views():
-        assert run_sql(store, f"SELECT count(*) AS n FROM {view}").num_rows == 1
+    counts = run_sqls(store, {view: f"SELECT count(*) AS n FROM {view}" for view in views()})
+    assert {count.num_rows for count in counts.values()} == {1}
     assert run_sql(store, "WITH x AS (FROM verdicts) SELECT kind FROM x WHERE frame = 1;").to_pylist() == [
         {"kind": "attacked"}
     ]
@@ -83,7 +83,7 @@ def test_everything_else_is_refused_and_nothing_is_written(store, tmp_path, text
     secret = tmp_path / "secret.txt"
     secret.write_text("secret")
     inside = store.folder / "frames" / "x.parquet"
-    pq.write_table(run_sql(store, "SELECT 1 AS x"), inside)
+    pq.write_table(pa.table({"x": [1]}), inside)
     before = everything_under(tmp_path)
     with pytest.raises(QueryError) as caught:
         run_sql(store, text.format(out=tmp_path / "out.parquet", inside=inside, secret=secret))

@@ -10,6 +10,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.output import answer
+from auditor.cli.values import SENSOR, FiniteRange
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -32,9 +33,7 @@ _EITHER = ("delayed", "frozen")
 @click.command("attack", short_help="A compromised copy with its ground truth.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
-@click.option(
-    "--on", "sensors", type=options.SENSOR, multiple=True, required=True, help="Sensor to attack; may be repeated."
-)
+@click.option("--on", "sensors", type=SENSOR, multiple=True, required=True, help="Sensor to attack; may be repeated.")
 @click.option(
     "--kind",
     type=click.Choice((*_KINDS, *_LIDAR_KINDS, *_EITHER)),
@@ -42,7 +41,7 @@ _EITHER = ("delayed", "frozen")
 )
 @click.option(
     "--size",
-    type=options.FiniteRange(min=0),
+    type=FiniteRange(min=0),
     help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
     "(grey levels), share of the rows that the shutter's stripes light, height of what is projected (px of such an "
     "image), blur (px), electromagnetic stripes (number), range of a far wall or of an object that is removed "

@@ -8,6 +8,7 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import reading, refuse_altered
 from auditor.cli.output import answer, say
+from auditor.cli.values import FiniteRange
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--zip", "zipped", is_flag=True, help="Write the folder as a zip beside it, too.")
 @click.option(
     "--seconds",
-    type=options.FiniteRange(min=0, max=3600),
+    type=FiniteRange(min=0, max=3600),
     default=2.0,
     show_default=True,
     help="How much before and after the incident belongs to it.",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import options
+from auditor.cli import judging_options, options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
@@ -24,7 +24,8 @@ _MADE = re.compile(
     r"""\.auditor-demo
     | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
     | audit/(
-        store\.json | log/[\w.-]+\.jsonl | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
+        store\.json | log/[\w.-]+\.jsonl | \w+/[0-9a-f]{8,64}\.parquet
+        | pictures/[0-9a-f]{8,64}/\d+_S\d+(\.\w+)?\.(jpg|png)
         | reports/(incident|evaluation|index|incidents/[0-9a-f]{32})\.html
     )
     """,
@@ -37,7 +38,7 @@ _USUAL_R = Decimal("0.01")
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
-@options.method_option
+@judging_options.method_option
 @options.jobs_option
 def command(folder: Path, method: str, jobs: int) -> int:
     """Make a small fleet, attack three of its drives, audit them all, and write their pages.
@@ -51,6 +52,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.model.pictures import Pictures  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.demo import fleet  # noqa: PLC0415
@@ -62,6 +64,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
         find_batch,
         judge_all,
     )
+    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
     from auditor.reporting import render_fleet_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
@@ -81,7 +84,13 @@ def command(folder: Path, method: str, jobs: int) -> int:
         audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
         r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
         judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)
-        show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
+        judged = show_judging(
+            judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally
+        )
+        found = [one.measurement_id for one in judged if one.found]
+        for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, measuring.limits, jobs):
+            if pictured.remark:
+                say(f"{pictured.recording}: {pictured.remark}")
         show_audit(kept, "table", tally, {one.recording_id for one in audited})
         exact = _compare(kept, suspected)
         page = render_fleet_report(kept, out=store / "reports")

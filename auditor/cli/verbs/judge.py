@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from auditor.cli import options
+from auditor.cli import judging_options, options
 from auditor.cli.logged import logged
 from auditor.cli.output import audit_format_option
 
@@ -14,8 +14,8 @@ from auditor.cli.output import audit_format_option
 @click.command("judge", short_help="Verdicts again, without recordings.")
 @click.argument("place", metavar="[STORE]", required=False, type=click.Path(path_type=Path))
 @options.store_option
-@options.recount_option
-@options.judging_options
+@judging_options.recount_option
+@judging_options.judging_options
 @options.policy_option
 @audit_format_option
 def command(place: Path | None, store: Path, policy: Path | None, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library

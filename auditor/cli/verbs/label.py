@@ -9,6 +9,7 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import logged
 from auditor.cli.output import print_rows, say
+from auditor.cli.values import SENSOR
 
 if TYPE_CHECKING:
     from auditor.store import Store
@@ -19,7 +20,7 @@ _NS_PER_S = 10**9
 
 @click.command("label", short_help="Ground truth for attacks made elsewhere.")
 @click.argument("recording")
-@click.option("--sensor", type=options.SENSOR, help="The sensor that was attacked.")
+@click.option("--sensor", type=SENSOR, help="The sensor that was attacked.")
 @click.option("--topic", help="The topic whose data was attacked, in place of --sensor.")
 @click.option("--attack", metavar="NAME", help="What the attack was, in your own words.")
 @click.option("--from", "first", metavar="WHEN", help="When it begins.  [default: with the recording]")

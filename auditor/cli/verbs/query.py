@@ -11,6 +11,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import reading, tell_altered
 from auditor.cli.output import answer, emit, format_option, say
+from auditor.cli.values import FiniteRange
 from auditor.errors import QueryError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 @click.option("--describe", is_flag=True, help="Say what the query answers, its parameters and columns; views too.")
 @click.option(
     "--time-limit",
-    type=options.FiniteRange(min=0, min_open=True),
+    type=FiniteRange(min=0, min_open=True),
     default=300,
     show_default=True,
     metavar="SECONDS",
@@ -49,7 +50,7 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 )
 @click.option(
     "--memory-limit",
-    type=options.FiniteRange(min=0, min_open=True),
+    type=FiniteRange(min=0, min_open=True),
     default=4096,
     show_default=True,
     metavar="MB",

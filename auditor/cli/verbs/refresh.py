@@ -11,6 +11,7 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
+from auditor.cli.values import RATE
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
 @click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=click.Path(path_type=Path))
 @options.store_option
 @click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
-@click.option(
-    "-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r that recordings are judged at."
-)
+@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r that recordings are judged at.")
 @click.option("--metrics", type=click.Path(path_type=Path), help="Also write metrics for Prometheus to this file.")
 @click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
 @options.measuring_options
@@ -63,6 +62,7 @@ def command(
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
+    from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
 
     if clean and not sources:
         raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")
@@ -88,6 +88,8 @@ def command(
             write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
+        for step in next_steps(one, kept.folder):
+            say(f"  {step.what}: {step.command}")
     answer(json_line(found))
     return exit_code(found)
 

@@ -66,7 +66,7 @@ def _review(store: "Store", beginning: str, verdict: str, reason: str, until: da
     from auditor.store.reviews import ReviewVerdict, incident_called, review_incident  # noqa: PLC0415
 
     with logged(store.folder):
-        row = incident_called(rows_of(run_query(store, "incidents", {})), beginning)
+        row = incident_called(store, rows_of(run_query(store, "incidents", {})), beginning)
         review_incident(store, row, ReviewVerdict(verdict), reason, until)
     sensors = " + ".join(row["attacked_names"]) or "no sensor named"
     answer(f"{row['incident_id']}: {row['name']}, {sensors}: {verdict}{f' until {until}' if until else ''}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli import options
+from auditor.cli import judging_options, options
 from auditor.cli.logged import logged
 from auditor.cli.output import audit_format_option, say
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.command("scan", short_help="Audit recordings: the main job.")
 @options.recordings_argument
 @options.store_option
-@options.judging_options
+@judging_options.judging_options
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
 @options.measuring_options
 @options.policy_option

@@ -20,7 +20,16 @@ from auditor.identification.parameters import (
 from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import COLUMNS, DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.checks import (
+    COLUMNS,
+    DIRECTION_CHECKS,
+    FEWEST_VOTERS,
+    LIDAR_CHECKS,
+    WHOLE_IMAGE_CHECKS,
+    Check,
+    Pair,
+    relative_excess,
+)
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
@@ -337,7 +346,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT})
+        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from math import nan
 from typing import NamedTuple
 
+import numpy as np
+
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
-from auditor.model.checks import CAMERA_CHECKS, Check
+from auditor.model.checks import CAMERA_CHECKS, WHOLE_IMAGE_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
@@ -17,7 +19,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted.
+    where no other colour camera voted; `whole` the larger of light in rows and over the whole image, NaN where neither
+    was measured.
     """
 
     added: float
@@ -27,11 +30,12 @@ class Seen(NamedTuple):
     lit_px: float = nan
     saturated_px: float = nan
     coloured: float = nan
+    whole: float = nan
 
     @property
-    def of_one_colour(self) -> bool:
-        """Whether light of one colour was added: no dirt, glare or exposure has one."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured
+    def thrown(self) -> bool:
+        """Whether light of one colour was added, in rows or over all of the image: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.whole >= LIGHT_OF_CAUSES.least_whole
 
     @property
     def unchanged(self) -> bool:
@@ -62,12 +66,23 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured = own.get(Check.COLOURED_LIGHT)
+        coloured, striped, veiling = (
+            nan if column is None else float(z[column])
+            for column in map(own.get, (Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS))
+        )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
-            colour = nan if coloured is None else z[coloured]
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, lit, saturated, colour)
+            found[sensor] = Seen(
+                z[added],
+                z[removed],
+                z[inconsistent],
+                darker,
+                lit,
+                saturated,
+                coloured,
+                float(np.fmax(striped, veiling)),
+            )
     return found
 
 
@@ -80,7 +95,7 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     """
     found = []
     for sensor, one in seen.items():
-        if one.of_one_colour:
+        if one.thrown:
             continue
         if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
@@ -96,9 +111,9 @@ def by_tone(seen: Seen, limit: float) -> bool:
     """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted. It does not add light of one colour.
+    little brighter than predicted. It does not add light of one colour or in rows.
     """
-    if seen.of_one_colour:
+    if seen.thrown:
         return False
     unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.cross_validation import as_scanned, count_incidents, thresholds_of
+from auditor.identification.cross_validation import as_scanned, count_incidents
 from auditor.identification.prior import joint_limit
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
-from auditor.identification.robust import judge_frames
+from auditor.identification.robust import findings_alone, judge_frames
+from auditor.identification.scores import CleanDrives
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Integers
@@ -63,31 +64,33 @@ class Shown:
 def shown_by(drive: CleanFrames, system: System, learnt: RobustThresholds) -> Shown:
     """Judge a drive as a scan would, by thresholds at their r, and once more at the rate of strong incidents."""
     series, thresholds = as_scanned(drive, learnt, system)
+    if not findings_alone(series, system, thresholds).any():
+        return Shown(drive.frames, 0, 0, _windows(drive.stamps_ns), 0, 0)
     verdicts = judge_frames(series, system, thresholds)
     finding = np.array([verdict.kind in FINDINGS for verdict in verdicts], dtype=np.bool_)
-    strong = []
-    if finding.any():
-        strict = replace(learnt, limit=joint_limit(CLEAN_DRIVE.raised_r, system.judged_together))
-        strong = judge_frames(series, system, as_scanned(drive, strict, system)[1], without_causes=True)
+    strict = replace(learnt, limit=joint_limit(CLEAN_DRIVE.raised_r, system.judged_together))
+    strong = judge_frames(series, system, as_scanned(drive, strict, system)[1], without_causes=True)
     return Shown(
         drive.frames,
         int(np.count_nonzero(finding)),
         count_incidents([verdict.finding for verdict in verdicts], drive.stamps_ns),
         _windows(drive.stamps_ns),
         _windows(drive.stamps_ns[finding]),
-        count_incidents([verdict.finding for verdict in strong], drive.stamps_ns[: len(strong)]),
+        count_incidents([verdict.finding for verdict in strong], drive.stamps_ns),
     )
 
 
 def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list[Shown]:
     """Each drive judged by drives of other vehicles and days (`Folds`); by the prior where there are none."""
     folds = Folds([drive.source for drive in drives])
+    every = CleanDrives([drive.clean for drive in drives], system.sensor_checks)
     known: dict[tuple[int, int], RobustThresholds] = {}
     found = []
     for place, drive in enumerate(drives):
         key = folds.of(place)
         if key not in known:
-            known[key] = thresholds_of([drives[one].clean for one in folds.others(place)], system, r)
+            used = np.isin(np.arange(len(drives)), folds.others(place))
+            known[key] = every.thresholds(system.judged_together, r, used=used)
         found.append(shown_by(drive.clean, system, known[key]))
     return found
 

@@ -12,7 +12,7 @@ from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import Share, difference_of, share_of
 from auditor.identification.refreshing.drives import Shown
-from auditor.identification.scores import for_drive
+from auditor.identification.scores import for_clean_drive
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import SensorCheck
@@ -65,10 +65,9 @@ def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: Rob
     checks = [system.sensor_checks[column] for column in system.counting(frozenset()).tolist()]
     found = []
     for one in drives:
-        statistics = one.statistics_of(checks)
-        expected = for_drive(thresholds, checks, statistics).expected
+        expected = for_clean_drive(thresholds, checks, one).expected
         theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
-        odds = log_odds(statistics) + GATE.planted
+        odds = log_odds(one.statistics_of(checks)) + GATE.planted
         found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
     return Planted(tuple(one for one, _ in found), tuple(of for _, of in found))
 

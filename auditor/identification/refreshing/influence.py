@@ -2,12 +2,15 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence, Set
+from dataclasses import replace
 from decimal import Decimal
 
-from auditor.identification.cross_validation import thresholds_of
+import numpy as np
+
 from auditor.identification.refresh_parameters import GATE, INFLUENCE
 from auditor.identification.refreshing.drives import Drive, Source
 from auditor.identification.refreshing.gate import Step, allowed, steps
+from auditor.identification.scores import CleanDrives
 from auditor.identification.systems import System
 
 Cell = tuple[int, int]
@@ -58,15 +61,16 @@ def influential(drives: Sequence[Drive], new: Sequence[int], system: System, r: 
 
     That is further than a refresh may: what one drive, vehicle or day shows and no other is for a person to look at.
     """
-    with_all = thresholds_of([one.clean for one in drives], system, r)
+    every = CleanDrives([one.clean for one in drives], system.sensor_checks)
+    with_all = every.thresholds(system.judged_together, r)
     for what in ("recording_id", "vehicle", "day"):
         found: dict[int, str] = {}
         of = [getattr(one.source, what) for one in drives]
         for who in dict.fromkeys(of[place] for place in new if of[place] is not None):
-            others = [one.clean for one, other in zip(drives, of, strict=True) if other != who]
-            without = thresholds_of(others, system, r)
+            others = np.array([other != who for other in of], dtype=np.bool_)
+            without = replace(with_all, expected=every.expected(others))
             step = steps(without, with_all, system)[0]
-            if others and step.rise > allowed(GATE.most_step, len(others)):
+            if others.any() and step.rise > allowed(GATE.most_step, int(np.count_nonzero(others))):
                 reason = f"{'it' if what == 'recording_id' else f'its {what}'} alone would raise {_threshold(step)}"
                 found |= {place: reason for place in new if of[place] == who}
         if found:  # without these drives the others of their vehicle and day may have none

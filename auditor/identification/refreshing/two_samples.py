@@ -12,6 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log, sqrt
 from statistics import NormalDist
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from auditor.identification.refresh_parameters import TWO_SAMPLES
 from auditor.identification.refreshing.drives import Drive, Folds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
+from auditor.model.calibration import CleanFrames
 from auditor.model.checks import SensorCheck
 
 _MAD = 1.4826
@@ -45,6 +48,21 @@ class Difference:
             return f"its frames scatter otherwise than those of others in {what} (p = {self.p:.1g})"
         where = "above" if self.deviations > 0 else "below"
         return f"its {what} lies {abs(self.deviations):.1f} deviations {where} that of others (p = {self.p:.1g})"
+
+
+class _Frames(NamedTuple):
+    """The log odds of one check in one drive: their mean, how many frames they are worth, and they about their median.
+
+    `centred` are in ascending order.
+    """
+
+    mean: float
+    worth: float
+    centred: Floats
+
+
+_OF_DRIVES: WeakKeyDictionary[CleanFrames, dict[SensorCheck, _Frames | None]] = WeakKeyDictionary()
+"""By drive: its frames of each check, which are looked at once however often drives are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,25 +116,33 @@ def _differences(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) ->
 
 def _samples(drives: Sequence[Drive], check: SensorCheck) -> dict[int, _Sample]:
     """The samples of a check by the places of their drives; drives with too few measured frames have none."""
-    measured = {
-        place: log_odds(values[~np.isnan(values)])
-        for place, drive in enumerate(drives)
-        if (values := drive.clean.statistics.get(check)) is not None
-    }
-    known = {place: odds for place, odds in measured.items() if odds.size >= TWO_SAMPLES.fewest_frames}
+    measured = {place: _frames_of(drive.clean, check) for place, drive in enumerate(drives)}
+    known = {place: frames for place, frames in measured.items() if frames is not None}
     if not known:
         return {}
-    centred = {place: odds - np.median(odds) for place, odds in known.items()}
-    pool = np.sort(np.concatenate(list(centred.values())))
-    return {place: _sample(odds, centred[place], pool) for place, odds in known.items()}
+    pool = np.sort(np.concatenate([frames.centred for frames in known.values()]))
+    return {place: _sample(frames, pool) for place, frames in known.items()}
 
 
-def _sample(odds: Floats, centred: Floats, pool: Floats) -> _Sample:
-    worth, at = effective_size(odds), np.sort(centred)
+def _frames_of(clean: CleanFrames, check: SensorCheck) -> _Frames | None:
+    """The frames of a check in a drive; None where too few are measured."""
+    known = _OF_DRIVES.setdefault(clean, {})
+    if check not in known:
+        values = clean.statistics.get(check, np.zeros(0))
+        odds = log_odds(values[~np.isnan(values)])
+        enough = odds.size >= TWO_SAMPLES.fewest_frames
+        known[check] = (
+            _Frames(float(odds.mean()), effective_size(odds), np.sort(odds - np.median(odds))) if enough else None
+        )
+    return known[check]
+
+
+def _sample(frames: _Frames, pool: Floats) -> _Sample:
+    at = frames.centred
     of_pool = np.searchsorted(pool, at, side="right") / pool.size
     own = np.arange(1, at.size + 1) / at.size
     distance = max(float(np.max(np.abs(own - of_pool))), float(np.max(np.abs(own - 1 / at.size - of_pool))))
-    return _Sample(float(odds.mean()), worth, log(distance))
+    return _Sample(frames.mean, frames.worth, log(distance))
 
 
 def _of_level(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> float:

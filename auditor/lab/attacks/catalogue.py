@@ -83,7 +83,7 @@ def _spot(draw: Drawing, camera: Camera) -> Facula:
 def _coloured(colour: str) -> Callable[[Drawing, Camera], ColouredFacula]:
     def draw_one(draw: Drawing, camera: Camera) -> ColouredFacula:
         drawn = _facula(draw, camera)
-        return ColouredFacula(colour, drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
+        return ColouredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px, colour)
 
     return draw_one
 

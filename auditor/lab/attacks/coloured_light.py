@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.lab.attacks.paper import Described, Facula
+from auditor.lab.attacks.paper import Described, Facula, RoundLight
 from auditor.model.frames import CameraImage
 
 Floats = NDArray[np.float32]
@@ -21,20 +21,16 @@ _RIM, _BAR = 0.85, 0.12  # of the sign's radius: where its white rim begins, and
 
 
 @dataclass(frozen=True)
-class ColouredFacula(Described):
+class ColouredFacula(RoundLight):
     """A facula of a laser of one `colour`: only one of a colour camera's channels records it.
 
     A Bayer filter passes one third of the visible spectrum; what little of a laser's light passes the two others is
     left out, which is the harder case. A grey camera records the colour's share in its grey levels. Lasers of single
     colours on cameras of vehicles: Petit et al., Black Hat Europe 2015; Yan et al., USENIX Security 2022,
-    arXiv:2204.02675. `amplitude` in levels of the channel, the rest as of `Facula`.
+    arXiv:2204.02675. `amplitude` in levels of the channel.
     """
 
     colour: str
-    amplitude: float
-    radius_px: float
-    u_px: float
-    v_px: float
 
     @property
     def name(self) -> str:
@@ -55,17 +51,12 @@ class ColouredFacula(Described):
 
 
 @dataclass(frozen=True)
-class InfraredFacula(Described):
+class InfraredFacula(RoundLight):
     """A facula of near infrared, beyond 850 nm, on a camera without a filter against it; no driver sees it.
 
     The dyes of a Bayer filter pass it alike, so that all channels record it. A camera with a filter records nothing.
-    Wang et al., "I Can See the Light", CCS 2021; Sato et al., NDSS 2024. The fields are those of `Facula`.
+    Wang et al., "I Can See the Light", CCS 2021; Sato et al., NDSS 2024.
     """
-
-    amplitude: float
-    radius_px: float
-    u_px: float
-    v_px: float
 
     name = "infrared facula"
 

@@ -138,11 +138,8 @@ class SoiledLens(Described):
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedCamera:
-    """The camera shows what it saw `frames` ago: a replay, or a camera that has been frozen since then."""
-
+class _Delayed:
     frames: int
-    earlier: CameraImage = field(repr=False)
 
     name = "delay"
 
@@ -150,6 +147,13 @@ class DelayedCamera:
     def parameters(self) -> dict[str, object]:
         """All that determines its effect."""
         return {"frames": self.frames}
+
+
+@dataclass(frozen=True, eq=False)
+class DelayedCamera(_Delayed):
+    """The camera shows what it saw `frames` ago: a replay, or a camera that has been frozen since then."""
+
+    earlier: CameraImage = field(repr=False)
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The earlier image under the stamp of this one."""
@@ -157,18 +161,10 @@ class DelayedCamera:
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedLidar:
+class DelayedLidar(_Delayed):
     """The LiDAR reports what it saw `frames` ago."""
 
-    frames: int
     earlier: PointCloud = field(repr=False)
-
-    name = "delay"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """All that determines its effect."""
-        return {"frames": self.frames}
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:  # noqa: ARG002 - as every attack on a LiDAR
         """The earlier cloud under the stamp of this one."""

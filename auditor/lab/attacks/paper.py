@@ -45,17 +45,22 @@ class Described:
 
 
 @dataclass(frozen=True)
-class Facula(Described):
-    """A round Gaussian facula: I' = clip(I + A exp(-rho^2 / 2 sigma^2)), sigma = `sigma_share` R.
-
-    The paper counts pi R^2 as the contaminated area; its light fades beyond R, and does not end there.
-    `amplitude` A in grey levels; `radius_px` R, `u_px` and `v_px`, its centre, in pixels of the attacked image.
-    """
+class RoundLight(Described):
+    """Light that fades from a centre: `amplitude` A in levels; `radius_px` R, `u_px` and `v_px` in the image's px."""
 
     amplitude: float
     radius_px: float
     u_px: float
     v_px: float
+
+
+@dataclass(frozen=True)
+class Facula(RoundLight):
+    """A round Gaussian facula: I' = clip(I + A exp(-rho^2 / 2 sigma^2)), sigma = `sigma_share` R.
+
+    The paper counts pi R^2 as the contaminated area; its light fades beyond R, and does not end there.
+    """
+
     sigma_share: float = 0.5
 
     name = "facula"

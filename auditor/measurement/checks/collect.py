@@ -19,6 +19,8 @@ from auditor.measurement.checks.light import LightDifference, light_difference, 
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
+from auditor.measurement.checks.striped_light import Rows
+from auditor.measurement.checks.veiling_light import darkest, veiling_light
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Mask
@@ -44,15 +46,17 @@ class FrameChecks:
     """The results of all checks, by camera pair (i, k) or by reference camera.
 
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
-    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise
-    than each other. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`:
-    how many points are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
+    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
+    `whole_image`: by check what the source, and what the reference, has of light that the other has not.
+    `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
+    are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
     `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
     lost_returns: Mapping[Pair, Cells]
     counts: Mapping[Pair, PairCounts]
+    whole_image: Mapping[Pair, Mapping[Check, tuple[float | None, float | None]]]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
     unmasked: Mapping[Pair, PairCounts]
@@ -80,7 +84,13 @@ class FrameChecks:
             SensorCheck(Check.ISOLATED_POINTS, LIDAR, (k,)): isolated_ratio(found)
             for k, found in self.isolated_shares.items()
         }
-        return dropout | {check: share for check, share in isolated_points.items() if share is not None}
+        of_light = {
+            SensorCheck(check, camera, (other,)): share
+            for (i, k), found in self.whole_image.items()
+            for check, (of_source, of_reference) in found.items()
+            for camera, other, share in ((i, k, of_source), (k, i, of_reference))
+        }
+        return dropout | {check: share for check, share in (isolated_points | of_light).items() if share is not None}
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
@@ -112,6 +122,8 @@ def collect_checks(
     `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
     """
     lit = views_of(half_res, colours)
+    rows = {camera: Rows.of(half_res[camera]) for pair in maps for camera in pair}
+    dark = {camera: darkest(half_res[camera]) for camera in rows}
     isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
@@ -142,10 +154,19 @@ def collect_checks(
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
         lost_returns={
-            (j, k): count_lost_returns(views[k], scanned[k], maps[j, k], consistencies[j, k], j)
+            (j, k): count_lost_returns(
+                views[k], scanned[k], maps[j, k], consistencies[j, k], j, (half_res[k], half_res[j])
+            )
             for j, k in verified_conflicts
         },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
+        whole_image={
+            (i, k): {
+                Check.STRIPED_LIGHT: (rows[i].above(rows[k]), rows[k].above(rows[i])),
+                Check.VEILING_LIGHT: (veiling_light(dark[i], dark[k]), veiling_light(dark[k], dark[i])),
+            }
+            for i, k in maps
+        },
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
@@ -184,6 +205,7 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
         },
         lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
+        whole_image={pair: one.whole_image[own] for pair, one in of_pairs.items() if own in one.whole_image},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={
             pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts

@@ -3,6 +3,9 @@
 Spoofers make a LiDAR lose an object or a whole sector. Black paint and glass lose returns as well, here and there: some
 beams beside come back, from a tyre, a frame, a number plate. So a surface counts as lost only where no beam returns
 within a third of a metre around, whatever its distance.
+
+The sky returns nothing either. Along the rows of two images a level edge in front of it, as the roof of a dark car,
+matches itself at any disparity. So the images have to say that what is lost is no sky: they match less well there.
 """
 
 from dataclasses import dataclass
@@ -11,12 +14,12 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.count_grid import cells_of_directions
-from auditor.measurement.checks.photometric_consistency import PairConsistency
+from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE
 from auditor.measurement.point_parameters import LOST_RETURNS
-from auditor.model.arrays import Floats32, Indices, Mask
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
 
 _FINER = LOST_RETURNS.finer
@@ -37,6 +40,31 @@ class ScannedView:
     span_px: tuple[float, float]
 
 
+@dataclass(frozen=True, eq=False)
+class _Surfaces:
+    """(M,) half-resolution pixels of the reference where a pair sees a surface, its disparity, and how well it matches.
+
+    `u_px` and `v_px` are their columns and rows at full resolution.
+    """
+
+    row: Indices
+    column: Indices
+    disparity_px: Floats32
+    ncc: Floats32
+
+    def chosen(self, some: Mask) -> "_Surfaces":
+        """Those of a mask (M,)."""
+        return _Surfaces(self.row[some], self.column[some], self.disparity_px[some], self.ncc[some])
+
+    @property
+    def u_px(self) -> Floats32:
+        return _full_resolution(self.column)
+
+    @property
+    def v_px(self) -> Floats32:
+        return _full_resolution(self.row)
+
+
 def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
     assert view.rig.lidar is not None
@@ -48,49 +76,75 @@ def scanned_view(view: LidarView) -> ScannedView:
 
 
 def count_lost_returns(
-    view: LidarView, scanned: ScannedView, stereo: StereoMap, consistency: PairConsistency, source: int
+    view: LidarView,
+    scanned: ScannedView,
+    stereo: StereoMap,
+    consistency: PairConsistency,
+    source: int,
+    half_res: tuple[Image, Image],
 ) -> Cells:
     """Count the surface samples that a pair sees, and those whose returns are lost, by direction from the LiDAR.
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with
-    texture and a consistent match, nearer than the farthest distance that is looked at.
+    texture and a consistent match, nearer than the farthest distance that is looked at. A sample that lacks returns
+    and could be sky is none. `half_res` are the half-resolution grey images of the reference and the source.
     """
-    place, range_m = _surfaces(view, scanned, stereo, consistency, source)
-    valid = place >= 0
-    valid[valid] = scanned.scanned[place[valid] // _COLUMNS]
-    place, range_m = place[valid], range_m[valid]
+    found = _surfaces(view, stereo, consistency, source)
+    found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
+    place, range_m = _directions(view, found, source)
+    inside = place >= 0
+    inside[inside] = scanned.scanned[place[inside] // _COLUMNS]
+    found, place, range_m = found.chosen(inside), place[inside], range_m[inside]
     empty = scanned.empty_rad.ravel()[place]
     # Of a LiDAR with few beams most directions lie between two of them.
     usual = LOST_RETURNS.gap_medians * float(np.median(empty)) if empty.size else 0.0
     lost = empty > np.maximum(LOST_RETURNS.around_m / range_m, max(LOST_RETURNS.narrowest, usual))
+    surface = ~lost
+    surface[lost] = _no_sky(found.chosen(lost), half_res)
+    place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
 
 
-def _surfaces(
-    view: LidarView, scanned: ScannedView, stereo: StereoMap, consistency: PairConsistency, source: int
-) -> tuple[Indices, Floats32]:
-    """(M,) places on the finer grid, -1 outside, and distances from the LiDAR of the surfaces that a pair sees."""
-    rig, camera = view.rig, view.rig.camera(view.reference)
-    assert rig.lidar is not None
-    focal_times_baseline = camera.focal_px * rig.baseline_m(source, view.reference)
+def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:
+    """(M,) mask of the surfaces whose images match less well at the disparity of the sky, 0."""
+    if not found.row.size:
+        return np.zeros(0, dtype=np.bool_)
+    at_infinity = ncc_at(*half_res, found.row, found.column, np.zeros(found.row.size, dtype=np.float32))
+    return np.asarray(at_infinity < found.ncc - np.float32(LOST_RETURNS.less_at_infinity))
+
+
+def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, source: int) -> _Surfaces:
+    """The surfaces that a pair sees, at every so many-th pixel, nearer than the farthest distance."""
+    camera = view.rig.camera(view.reference)
     every = max(round(camera.focal_px * _RADIANS / HALF), 1)
     some = (slice(every // 2, None, every),) * 2
     grid = HALF // stereo.step
     disparity, textured = stereo.disparity_px[::grid, ::grid][some], stereo.textured[::grid, ::grid][some]
-    surface = consistency.matches.seen[some] & textured & (consistency.ncc[some] > LOST_RETURNS.consistent)
-    surface &= (disparity > focal_times_baseline / LOST_RETURNS.farthest_m) & (
-        disparity < stereo.range_px - MATCHER_RANGE.margin_px
-    )
-    row, column = ((HALF * (at * every + every // 2) + (HALF - 1) / 2).astype(np.float32) for at in np.nonzero(surface))
-    inside = (column >= scanned.span_px[0]) & (column <= scanned.span_px[1])
-    row, column = row[inside], column[inside]
-    depth = (focal_times_baseline / disparity[surface][inside]).astype(np.float32)
+    ncc = consistency.ncc[some]
+    surface = consistency.matches.seen[some] & textured & (ncc > LOST_RETURNS.consistent)
+    farthest = camera.focal_px * view.rig.baseline_m(source, view.reference) / LOST_RETURNS.farthest_m
+    surface &= (disparity > farthest) & (disparity < stereo.range_px - MATCHER_RANGE.margin_px)
+    row, column = (at * every + every // 2 for at in np.nonzero(surface))
+    return _Surfaces(row, column, disparity[surface], ncc[surface])
+
+
+def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices, Floats32]:
+    """(M,) places on the finer grid, -1 outside, and distances from the LiDAR of the surfaces that a pair sees."""
+    rig, camera = view.rig, view.rig.camera(view.reference)
+    assert rig.lidar is not None
+    depth = (camera.focal_px * rig.baseline_m(source, view.reference) / found.disparity_px).astype(np.float32)
     # X = K^-1 (z (u, v, 1) - p), with P = (K | p), seen from the LiDAR.
     inverse = np.linalg.inv(camera.projection[:, :3])
     start = inverse @ camera.projection[:, 3] + rig.lidar.rig_SE3_lidar[:3, 3]
-    points = inverse.astype(np.float32) @ (np.stack([column, row, np.ones_like(row)]) * depth)
+    pixels: Floats32 = np.stack([found.u_px, found.v_px, np.ones_like(found.u_px)])
+    points: Floats32 = inverse.astype(np.float32) @ (pixels * depth)
     points -= start.astype(np.float32)[:, None]
     return _places(points), np.sqrt(np.einsum("cm,cm->m", points, points))
+
+
+def _full_resolution(half_px: Indices) -> Floats32:
+    """(M,) where the middles of half-resolution pixels lie."""
+    return np.asarray(HALF * half_px + (HALF - 1) / 2, dtype=np.float32)
 
 
 def _places(points_m: Floats32) -> Indices:

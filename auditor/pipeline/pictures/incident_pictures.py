@@ -20,13 +20,19 @@ MOST_INCIDENTS = 100
 """Incidents of a measurement that are pictured, the strongest first: a night of faults must not fill the disk."""
 
 _EXAMPLES = """
-    SELECT example.measurement_id, incident_id, list(DISTINCT example.frame) AS frames
+    SELECT example.measurement_id, example.incident_id, example.frame, own.attacked
     FROM incident_examples AS example
     JOIN incidents USING (incident_id)
-    WHERE example.measurement_id IN ({})
-    GROUP BY ALL
-    ORDER BY any_value(largest_gap) DESC NULLS LAST, incident_id
+    LEFT JOIN incident_frames AS own
+        ON own.measurement_id = example.measurement_id AND own.frame = example.frame
+    WHERE example.incident_id IN (
+        SELECT incident_id FROM incident_examples WHERE example = 'strongest' AND measurement_id IN ({})
+    )
+    ORDER BY incidents.largest_gap DESC NULLS LAST, example.incident_id
 """
+
+Frames = dict[int, tuple[int, ...] | None]
+"""Frames that are to be pictured, with the attacked sensors; none where none is named, None where no incident is."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class PictureTask:
     recording: Location
     store: Path
     measurement_id: str
-    frames: tuple[int, ...]
+    frames: Frames
 
     def __str__(self) -> str:
         return str(self.recording)
@@ -64,11 +70,11 @@ def picture_incidents(
         record = store.recording(store.measurement(known).recording_id)
         if (left_out := len(of_incidents) - MOST_INCIDENTS) > 0:
             yield Pictured(record.name, remark=f"{left_out} of its incidents, the weakest, get no pictures")
-        frames = {frame for one in of_incidents[:MOST_INCIDENTS] for frame in one}
-        frames -= pictured_in_full(store.folder / "pictures", known)
-        if frames:
+        done = pictured_in_full(store.folder / "pictures", known)
+        frames = {number: how for one in of_incidents[:MOST_INCIDENTS] for number, how in one.items()}
+        if frames := {number: how for number, how in frames.items() if number not in done}:
             try:
-                tasks.append(PictureTask(location_of(record), store.folder, known, tuple(sorted(frames))))
+                tasks.append(PictureTask(location_of(record), store.folder, known, frames))
             except AuditorError as error:
                 yield Pictured(record.name, remark=_no_pictures(error))
     for outcome in run_all(picture_frames, tasks, jobs, _silent, lambda task: limits(task.recording)):
@@ -83,19 +89,22 @@ def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
     rig = store.rig(store.measurement(task.measurement_id).rig_id)
     done = 0
     for frame in frames_at_hand(store, task.measurement_id, task.frames):
-        regions = store.load_regions(task.measurement_id, frame.number)
+        attacked = task.frames[frame.number]
+        damaged = () if attacked is None else attacked or rig.sensors
+        regions = [one for one in store.load_regions(task.measurement_id, frame.number) if one.sensor in damaged]
         store.write_frame_pictures(task.measurement_id, draw_frame(frame, rig, regions))
         done += 1
     return done
 
 
-def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, list[list[int]]]:
-    """By measurement the frames that show each of its incidents, the strongest incident first."""
+def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, list[Frames]]:
+    """By measurement the frames that show incidents, the strongest incident first; some are of other recordings."""
     listed = ", ".join(f"'{known}'" for known in measurement_ids)
-    frames: defaultdict[str, list[list[int]]] = defaultdict(list)
+    found: defaultdict[str, defaultdict[str, Frames]] = defaultdict(lambda: defaultdict(dict))
     for row in rows_of(run_sql(store, _EXAMPLES.format(listed))):
-        frames[row["measurement_id"]].append(row["frames"])
-    return frames
+        attacked = None if row["attacked"] is None else tuple(row["attacked"])
+        found[row["measurement_id"]][row["incident_id"]][row["frame"]] = attacked
+    return {known: list(of_incidents.values()) for known, of_incidents in found.items()}
 
 
 def _no_pictures(error: AuditorError) -> str:

@@ -87,8 +87,7 @@ class Chosen:
 class Choice:
     """The logs that are learnt from, and those that are not.
 
-    `raised` of the `judged` logs that are new did not seem clean; `waiting` are all that a person should look at since
-    they did not, those of earlier refreshes among them.
+    `raised` of the `judged` logs that are new did not seem clean.
     """
 
     chosen: tuple[Chosen, ...]
@@ -103,9 +102,20 @@ class Choice:
         return [before for before, _ in both], [after for _, after in both]
 
     @property
-    def waiting(self) -> int:
-        """The logs that did not seem clean, and that nobody has looked at."""
-        return sum(one.look_at and one.findings_by_others is not None for one in self.out)
+    def waiting_of(self) -> tuple[int, int]:
+        """The logs that did not seem clean, and that nobody has looked at, and of how many.
+
+        Both of the days since the first that is learnt from and that nobody named: the list of those that wait grows
+        without end where nobody looks at it, and what is learnt from does not.
+        """
+        days = [one.used.day for one in self.chosen if not one.named and one.used.day is not None]
+        since = min(days, default=None)
+
+        def counts(used: UsedRecording) -> bool:
+            return since is None or used.day is None or used.day >= since
+
+        waiting = sum(one.look_at and one.findings_by_others is not None and counts(one) for one in self.out)
+        return waiting, waiting + sum(counts(one.used) for one in self.chosen)
 
     @property
     def some_named(self) -> bool:
@@ -113,10 +123,15 @@ class Choice:
         return any(one.named for one in self.chosen)
 
     def without(self, reasons: Mapping[int, str]) -> "Choice":
-        """The choice without some of those that are learnt from, by their places, which were raised."""
+        """The choice without some of those that are learnt from, by their places, which were raised.
+
+        Those of the version in force wait as well; of the new ones they are none.
+        """
         left = tuple(one for place, one in enumerate(self.chosen) if place not in reasons)
         out = tuple(self.chosen[place].out(reason) for place, reason in reasons.items())
-        return Choice(left, (*self.out, *out), self.judged, self.raised + len(out))
+        return Choice(
+            left, (*self.out, *out), self.judged, self.raised + sum(self.chosen[place].new for place in reasons)
+        )
 
 
 def with_shown(used: UsedRecording, shown: Shown | None) -> UsedRecording:

@@ -138,14 +138,13 @@ def _raised_named(choice: Choice, known: Known, r: Decimal) -> Iterator[str]:
 
 
 def _too_many_raised(choice: Choice) -> Iterator[str]:
-    considered = len(choice.chosen) + choice.waiting
     for raised, of, what in (
         (choice.raised, choice.judged, "new recordings"),
-        (choice.waiting, considered, "recordings"),
+        (*choice.waiting_of, "recordings of the days that are learnt from"),
     ):
         if raised > CLEAN_DRIVE.few_raised and raised > CLEAN_DRIVE.most_raised * of:
             share = f"{CLEAN_DRIVE.most_raised:.0%}"
-            yield f"{raised} of {of} {what} are raised or unlike the others, more than {share}: look at them first"
+            yield f"{raised} of {of} {what} are raised or unlike the others, more than {share}"
             return
 
 

@@ -22,7 +22,7 @@ from auditor.errors import SettingError
 from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
-from auditor.store.reviews import EXCUSING
+from auditor.store.reviews import EXCUSING, in_words
 from auditor.store.store import Store
 
 Incident = Mapping[str, Any]
@@ -127,7 +127,7 @@ def is_one_incident(one: Incident, other: Incident) -> bool:
 
 def _excuse(incident: Incident, policy: Policy, today: date, *, new: bool | None) -> str:
     if incident["review"] in EXCUSING:
-        return f"reviewed as {incident['review'].replace('-', ' ')}: {incident['review_reason']}"
+        return in_words(incident)
     for one in policy.suppressions:
         if today <= one.until and one.fits(incident):
             return f"suppressed until {one.until}: {one.reason}"

@@ -26,8 +26,7 @@ class Plot:
 
 def render_drift_page(found: FleetDrift, store: Store, *, out: Path) -> Path:
     """Write the page of a fleet's drift; answer `out`. Raises StoreError where it cannot be written."""
-    store.write_page(out, render(found, store).encode())
-    return out
+    return store.write_page(out, render(found, store))
 
 
 def render(found: FleetDrift, store: Store) -> str:

@@ -16,8 +16,7 @@ def render_evaluation_report(store: Store, *, out: Path) -> Path:
 
     Raises StoreError where nothing was evaluated or the page cannot be written.
     """
-    store.write_page(out, render_evaluation(load_evaluation(store)).encode())
-    return out
+    return store.write_page(out, render_evaluation(load_evaluation(store)))
 
 
 def render_evaluation(page: EvaluationPage) -> str:

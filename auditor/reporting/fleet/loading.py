@@ -13,7 +13,7 @@ from auditor.reporting.incident.page import Clock
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import RecordingRecord
-from auditor.store.reviews import EXCUSING
+from auditor.store.reviews import EXCUSING, in_words
 from auditor.store.store import Store
 
 MOST_INCIDENTS = 100
@@ -63,7 +63,7 @@ def load_fleet(store: Store, incidents: Sequence[Mapping[str, Any]], excuses: Ma
 
 def excuses_by_review(incidents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Why incidents need nobody's attention, by their ids: what their reviews say."""
-    return {row["incident_id"]: f"Reviewed: {row['review_reason']}" for row in incidents if row["review"] in EXCUSING}
+    return {row["incident_id"]: in_words(row) for row in incidents if row["review"] in EXCUSING}
 
 
 def by_gravity(incidents: Sequence[dict[str, Any]], excuses: Mapping[str, str]) -> list[dict[str, Any]]:

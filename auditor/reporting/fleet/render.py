@@ -1,18 +1,21 @@
 """The pages of a fleet: an index, and a page for each incident under its id."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from auditor.model.pictures import Pictures
 from auditor.reporting.fleet.loading import MOST_DAYS, MOST_INCIDENTS, by_gravity, excuses_by_review, load_fleet
 from auditor.reporting.fleet.page import FleetPage
-from auditor.reporting.incident.one import Incidents
+from auditor.reporting.incident.one import Incidents, OneIncident
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
 from auditor.reporting.numbers import FILTERS, count
 from auditor.reporting.templates import fill
+from auditor.store.reviews import incidents_named
 from auditor.store.store import Store
 
-INDEX = "index.html"
+INDEX, INCIDENTS = "index.html", "incidents"
 
 
 def render_fleet_report(
@@ -24,20 +27,37 @@ def render_fleet_report(
 ) -> Path:
     """Write the pages of a store into a folder: those of its gravest incidents, then the index; answer the index.
 
-    `excuses` say by id why incidents need nobody's attention; without them reviews do. Pages of incidents that are no
-    longer found stay: others may point to them. Raises StoreError where nothing was measured, or a page cannot be
+    `excuses` say by id why incidents need nobody's attention; without them reviews do. Where an incident has grown, its
+    page is also written in the place of those under its former names: others may point to them. Pages of incidents that
+    are no longer found stay. Raises StoreError where nothing was measured, or a page cannot be
     written.
     """
     incidents = Incidents(store, pictures)
     known = excuses_by_review(incidents.rows) if excuses is None else excuses
     rows = by_gravity(incidents.rows, known)
     page = load_fleet(store, rows, known)
+    former = _former_names(store, rows, out / INCIDENTS)
     # by measurement, so that what incidents of one recording share is read once
     for row in sorted(rows[:MOST_INCIDENTS], key=lambda row: row["measurement_id"]):
-        text = render_one(incidents.one(row), index=f"../{INDEX}")
-        store.write_page(out / "incidents" / f"{row['incident_id']}.html", text.encode())
-    store.write_page(out / INDEX, render(page).encode())
-    return out / INDEX
+        _write_incident(store, incidents.one(row), out / INCIDENTS, former.get(row["incident_id"], ()))
+    return store.write_page(out / INDEX, render(page))
+
+
+def _write_incident(store: Store, one: OneIncident, folder: Path, former: Iterable[str]) -> None:
+    """Write the page of an incident under its name, and under those of its former names that have a page."""
+    for name in (one.row["incident_id"], *former):
+        known_as = replace(one, former=name) if name in former else one
+        store.write_page(folder / f"{name}.html", render_one(known_as, index=f"../{INDEX}"))
+
+
+def _former_names(store: Store, rows: Iterable[Mapping[str, Any]], folder: Path) -> dict[str, list[str]]:
+    """Names of pages in a folder that are those of incidents no more, by the ids of the incidents that they lead to."""
+    left = {path.stem for path in folder.glob("*.html")} - {row["incident_id"] for row in rows}
+    found: dict[str, list[str]] = {}
+    for name, incident_id in sorted(incidents_named(store, left).items()) if left else ():
+        if name in left:
+            found.setdefault(incident_id, []).append(name)
+    return found
 
 
 def render(page: FleetPage) -> str:

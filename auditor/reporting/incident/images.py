@@ -1,6 +1,5 @@
 """The pictures that an incident page shows, with the portions that were damaged."""
 
-import base64
 import struct
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.pictures import Pictures
 from auditor.model.rig import LIDAR
+from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, View
 from auditor.store.records import FrameErrors
 from auditor.store.store import Store
@@ -40,13 +40,13 @@ def _frame_views(store: Store, measurement_id: str, frame: int, incident: Incide
     picture = store.picture(measurement_id, frame)
     if picture is None or picture.reference not in picture.views:
         return ()
-    images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}
+    images = {sensor: data_uri("jpg", jpeg) for sensor, jpeg in picture.views.items()}
     identified = [sensor for sensor in incident.attacked if sensor in images]
     others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
     damaged = [r for r in store.load_regions(measurement_id, picture.frame) if r.sensor in incident.attacked]
     if any(region.sensor == LIDAR for region in damaged) and picture.reference not in identified:
         identified.append(picture.reference)
-    mask = _data_uri("image/png", picture.mask_png)
+    mask = data_uri("png", picture.mask_png)
     return (
         View(picture.reference, picture.frame, images[picture.reference], mask),
         *(
@@ -67,13 +67,9 @@ def _portion(region: Region) -> DamagedPortion:
         sensor=region.sensor,
         width_px=width * REGION_STEP,
         height_px=height * REGION_STEP,
-        mask=_data_uri("image/png", region.mask),
+        mask=data_uri("png", region.mask),
         box_px=region.box_px,
         share=region.share,
         points=region.points,
         solid=region.solid,
     )
-
-
-def _data_uri(media_type: str, data: bytes) -> str:
-    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"

@@ -12,6 +12,7 @@ from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
 from auditor.reporting.incident.audits import Audit, audits_of, outline
 from auditor.reporting.incident.drawing import Drawing
+from auditor.reporting.incident.examples import Example, examples_of, kept_examples
 from auditor.reporting.incident.page import IncidentPage, IncidentPart, RecordingPart
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
@@ -38,17 +39,37 @@ def load_page(store: Store, recording: str | None = None, pictures: Pictures = P
     numbered = _numbered(outlines, _incidents(store, recording))
     shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
     drawn = {incident.number for _, incident in page_of(store, numbered).incidents[:MOST_DRAWN]}
+    examples = examples_of(store) if pictures != Pictures.NONE else {}
     full = [
-        _in_full(store, audit, part, drawn, pictures) if part.provenance.measurement_id in shown else part
+        _in_full(store, audit, part, drawn, pictures, examples) if part.provenance.measurement_id in shown else part
         for audit, part in zip(audits, numbered, strict=True)
     ]
     return page_of(store, full)
 
 
-def _in_full(store: Store, audit: Audit, part: RecordingPart, drawn: set[int], pictures: Pictures) -> RecordingPart:
-    """The part with its coverage, its drawings and its pictures."""
-    drawing = Drawing(store, audit, part)
-    incidents = (drawing.drawn(one, pictures) if one.number in drawn else one for one in part.incidents)
+def _in_full(
+    store: Store,
+    audit: Audit,
+    part: RecordingPart,
+    drawn: set[int],
+    pictures: Pictures,
+    examples: Mapping[str, tuple[Example, ...]],
+) -> RecordingPart:
+    """The part with its coverage, its drawings and its pictures: of each incident its strongest frame, or all."""
+    drawing, incidents = Drawing(store, audit, part), []
+    for one in part.incidents:
+        if one.number not in drawn:
+            incidents.append(one)
+            continue
+        wanted = [
+            example
+            for example in examples.get(one.incident_id, ())
+            if example.measurement_id == audit.measurement.measurement_id
+            and (pictures == Pictures.ALL or "strongest" in example.what)
+        ]
+        shown = kept_examples(store, wanted)
+        small = Pictures.NONE if shown and pictures != Pictures.ALL else pictures
+        incidents.append(replace(drawing.drawn(one, small), shown=shown))
     return replace(drawing.part, incidents=tuple(incidents))
 
 

@@ -8,8 +8,10 @@ from typing import Any
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.audits import audit_of, outline
 from auditor.reporting.incident.drawing import Drawing
+from auditor.reporting.incident.examples import Example, ShownExample, data_uri, examples_of, kept_examples
 from auditor.reporting.incident.loading import incident_parts, page_of
 from auditor.reporting.incident.page import IncidentPage
+from auditor.reporting.sketch import Track, sketch, track_of
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
 from auditor.store.store import Store
@@ -25,7 +27,8 @@ class OneIncident:
 
     `row` is that of the view `incidents`, `reviews` are those of the view `incident_reviews`, the last first.
     `versions` say how the calibrations were made, by their ids, where that is known. `neighbours` are other incidents
-    of these recordings.
+    of these recordings. `shown` are the frames that show it, the strongest first; `place` is a sketch of the drive as a
+    data URI, empty where no poses were recorded. `former` is the name that the page has from before the incident grew.
     """
 
     row: Mapping[str, Any]
@@ -33,6 +36,9 @@ class OneIncident:
     reviews: tuple[Mapping[str, Any], ...]
     versions: Mapping[str, CalibrationVersion]
     neighbours: tuple[Mapping[str, Any], ...]
+    shown: tuple[ShownExample, ...] = ()
+    place: str = ""
+    former: str = ""
 
 
 class Incidents:
@@ -45,14 +51,19 @@ class Incidents:
         self._reviews = rows_of(run_sql(store, "FROM incident_reviews ORDER BY reviewed_at DESC, review_id DESC"))
         self._judgements = store.current_judgements()
         self._calibration_recordings = store.calibration_recordings()
+        self._examples = examples_of(store)
         self._drawing = lru_cache(maxsize=_KEPT_DRAWINGS)(self._read)
+        self._track = lru_cache(maxsize=_KEPT_DRAWINGS)(self._read_track)
 
-    def one(self, row: Mapping[str, Any]) -> OneIncident:
-        """The page of the incident of a row."""
+    def one(self, row: Mapping[str, Any], shown: tuple[ShownExample, ...] | None = None) -> OneIncident:
+        """The page of the incident of a row. `shown` are the frames that show it; those of the store unless given."""
+        if shown is None:
+            shown = kept_examples(self._store, self.examples(row)) if self._pictures != Pictures.NONE else ()
+        small = Pictures.NONE if shown and self._pictures != Pictures.ALL else self._pictures
         parts = []
         for measurement_id, incident in incident_parts(row, 1):
             drawing = self._drawing(measurement_id)
-            parts.append(replace(drawing.part, incidents=(drawing.drawn(incident, self._pictures),)))
+            parts.append(replace(drawing.part, incidents=(drawing.drawn(incident, small),)))
         calibrations = {part.provenance.calibration_id for part in parts} - {""}
         known = {one: read_version(self._store, one) for one in calibrations if one in self._calibration_recordings}
         places = {part.provenance.measurement_id for part in parts}
@@ -66,7 +77,25 @@ class Incidents:
                 for one in self.rows
                 if one is not row and any(part["measurement_id"] in places for part in one["parts"])
             ),
+            shown,
+            self._place(row),
         )
+
+    def examples(self, row: Mapping[str, Any]) -> tuple[Example, ...]:
+        """The frames that show the incident of a row."""
+        return self._examples.get(row["incident_id"], ())
+
+    def _place(self, row: Mapping[str, Any]) -> str:
+        strongest = row["strongest_measurement_id"] or row["measurement_id"]
+        [part] = [one for one in row["parts"] if one["measurement_id"] == strongest]
+        track = self._track(strongest)
+        if track is None:
+            return ""
+        drawn = sketch(track, part["first_frame"], part["last_frame"])
+        return data_uri("svg", drawn.encode())
+
+    def _read_track(self, measurement_id: str) -> Track | None:
+        return track_of(self._store, measurement_id)
 
     def _read(self, measurement_id: str) -> Drawing:
         measurement = self._store.measurement(measurement_id)

@@ -10,6 +10,7 @@ from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
+from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.plots import Figure
 
@@ -127,7 +128,8 @@ class IncidentPart:
 
     `evidence`, `alternatives` and `causes` are in words, of the whole incident. `checks` is the evidence of this part
     by sensor and check, of the robust method. `states` and `reasons` are its e vectors and what the verdicts add, each
-    with its number of frames. `figure` is None where the incident is listed but not drawn.
+    with its number of frames. `figure` is None where the incident is listed but not drawn. `shown` are frames that
+    show it at full resolution, `views` what measuring kept, where there are none of these.
     """
 
     number: int
@@ -149,6 +151,7 @@ class IncidentPart:
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
     views: tuple[View, ...] = ()
+    shown: tuple[ShownExample, ...] = ()
 
     @property
     def duration_s(self) -> float:

@@ -26,9 +26,7 @@ def render_incident_report(
 
     Raises StoreError where the store has no such recording, nothing was measured, or the page cannot be written.
     """
-    text = render(load_page(store, recording, pictures))
-    store.write_page(out, text.encode())
-    return out
+    return store.write_page(out, render(load_page(store, recording, pictures)))
 
 
 def render(page: IncidentPage) -> str:
@@ -53,15 +51,14 @@ def render_incident_page(store: Store, beginning: str, *, out: Path, pictures: P
     Raises StoreError unless it is just one, and where the page cannot be written.
     """
     incidents = Incidents(store, pictures)
-    row = incident_called(incidents.rows, beginning)
-    store.write_page(out, render_one(incidents.one(row)).encode())
-    return out
+    row = incident_called(store, incidents.rows, beginning)
+    return store.write_page(out, render_one(incidents.one(row)))
 
 
-def render_one(one: OneIncident, *, index: str | None = None) -> str:
+def render_one(one: OneIncident, *, index: str | None = None, beside: bool = False) -> str:
     """The page of one incident as HTML. `index` is where the index lies, seen from the page; None where there is none.
 
-    All of its text is escaped; it refers to the index and to nothing else.
+    All of its text is escaped; it refers to the index and to nothing else, but to its pictures where they are `beside`.
     """
     what = " and ".join(one.row["attacked_names"]) or "no sensor can be named"
     return fill(
@@ -70,6 +67,7 @@ def render_one(one: OneIncident, *, index: str | None = None) -> str:
             "one": one,
             "title": f"Incident {one.row['incident_id'][:12]}: {what}",
             "index": index,
+            "beside": beside,
             "left": LEFT_PX,
             "right": RIGHT_PX,
             "most_listed": MOST_LISTED,

@@ -7,6 +7,7 @@ from auditor import __version__
 from auditor.reporting.templates import fill
 from auditor.store.store import Store
 from auditor.store.versions.decisions import Decided, Refresh
+from auditor.store.versions.next_steps import next_steps
 
 _OF_ONE = {
     Decided.REFUSED: "The new calibration is refused.",
@@ -20,8 +21,7 @@ _OF_ONE = {
 
 def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
     """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
-    store.write_page(out, render(refresh, store).encode())
-    return out
+    return store.write_page(out, render(refresh, store))
 
 
 def render(refresh: Refresh, store: Store) -> str:
@@ -34,6 +34,7 @@ def render(refresh: Refresh, store: Store) -> str:
             "at": f"{refresh.at:%Y-%m-%d %H:%M} UTC",
             "headline": _headline(refresh),
             "store": str(store.folder),
+            "next_steps": lambda one: next_steps(one, store.folder),
         },
     )
 

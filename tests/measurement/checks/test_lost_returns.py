@@ -81,6 +81,22 @@ def test_between_the_beams_of_a_lidar_of_few_nothing_is_lost(lost):
         assert cells.valid.sum() > 1000
 
 
+def test_level_stripes_could_be_sky():
+    # Along rows they hardly differ: they match themselves at any disparity, and at that of the sky.
+    rig = plane_rig()
+    frame = plane_frame(rig, depth_m=DEPTH_M)
+    level = np.repeat(np.random.default_rng(1).integers(30, 220, frame.images[1].pixels.shape[0] // 2), 2)[:, None]
+    striped = {n: replace(one, pixels=(level + one.pixels // 6).astype(np.uint8)) for n, one in frame.images.items()}
+    xyz = frame.cloud.xyz_m
+    holed = PointCloud(0, xyz[outside(xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0], 2.0, 1.6)])
+    for images, lost in ((frame.images, True), (striped, False)):
+        cells = measure(replace(frame, images=images, cloud=holed), rig, SgbmMatcher())[0].cells
+        for i in (1, 2):
+            counted = cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)]
+            assert counted.valid.sum() > 1000
+            assert (counted.total.sum() > 150) == lost
+
+
 def test_surfaces_far_away_are_not_looked_at():
     rig = plane_rig()
     far = plane_frame(rig, depth_m=45.0)

@@ -1,0 +1,49 @@
+"""Types of the values that options take."""
+
+import re
+from decimal import Decimal
+from math import isfinite
+
+import click
+
+
+class FiniteRange(click.FloatRange):
+    """A number within limits; "nan" and "inf", which Python reads as numbers, are refused."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number. Fails as click does."""
+        number = super().convert(value, param, ctx)
+        if not isfinite(number):
+            self.fail(f"{value!r} is not a number: write one such as 0.5", param, ctx)
+        return float(number)
+
+
+class _Rate(click.ParamType[Decimal]):
+    name = "rate"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Decimal:
+        from auditor.errors import SettingError  # noqa: PLC0415 - keeps --help quick
+        from auditor.identification.thresholds import parse_r  # noqa: PLC0415
+
+        try:
+            return value if isinstance(value, Decimal) else parse_r(str(value))
+        except SettingError as error:
+            self.fail(f"{error.what}; {error.remedy}", param, ctx)
+
+
+RATE = _Rate()
+"""A designated false-alarm rate r, as a Decimal in [0, 1]."""
+
+
+class _Sensor(click.ParamType[int]):
+    name = "S_k"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not found:
+            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+        return int(found[1])
+
+
+SENSOR = _Sensor()
+"""A sensor by its number, as S_2 or 2."""

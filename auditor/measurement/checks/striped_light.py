@@ -1,0 +1,69 @@
+"""Light in rows: what a lamp that is switched faster than a shutter rolls leaves in one of two cameras.
+
+A rolling shutter exposes one row after the other, so that such light lies in some rows, across the whole image, and
+not in the next ones. No drop, dirt or glare does, and no exposure. Cameras that stand on one line see the same things
+in the same rows: the mean levels of a row, by blocks of columns, are compared with those of the other camera's rows
+nearby. Before that each row is compared with those around it, so that gains and slow changes take no part.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.tone_curve import saturation_level
+from auditor.measurement.colour_parameters import STRIPED_LIGHT
+from auditor.model.arrays import Floats32, Image, Mask
+
+_LEVELS = np.log(np.arange(256, dtype=np.float32) + np.float32(STRIPED_LIGHT.offset))
+_AROUND = (1, STRIPED_LIGHT.rows_around)
+_NEARBY = np.ones((2 * STRIPED_LIGHT.rows_apart + 1, 1), dtype=np.uint8)
+_NOTHING = np.float32(-np.inf)
+_LEAST = np.float32(np.finfo(np.float32).tiny)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of an image by blocks of columns, (h, blocks): by how much each exceeds those around it.
+
+    `excess` is of the mean logarithm of levels, where `known`: where enough of the block neither saturates nor is
+    black.
+    """
+
+    excess: Floats32
+    known: Mask
+
+    @classmethod
+    def of(cls, grey: Image) -> "Rows":
+        """The rows of a half-resolution grey image (h, w)."""
+        usable = ((grey > 0) & (grey < saturation_level(grey))).astype(np.float32)
+        share = _by_block(usable)
+        known = share >= np.float32(STRIPED_LIGHT.usable_share)
+        level = np.where(known, _by_block(_LEVELS[grey] * usable) / np.maximum(share, _LEAST), np.float32(0))
+        around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
+        return cls(np.asarray(level - around, dtype=np.float32), known)
+
+    def above(self, other: "Rows") -> float | None:
+        """By how much the most striking row exceeds all rows of the other camera nearby, 0 to 1: in most blocks.
+
+        None where no row has enough blocks that both know.
+        """
+        nearby = cv2.dilate(np.where(other.known, other.excess, _NOTHING), _NEARBY)
+        both = self.known & (cv2.erode(other.known.astype(np.uint8), _NEARBY) > 0)
+        counts = both.sum(axis=1)
+        enough = counts >= STRIPED_LIGHT.blocks_share * STRIPED_LIGHT.blocks
+        if not enough.any():
+            return None
+        above = np.sort(np.where(both, self.excess - nearby, np.inf)[enough], axis=1)
+        least = (counts[enough] * STRIPED_LIGHT.without_share).astype(np.intp)
+        shown = float(above[np.arange(len(least)), least].max()) - STRIPED_LIGHT.usual
+        return min(max(shown, 0.0), 1.0)
+
+
+def _by_block(values: Floats32) -> Floats32:
+    size = (STRIPED_LIGHT.blocks, len(values))
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _means(values: Floats32) -> Floats32:
+    return np.asarray(cv2.blur(values, _AROUND, borderType=cv2.BORDER_REFLECT), dtype=np.float32)
