@@ -53,7 +53,7 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-_LOST = f"{_PRIOR}; a tail of 1.1, widened after black wet cars of streets 5013 and 5031"
+_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.1, 1.25 and 1.4 tried on streets 5000 to 5041 (docs/decisions.md)"
 _WHOLE = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
@@ -79,7 +79,7 @@ class CheckPriors:
     whole_image_of_one: tuple[float, ...] = parameter((-3.93, 0.3, 0.15, 1.8), unit=_OF_PRIOR, source=_WHOLE)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
-    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
+    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.25), unit=_OF_PRIOR, source=_LOST)
 
 
 @dataclass(frozen=True)

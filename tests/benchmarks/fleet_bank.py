@@ -8,7 +8,7 @@ attacked frame less those of the same frame clean. A turned camera changes the f
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from functools import cache, partial
@@ -20,13 +20,14 @@ from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline import judge
 from auditor.pipeline.refreshing.pool import Log
 from auditor.store.versions.records import UsedRecording
 from tests.benchmarks.rates import clean_frames, frames_of
 from tests.benchmarks.scenes import Case, Scene, load
+from tests.benchmarks.turned_frames import STEP_DEG, TURNED
 
 VEHICLES = {3: 12, 4: 8}
 """By how many cameras."""
@@ -39,7 +40,7 @@ BEGINS, FLOOD, WORKSHOP, TURNS = 8, 38, 45, 60
 """The nights of the first attack, of a flood, of a visit to the workshop, and the first of a camera that turns."""
 CHANGED, TURNING = 1, 2
 """The vehicle that visits the workshop, and, of those with three cameras, the one with the camera that turns."""
-STEP_DEG = 0.02
+OFFSET_PX = COLUMNS.index("offset_px")
 FIRST_DAY = date(2026, 7, 1)
 EARLY, LATE = ("clear", "foliage", "overcast"), ("low sun", "wet", "dusk", "overcast")
 OF_VEHICLE, OF_DRIVE = 0.2, 0.1
@@ -159,7 +160,8 @@ def bank_of(clean: Path, attacked: Path, turned: Path | None) -> Bank:
         for case, usual in _pairs(scene):
             if len(case.attacked) == 1:
                 shifts[case.attack, case.attacked[0]].append(_odds(scene.rig, case, usual))
-    return Bank(load(clean), shifts, [_turns(scene) for scene in (load(turned) if turned else [])], tried)
+    turns = [_turns(scene) for scene in (load(turned) if turned else []) if _compares(scene)]
+    return Bank(load(clean), shifts, turns, tried)
 
 
 def _pairs(scene: Scene) -> Iterator[tuple[Case, Case]]:
@@ -175,6 +177,12 @@ def _odds(rig: Rig, case: Case, usual: Case) -> Shift:
     known = len(case.statistics)
     raised[:known] = np.nan_to_num(log_odds(case.statistics) - log_odds(usual.statistics))[: len(checks)]
     return dict(zip(checks, raised.tolist(), strict=True))
+
+
+def _compares(scene: Scene) -> bool:
+    """Whether all pairs of the turned camera are compared on a street."""
+    [clean] = (case for case in scene.cases if not case.attack)
+    return not any(np.isnan(values[OFFSET_PX]) for pair, values in clean.features.items() if TURNED in pair)
 
 
 def _turns(scene: Scene) -> list[Turn]:
@@ -207,13 +215,13 @@ def turned_by(turns: Sequence[Turn], degrees: float) -> Turn:
     )
 
 
-@cache
-def system_of(rig: Rig) -> System:
-    """What frames of a rig are judged by that never lack a sensor: only the checks that count then."""
+def system_of(rig: Rig, kinds: Collection[Check]) -> System:
+    """What frames of a rig are judged by that never lack a sensor: the checks of some kinds that count then."""
     whole = judge.system_of(rig)
     every = frozenset[int]()
     columns = sorted({*whole.counting(every).tolist(), *whole.detecting(every).tolist()})
-    return replace(whole, sensor_checks=tuple(whole.sensor_checks[column] for column in columns))
+    checks = (whole.sensor_checks[column] for column in columns)
+    return replace(whole, sensor_checks=tuple(check for check in checks if check.check in kinds))
 
 
 class Fleet:
@@ -221,11 +229,11 @@ class Fleet:
 
     def __init__(self, bank: Bank, cameras: int, nights: int, seed: int) -> None:
         self._bank, self._nights, self._seed, self._cameras = bank, nights, seed, cameras
-        self.rigs = [replace(one.rig, cameras=one.rig.cameras[:cameras]) for one in bank.clean]
-        self.rig: Rig = self.rigs[0]
-        self.system = system_of(self.rig)
+        self.rig = replace(bank.clean[0].rig, cameras=bank.clean[0].rig.cameras[:cameras])
+        measured = min(len(scene.cases[0].statistics) for scene in bank.clean)  # there were fewer checks then
+        self.system = system_of(self.rig, {one.check for one in rig_sensor_checks(bank.clean[0].rig)[:measured]})
         self.vehicles = VEHICLES[cameras]
-        self.frames = [clean_frames(scene, system_of(rig)) for scene, rig in zip(bank.clean, self.rigs, strict=True)]
+        self.frames = [clean_frames(scene, self.system) for scene in bank.clean]
         rng = np.random.default_rng((seed, cameras))
         self._own = {vehicle: self.drawn(rng, OF_VEHICLE) for vehicle in range(self.vehicles)}
         self._after = self.drawn(rng, OF_VEHICLE)
@@ -315,7 +323,7 @@ class Fleet:
             replace(case, features={p: tuple(np.add(v, turn.features.get(p, 0.0))) for p, v in case.features.items()})
             for case in clean.cases[part]
         ]
-        return frames_of(clean, system_of(self.rigs[scene]), cases)
+        return frames_of(clean, self.system, cases)
 
     def _raised(self, attack: Attack | None, rng: np.random.Generator) -> dict[SensorCheck, Floats]:
         """By check and frame what an attack adds to the log odds."""

@@ -1,10 +1,12 @@
-"""Drift in the synthetic fleet of `fleet_bank`: who is named on its evenings, rightly or not, and when.
+r"""Drift in the synthetic fleet of `fleet_bank`: who is named on its evenings, rightly or not, and when.
 
 Every vehicle drives every night. A night has 15 frames of each of three scenes, drawn by the season. One vehicle of
 each rig kind comes back from a workshop with other values after night 45; one camera turns by 0.02 degrees a night from
-night 60 on. What it changes was measured on streets (`turned_streets`).
+night 60 on. What it changes was measured on streets (`turned_streets`). Each scene is of a vehicle of its own: its
+usual row offset, bias and brightness of each pair, which are its vehicle's, are taken from its frames.
 
-    python -m tests.benchmarks.fleet_drift --bank BANK --attacked ATTACKED --turned TURNED [--fleets 20]
+    python -m tests.benchmarks.fleet_drift --bank BANK --attacked ATTACKED --turned TURNED [--fleets 20] \
+        [--turning 5]
 
 Prints on how many evenings somebody is named who does not drift, with the smallest chance of each; after how many
 nights the camera that turns is named; and from when on its logs are raised by thresholds of the fleet's clean logs at
@@ -47,7 +49,7 @@ from tests.benchmarks.scenes import Case, Scene
 from tests.benchmarks.turned_frames import TURNED
 
 PLACES, OF_A_PLACE = 3, 15
-EVENINGS = (29, 44, 59)
+EVENINGS = (29, 59)
 """Before the camera turns; of the last, the vehicle that was in the workshop is no false alarm."""
 LONGEST = 10
 """Nights that the camera turns for, at most."""
@@ -90,6 +92,7 @@ class Days:
         self._checks = [one for one in checks if len(one.others) == most[one[:2]]]
         self._of_checks: list[Key] = [(one.check.value, (one.sensor,), False) for one in self._checks]
         self._tables = tables
+        self._usual: dict[int, list[dict[Key, float]]] = {}
 
     def night(self, vehicle: int, night: int, rng: np.random.Generator) -> dict[Key, float]:
         """The levels of a vehicle's night; NaN where a check was not measured."""
@@ -104,15 +107,24 @@ class Days:
         middle[: len(shift)] += shift
         return {key: float(level) for key, level in zip(keys, middle, strict=True) if np.isfinite(level)}
 
+    def _unturned(self, place: int) -> list[dict[Key, float]]:
+        """The levels of the frames of a scene."""
+        if place not in self._usual:
+            scene = self._bank.clean[place]
+            self._usual[place] = [levels_of(case, scene, None) for case in scene.cases]
+        return self._usual[place]
+
     def _table(self, place: int, turn: Turn | None) -> tuple[list[Key], Floats]:
         """The levels of a scene, (F, K); those of checks first."""
         known = place, len(self._fleet.system.sensors)
         if turn or known not in self._tables:
             scene, clean = self._bank.clean[place], self._fleet.frames[place]
             there = set(self._fleet.system.sensors)
-            rows = [levels_of(case, scene, turn) for case in scene.cases]
+            rows = [levels_of(case, scene, turn) for case in scene.cases] if turn else self._unturned(place)
             keys = [key for key in rows[0] if set(key[1]) <= there]
             table = np.array([[row.get(key, np.nan) for key in keys] for row in rows])
+            usual = np.array([[row.get(key, np.nan) for key in keys] for row in self._unturned(place)])
+            table -= np.where([signed for _, _, signed in keys], np.median(usual, axis=0), 0.0)
             of_checks = log_odds(clean.statistics_of(self._checks))
             if turn:  # another one every night
                 return [*self._of_checks, *keys], np.hstack([of_checks, table])
@@ -186,36 +198,35 @@ def main() -> None:
     parser.add_argument("--attacked", type=Path, required=True)
     parser.add_argument("--turned", type=Path, required=True)
     parser.add_argument("--fleets", type=int, default=20)
+    parser.add_argument("--turning", type=int, default=5, help="fleets in which turning is looked at as well")
     options = parser.parse_args()
     bank = bank_of(options.bank, options.attacked, options.turned)
-    by, chances, after, raised, workshop = Counter[str](), list[float](), [], [], []
+    by, chances, workshop = Counter[str](), list[float](), list[Drift]()
+    after, raised = list[int | None](), list[int | None]()
     tables: Tables = {}
     for seed in range(options.fleets):
-        series = nights(bank, seed, TURNS + LONGEST, tables)
+        series = nights(bank, seed, TURNS + LONGEST if seed < options.turning else max(EVENINGS), tables)
         for evening in EVENINGS:
             false = [one for one in named(series, evening) if is_false(one, evening)]
             chances += [min(min([one.chance, *(o.chance for o in one.changes)]) for one in false)] if false else []
             by.update(one.name.check for one in false)
-        of_workshop = [e for e in range(WORKSHOP + 2, WORKSHOP + 13, 2) if any(_changed(o) for o in named(series, e))]
-        workshop.append(of_workshop[0] - WORKSHOP + 1 if of_workshop else None)
+        print(f"{seed}: false {len(chances)} {dict(by)}", flush=True)
+        if seed >= options.turning:
+            continue
+        workshop += [one for one in named(series, max(EVENINGS)) if one.name.vehicle == f"car{CHANGED}"][:1]
         after.append(next((k for k in range(1, LONGEST + 1) if any(map(_turns, named(series, TURNS + k - 1)))), None))
         raised.append(raised_from(bank, seed))
-        told = f"turning named after {after[-1]}, raised {raised[-1]}, workshop {workshop[-1]}"
-        print(f"{seed}: false {len(chances)} {dict(by)}; {told}", flush=True)
+        print(f"  named after {after[-1]} nights of turning, logs raised after {raised[-1]}", flush=True)
     evenings = len(EVENINGS) * options.fleets
     print(f"evenings on which another vehicle is named: {_percent(len(chances), evenings)}, {dict(by)}")
     print(f"smallest chances of these: {', '.join(f'{one:.1g}' for one in sorted(chances))}")
     print(f"nights after which the camera that turns is named: {_told(after)}; its logs are raised: {_told(raised)}")
-    print(f"nights after which the visit to the workshop is named: {_told(workshop)}")
+    print(f"fleets in which the visit to the workshop is named: {len(workshop)} of {options.turning}")
 
 
 def _turns(one: Drift) -> bool:
     where = one.name.kind, one.name.vehicle, one.name.sensors
     return where == (f"{min(VEHICLES)} cameras", f"car{TURNING}", (TURNED,))
-
-
-def _changed(one: Drift) -> bool:
-    return one.name.vehicle == f"car{CHANGED}"
 
 
 if __name__ == "__main__":

@@ -61,7 +61,6 @@ from tests.benchmarks.fleet_bank import (
     Fleet,
     Made,
     bank_of,
-    system_of,
 )
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.rates import clean_frames, frames_of
@@ -192,7 +191,7 @@ def nights_of(
 ) -> Outcome:
     """Refresh a fleet for some nights."""
     influence.INFLUENCE = replace(INFLUENCE, most_drives=MOST)  # type: ignore[attr-defined]
-    learning.system_of = system_of  # type: ignore[attr-defined]
+    learning.system_of = lambda _rig: fleet.system  # type: ignore[attr-defined, assignment]
     choosing.shown_by_others = Again().shown_by_others  # type: ignore[attr-defined]
     choosing.thresholds_of = learning.thresholds_of = _thresholds  # type: ignore[attr-defined, assignment]
     learning.make_calibration = _calibration  # type: ignore[attr-defined, assignment]

@@ -91,6 +91,13 @@ def test_no_vehicle_and_no_day_has_more_than_its_share_however_many_drives_it_br
     assert "no day has more than its share" in out[59]
 
 
+def test_what_waits_counts_among_the_drives_of_its_vehicles_day() -> None:
+    flood = [Source(f"f{place}", "bad", 5) for place in range(10)]
+    left = INFLUENCE.most_of_a_day - 2
+    assert [place for place in range(8) if place not in dict(limited(flood[2:], flood[:2]))] == list(range(left))
+    assert not dict(limited([Source("a", "bad", 6), Source("b", "other", 5), Source("c")], flood))
+
+
 def test_of_one_road_only_some_drives_count_and_unknown_roads_are_no_reason() -> None:
     road, elsewhere = frozenset({(0, x) for x in range(10)}), frozenset({(9, x) for x in range(10)})
     longer = road | {(1, x) for x in range(8)}

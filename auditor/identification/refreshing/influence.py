@@ -16,18 +16,18 @@ from auditor.identification.systems import System
 Cell = tuple[int, int]
 
 
-def limited(sources: Sequence[Source]) -> Iterator[tuple[int, str]]:
+def limited(sources: Sequence[Source], waiting: Sequence[Source] = ()) -> Iterator[tuple[int, str]]:
     """The places in `sources` of the drives that are too many, each with the reason; later days go first.
 
-    A calibration has so many drives at most, and so many of a vehicle's day. No vehicle and no day has more than its
-    share of them, where there are three.
+    A calibration has so many drives at most, and so many of a vehicle's day, with those that are `waiting` for a
+    person: who brings many of a day, of which some are raised, does not get in the others one after the other. No
+    vehicle and no day has more than its share of them, where there are three.
     """
     order = sorted(range(len(sources)), key=lambda place: (str(sources[place].day or ""), -place), reverse=True)
-    of_day: Counter[Hashable] = Counter()
+    of_day: Counter[Hashable] = Counter(map(_of_a_day, waiting))
     left = []
     for place in order:
-        recording_id, vehicle, day = sources[place]
-        key = vehicle, recording_id if day is None else day
+        key = _of_a_day(sources[place])
         of_day[key] += 1
         if of_day[key] > INFLUENCE.most_of_a_day:
             yield place, f"its vehicle has {INFLUENCE.most_of_a_day} others of that day"
@@ -40,6 +40,11 @@ def limited(sources: Sequence[Source]) -> Iterator[tuple[int, str]]:
     yield from too_many.items()
     for place in [place for place in left if place not in too_many][INFLUENCE.most_drives :]:
         yield place, f"{INFLUENCE.most_drives} recordings of later days are enough"
+
+
+def _of_a_day(one: Source) -> Hashable:
+    """What the drives of one vehicle and day share."""
+    return one.vehicle, one.recording_id if one.day is None else one.day
 
 
 def crowded(visited: Sequence[Set[Cell]]) -> Iterator[tuple[int, str]]:

@@ -144,7 +144,7 @@ def with_shown(used: UsedRecording, shown: Shown | None) -> UsedRecording:
 def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
     named, others, barred = _eligible(group, known)
-    others, too_many = _within_limits(others)
+    others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, known)])
     base = thresholds_of(known.parent.clean if known.parent is not None else (), system, r)
     in_force = set(known.parent.recordings) if known.parent is not None else set()
     by = known.judges if known.parent is not None else f"{known.judges} and the others"
@@ -165,14 +165,20 @@ def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
     return _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
 
 
-def _within_limits(logs: Sequence[Log]) -> tuple[list[Log], list[UsedRecording]]:
+def _within_limits(logs: Sequence[Log], waiting: Sequence[Log]) -> tuple[list[Log], list[UsedRecording]]:
     """The logs that count, and those of a vehicle, day or road that has too many of them."""
-    too_many = dict(limited([log.source for log in logs]))
+    too_many = dict(limited([log.source for log in logs], [log.source for log in waiting]))
     left = [log for place, log in enumerate(logs) if place not in too_many]
     same_road = dict(crowded([log.circumstances().visited for log in left]))
     out = [_out(logs[place], reason) for place, reason in too_many.items()]
     out += [_out(left[place], reason) for place, reason in same_road.items()]
     return [log for place, log in enumerate(left) if place not in same_road], out
+
+
+def _waits(log: Log, known: Known) -> bool:
+    """Whether a log was raised before, and nobody has looked at it since."""
+    waiting = known.waiting.get(log.used.recording_id)
+    return waiting is not None and waiting.judged and not log.named
 
 
 def _eligible(group: Group, known: Known) -> tuple[list[Log], list[Log], list[UsedRecording]]:

@@ -30,6 +30,8 @@ def _steps(one: Decision) -> Iterator[tuple[str, list[str]]]:
         yield "of each that is clean say so: the next refresh learns from it", ["auditor", "label", first, "--clean"]
         attack = ["--sensor", "S_NUMBER", "--attack", "KIND"]
         yield "of each that was attacked say what: it is never learnt from", ["auditor", "label", first, *attack]
+    if one.decided is Decided.WAITING:
+        yield "name recordings that you know to be clean", ["auditor", "refresh", "RECORDING", "--clean"]
     if one.decided is Decided.HELD:
         if before is not None:
             yield "look at what the candidate changes", ["auditor", "calibration", "diff", before[:12], candidate[:12]]
