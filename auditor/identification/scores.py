@@ -60,17 +60,17 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks, one=True).thresholds(judged_together, r, calibration_id)
+    return CleanDrives(clean, sensor_checks, one_left_out=True).thresholds(judged_together, r, calibration_id)
 
 
 class CleanDrives:
     """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    Where no more than `one` recording is ever left out, far fewer of their frames' fault scores are kept.
+    Where no more than one recording is ever left out (`one_left_out`), far fewer of their frames' fault scores are kept.
     """
 
     def __init__(
-        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one: bool = False
+        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one_left_out: bool = False
     ) -> None:
         self._clean = clean
         self._places: dict[str, list[int]] = {}
@@ -79,7 +79,7 @@ class CleanDrives:
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
         of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
         of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
-        asked_for = self._ever_asked_for() if one else sum(drive.frames for drive in clean)
+        asked_for = self._ever_asked_for() if one_left_out else sum(drive.frames for drive in clean)
         largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
         for drive in clean:
             for check, drives in of_checks.items():
