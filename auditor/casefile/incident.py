@@ -62,9 +62,12 @@ class CaseIncident:
     @cached_property
     def frames(self) -> list[dict[str, Any]]:
         """The verdicts of the frames from the first second to the last, with what is `in_incident`, by frame."""
-        rows, own = (rows_of(table) for table in (self._tables["verdicts"], self._tables["own"]))
-        inside = {row["frame"] for row in own}
-        return [{**row, "in_incident": row["frame"] in inside} for row in rows]
+        return [{**row, "in_incident": row["frame"] in self._inside} for row in rows_of(self._tables["verdicts"])]
+
+    @cached_property
+    def _inside(self) -> set[int]:
+        """Its own frames in this recording."""
+        return {row["frame"] for row in rows_of(self._tables["own"])}
 
     @cached_property
     def examples(self) -> tuple[Example, ...]:
@@ -103,7 +106,9 @@ class CaseIncident:
         return f"measurement_id = '{self.measurement_id}' AND {stamp} BETWEEN {low} AND {high}"
 
     def regions(self, frame: int) -> list[Region]:
-        """The damaged portions of the attacked sensors in a frame; of all sensors where none is named."""
+        """The damaged portions of the attacked sensors in one of its frames; of all sensors where none is named."""
+        if frame not in self._inside:
+            return []
         regions = self.store.load_regions(self.measurement_id, frame)
         return [region for region in regions if not self.attacked or region.sensor in self.attacked]
 

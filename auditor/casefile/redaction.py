@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from auditor.model.rig import Rig
-from auditor.store import Store
+from auditor.store import Store, rows_of, run_sql
 from auditor.store.log.provenance import user
 
 LEFT_OUT = "[left out]"
@@ -33,9 +33,14 @@ _NAMED = frozenset(
         "sensor_name",
         "frame_id",
         "store",
+        "superseded_by",
+        "conflicts",
+        "author",
+        "made_by",
+        "review_reason",
     }
 )
-"""Columns and fields that hold names and paths and nothing else."""
+"""Columns and fields that hold names, paths, or what a person wrote."""
 
 _SHORTEST = 3
 """Shorter names are left out of those columns alone: in a sentence they would be found in every other word."""
@@ -56,6 +61,7 @@ class Redaction:
             found |= {text for one in record.sightings for text in (one.name, one.path, str(Path(one.path).parent))}
         for rig_id in store.ids("rigs"):
             found |= set(_names_of(store.rig(rig_id)))
+        found |= {row["author"] for row in rows_of(run_sql(store, "SELECT DISTINCT author FROM reviews"))}
         return cls(tuple(sorted({one for one in found if len(one) >= _SHORTEST and one != "/"}, key=len, reverse=True)))
 
     @cached_property

@@ -58,16 +58,25 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
     }
 
 
-def ticket(incident: CaseIncident, remarks: tuple[str, ...]) -> dict[str, Any]:
+def ticket(incident: CaseIncident, remarks: tuple[str, ...], redaction: Redaction | None) -> dict[str, Any]:
     """What a ticket says of the incident: one flat object with a title."""
-    row, recording = incident.row, incident.recording
+    said = _ticket(incident, remarks)
+    # a name too short to be searched for is left out before it is part of a sentence
+    described = redaction.value(said) if redaction is not None else said
+    return {"title": f"{_what(incident)} for {said['seconds']:.1f} s in {described['name']}", **described}
+
+
+def _what(incident: CaseIncident) -> str:
     sensors = [f"S_{sensor}" for sensor in incident.attacked]
-    what = f"{' + '.join(sensors)} attacked" if sensors else f"{row['kind']} finding"
+    return f"{' + '.join(sensors)} attacked" if sensors else f"{incident.row['kind']} finding"
+
+
+def _ticket(incident: CaseIncident, remarks: tuple[str, ...]) -> dict[str, Any]:
+    row, recording = incident.row, incident.recording
     return {
-        "title": f"{what} for {row['seconds']:.1f} s in {recording.name}",
         "incident_id": incident.incident_id,
         "kind": row["kind"],
-        "sensors": sensors,
+        "sensors": [f"S_{sensor}" for sensor in incident.attacked],
         "attacked_names": row["attacked_names"],
         "vehicle": recording.vehicle,
         "name": recording.name,

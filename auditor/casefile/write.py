@@ -22,7 +22,7 @@ from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
 from auditor.reporting.case_page import CasePage, render_case
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
-from auditor.reporting.incident.one import Incidents
+from auditor.reporting.incident.one import Incidents, OneIncident
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.sketch import sketch, track_of
 from auditor.store import Store
@@ -69,8 +69,8 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
     with new_folder(into) as folder:
         remarks = _of_several(incident) + _write_recorded(incident, folder, settings, redaction)
         write_rows(incident, folder, redaction)
-        described = ticket(incident, remarks)
-        write_ticket(redaction.value(described) if redaction else described, folder)
+        described = ticket(incident, remarks, redaction)
+        write_ticket(described, folder)
         write_timeline(incident, folder, redaction)
         track = track_of(store, incident.measurement_id) if redaction is None else None
         if track is not None:
@@ -78,11 +78,10 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
             write_file(folder / "place.svg", place.encode())
         shown = _shown(incident, folder, redaction)
         page = incidents.one(incident.row, () if redaction else shown or None)
-        page = replace(redaction.value(page), shown=shown, place="") if redaction else page
+        page = _redacted(page, redaction, shown) if redaction else page
         write_file(folder / "page.html", render_one(page, index=INDEX, beside=True).encode())
         words = words_of(incident, redaction)
-        title = str(redaction.value(described, "")["title"] if redaction else described["title"])
-        write_file(folder / INDEX, _index(incident, folder, title, words, remarks, shown).encode())
+        write_file(folder / INDEX, _index(incident, folder, described["title"], words, remarks, shown).encode())
         write_manifest(folder, _predicate(incident, remarks, settings, redaction), settings.key)
         files = len(files_of(folder))
     return Case(incident.incident_id, files, remarks)
@@ -117,6 +116,13 @@ def _of_several(incident: CaseIncident) -> tuple[str, ...]:
     if parts == 1:
         return ()
     return (f"the incident runs through {parts} recordings: clip and pictures are of the one with its strongest frame",)
+
+
+def _redacted(page: OneIncident, redaction: Redaction, shown: tuple[ShownExample, ...]) -> OneIncident:
+    """The page without names, and without what reviewers wrote; its pictures are blurred already."""
+    reviews = tuple({**one, "reason": LEFT_OUT} for one in page.reviews)
+    changed: OneIncident = redaction.value(replace(page, reviews=reviews, place=""))
+    return replace(changed, shown=shown)
 
 
 def _shown(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> tuple[ShownExample, ...]:

@@ -102,7 +102,8 @@ class Experiment:
 
     `cases` also gets the frames before, the latest last. `drawn` is False where the cases are not random, so that there
     is one draw; `inputs` identifies the files that its attacks are made from. `attacks` is False where frames stay
-    clean; `together` is the number of frames that are attacked one after the other.
+    clean; `together` is the number of frames that are attacked one after the other, `each` how many of those that the
+    other experiments attack there are for one of its own.
     """
 
     name: str
@@ -112,10 +113,11 @@ class Experiment:
     inputs: str | None = None
     attacks: bool = True
     together: int = 1
+    each: int = 1
 
     def takes(self, frame: int, every: int) -> bool:
         """True where it uses the frame of this number and each `every`-th is attacked; all frames are used clean."""
-        return not self.attacks or frame // self.together % every == 0
+        return not self.attacks or frame // self.together % (every * self.each) == 0
 
 
 def scenario_1(rig: Rig) -> Triple | None:

@@ -28,6 +28,7 @@ from auditor.evaluation.experiments import (
     read_patterns,
 )
 from auditor.evaluation.features import FeaturesOfCases
+from auditor.evaluation.ladders import LADDERS
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
@@ -282,8 +283,8 @@ class _Run(Run):
 def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
     """All experiments, those with the user's laser patterns last. Raises SettingError where a file cannot be read."""
     if not patterns:
-        return (*EXPERIMENTS, FURTHER, INTERVALS)
+        return (*EXPERIMENTS, FURTHER, INTERVALS, LADDERS)
     read = read_patterns(patterns)
     inputs = content_id("patterns", *((one.title, hashlib.sha256(one.pixels.tobytes()).hexdigest()) for one in read))
     on_each = Experiment("patterns", all_triples, pattern_cases(read), drawn=False, inputs=inputs)
-    return (*EXPERIMENTS, FURTHER, INTERVALS, on_each)
+    return (*EXPERIMENTS, FURTHER, INTERVALS, LADDERS, on_each)

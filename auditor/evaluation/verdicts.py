@@ -137,7 +137,7 @@ def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
         return False
     if case.experiment == "sensitivity":
         return sensors == scenario_1(rig)
-    if case.experiment == "intervals":
+    if case.experiment in ("intervals", "unseen"):
         return sensors == systems(rig)[-1]
     if len(sensors) == 3:
         return case.experiment in ("clean", "combinations")

@@ -3,22 +3,23 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from math import inf, sqrt
+from functools import lru_cache
+from math import ceil, inf, sqrt
 
 import numpy as np
 
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
-from auditor.identification.order_statistics import Without, ascending
+from auditor.identification.order_statistics import Largest, Without, ascending
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, for_clean_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.identification.thresholds import BELOW_EVERY_ERROR, threshold_rank
+from auditor.identification.thresholds import BELOW_EVERY_ERROR, checked, threshold_rank
 from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
-from auditor.model.rig import fallback_of
+from auditor.model.rig import Triple, fallback_of
 from auditor.model.verdict import FINDINGS, Finding, VerdictKind
 
 NS_PER_HOUR = 3600 * 10**9
@@ -57,7 +58,7 @@ def robust_thresholds(
     by the others. `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not
     in [0, 1].
     """
-    found = thresholds_of(calibration.clean, system, r, calibration.calibration_id)
+    found = _drives_of(calibration, system).thresholds(system.judged_together, r, calibration.calibration_id)
     limit = found.score
     if incidents_per_hour is not None:
         limit = incident_limit(incidents_per_hour, left_out_peaks(calibration, system, r), clean_hours(calibration))
@@ -73,7 +74,12 @@ def thresholds_of(
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
-    drives = CleanDrives(calibration.clean, system.sensor_checks)
+    return list(each_left_out(calibration, system, r))
+
+
+def each_left_out(calibration: Calibration, system: System, r: Decimal) -> Iterator[LeftOut]:
+    """As `leave_one_out_robust`, one recording after another."""
+    drives = _drives_of(calibration, system)
 
     def judge(left_out: CleanFrames) -> tuple[int, int]:
         by_others = drives.thresholds(system.judged_together, r, used=drives.others(left_out.recording_id))
@@ -82,25 +88,35 @@ def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
 
-    return list(_results(calibration.clean, judge))
+    return _results(calibration.clean, judge)
 
 
 def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
     fallback = fallback_of(len(calibration.rig_kind.sizes_px), lidar=calibration.rig_kind.lidar)
-
-    clean = calibration.clean
-    keys = dict.fromkeys(key for one in clean for key in one.errors if key[0] is statistic)
-    samples = {key: ascending([one.errors[key] for one in clean if key in one.errors]) for key in keys}
+    if len(calibration.recordings) == 1:
+        return []
+    own: dict[str, list[CleanFrames]] = {}
+    for one in calibration.clean:
+        own.setdefault(one.recording_id, []).append(one)
+    frames = [sum(one.frames for one in parts) for parts in own.values()]
+    asked_for = ceil(checked(r) * sum(frames)) + max(frames) + 2
+    largest: dict[tuple[Statistic, Triple], Largest] = {}
+    for one in calibration.clean:
+        for key, E in one.errors.items():
+            if key[0] is statistic:
+                largest.setdefault(key, Largest(asked_for)).add(E)
+    samples = {key: values.ascending for key, values in largest.items()}
 
     def judge(left_out: CleanFrames) -> tuple[int, int]:
-        own = [one for one in clean if one.recording_id == left_out.recording_id]
         above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
         triples = [triple for kind, triple in left_out.errors if kind is statistic]
         # The fallback, which comes last, counts where no other E of a frame was measured.
         for triple in sorted(triples, key=lambda triple: triple == fallback):
             key, E = (statistic, triple), left_out.errors[statistic, triple]
-            others = Without(samples[key], ascending([one.errors[key] for one in own if key in one.errors]))
+            values, below = samples[key]
+            gone = [one.errors[key] for one in own[left_out.recording_id] if key in one.errors]
+            others = Without(values, ascending(gone), below)
             if others.size:
                 known = ~np.isnan(E) & ~(measured & (triple == fallback))
                 rank = threshold_rank(others.size, r)
@@ -108,7 +124,13 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
                 measured |= known
         return int(np.count_nonzero(above)), _count_runs(above)
 
-    return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
+    return list(_results(calibration.clean, judge))
+
+
+@lru_cache(maxsize=2)
+def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
+    """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
+    return CleanDrives(calibration.clean, system.sensor_checks, one_left_out=True)
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:
@@ -117,7 +139,7 @@ def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list
     Those of one recording alone are in sample.
     """
     alone = len(calibration.recordings) == 1
-    drives = CleanDrives(calibration.clean, system.sensor_checks)
+    drives = _drives_of(calibration, system)
     peaks: list[float] = []
     for left_out in calibration.clean:
         used = None if alone else drives.others(left_out.recording_id)

@@ -6,6 +6,7 @@ half of them, and more of them are isolated.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from math import atan, log2, nan
 
 import numpy as np
@@ -42,7 +43,7 @@ def halvings_of_points(clean: Sequence[CleanFrames], rig: Rig, returns: Floats) 
     `returns` (F,) are the points in view of a recording's frames, NaN where there was no LiDAR. Without any clean drive
     they are compared with those of the LiDARs that the prior was fitted on. NaN where nothing is known of either.
     """
-    usual, own = _median([_median(one.returns) for one in clean]) if clean else _of_prior(rig), _median(returns)
+    usual, own = _usual_returns(tuple(clean)) if clean else _of_prior(rig), _median(returns)
     return log2(usual / own) if usual > 0 and own > 0 else nan
 
 
@@ -68,11 +69,23 @@ def _of_prior(rig: Rig) -> float:
 
 def _measured_otherwise(clean: Sequence[CleanFrames], versions: Mapping[str, str]) -> str:
     """On which other machine the calibration's counts were made, where the same frames may give others; else empty."""
-    return ", ".join(dict.fromkeys(_differences(clean, versions)))
+    return ", ".join(dict.fromkeys(_differences(_machines(tuple(clean)), versions)))
 
 
-def _differences(clean: Sequence[CleanFrames], versions: Mapping[str, str]) -> Iterator[str]:
-    for theirs in (one.versions for one in clean):
+@lru_cache(maxsize=2)
+def _usual_returns(clean: tuple[CleanFrames, ...]) -> float:
+    return _median([one.usual_returns for one in clean])
+
+
+@lru_cache(maxsize=2)
+def _machines(clean: tuple[CleanFrames, ...]) -> tuple[Mapping[str, str], ...]:
+    """The versions on which the counts of some recordings depend, each only once."""
+    known = {tuple(one.versions.get(name) for name in MACHINE): one.versions for one in clean}
+    return tuple(known.values())
+
+
+def _differences(machines: Sequence[Mapping[str, str]], versions: Mapping[str, str]) -> Iterator[str]:
+    for theirs in machines:
         differing = {name for name in MACHINE if name in theirs and name in versions and theirs[name] != versions[name]}
         if OPENCV in differing:
             yield f"OpenCV {versions[OPENCV]}, not {theirs[OPENCV]}"

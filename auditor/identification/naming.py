@@ -121,9 +121,9 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
 
 
 def _rows(flags: Flags) -> Iterator[bytes]:
-    """The flags of each frame as bytes, which few of them differ by."""
-    content, width = flags.tobytes(), flags.shape[1]
-    return (content[first : first + width] for first in range(0, len(content), width))
+    """The flags (F, M) of each frame as bytes, which few of them differ by."""
+    content, (frames, width) = flags.tobytes(), flags.shape
+    return (content[frame * width : (frame + 1) * width] for frame in range(frames))
 
 
 def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explained]:

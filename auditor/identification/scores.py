@@ -3,13 +3,14 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from math import ceil
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from auditor.identification.causes.faults import TONES, faults_of
 from auditor.identification.incidents import incident_limit
-from auditor.identification.order_statistics import Without, ascending
+from auditor.identification.order_statistics import Largest, Without, ascending
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
     Drives,
@@ -59,19 +60,37 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks).thresholds(judged_together, r, calibration_id)
+    return CleanDrives(clean, sensor_checks, one_left_out=True).thresholds(judged_together, r, calibration_id)
 
 
 class CleanDrives:
-    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
+    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    def __init__(self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck]) -> None:
+    Where no more than one recording is ever left out (`one_left_out`), far fewer of their frames' fault scores are kept.
+    """
+
+    def __init__(
+        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one_left_out: bool = False
+    ) -> None:
         self._clean = clean
-        self._names = np.array([one.recording_id for one in clean], dtype=np.str_)
-        self._of_checks = {check: Drives.of([_statistics_of(one, check) for one in clean]) for check in sensor_checks}
+        self._places: dict[str, list[int]] = {}
+        for place, drive in enumerate(clean):
+            self._places.setdefault(drive.recording_id, []).append(place)
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
-        self._of_causes = {cause: Drives.of([_strengths_of(one, cause) for one in clean]) for cause in causes}
-        self._ascending = {cause: ascending(self._strengths(cause)) for cause in causes if cause[0] not in TONES}
+        of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
+        of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
+        asked_for = self._ever_asked_for() if one_left_out else sum(drive.frames for drive in clean)
+        largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
+        for drive in clean:
+            for check, drives in of_checks.items():
+                drives.append(_statistics_of(drive, check))
+            for cause, drives in of_causes.items():
+                drives.append(_strengths_of(drive, cause))
+            for cause, values in largest.items():
+                values.add(drive.strengths.get(cause, _NONE))
+        self._of_checks = {check: Drives.of(drives) for check, drives in of_checks.items()}
+        self._of_causes = {cause: Drives.of(drives) for cause, drives in of_causes.items()}
+        self._largest = {cause: values.ascending for cause, values in largest.items()}
 
     def thresholds(
         self, judged_together: int, r: Decimal, calibration_id: str = "", *, used: Flags | None = None
@@ -84,7 +103,8 @@ class CleanDrives:
         scales = {
             cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
         }
-        drives = np.unique(self._names[used]).size
+        gone = {self._clean[place].recording_id for place in np.flatnonzero(~used).tolist()}
+        drives = len(self._places) - sum(not used[self._places[name]].any() for name in gone)
         return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
 
     def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
@@ -96,17 +116,22 @@ class CleanDrives:
 
     def others(self, recording_id: str) -> Flags:
         """(D,) which of them are of other recordings."""
-        return np.asarray(self._names != recording_id)
+        used = np.ones(len(self._clean), dtype=np.bool_)
+        used[self._places.get(recording_id, [])] = False
+        return used
 
-    def _strengths(self, cause: CauseIn) -> list[Floats]:
-        return [one.strengths.get(cause, _NONE) for one in self._clean]
+    def _ever_asked_for(self) -> int:
+        """How many of the largest fault scores a quantile of them depends on, whichever recording is left out."""
+        frames = [sum(self._clean[place].frames for place in places) for places in self._places.values()]
+        return ceil((1 - FAULT_SCALE.shown_quantile) * sum(frames)) + max(frames, default=0) + 2
 
     def _shown(self, cause: CauseIn, used: Flags) -> float:
         """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
         if cause[0] in TONES:
             return 0.0
-        out = [values for values, inside in zip(self._strengths(cause), used, strict=True) if not inside]
-        measured = Without(self._ascending[cause], ascending(out))
+        values, below = self._largest[cause]
+        left_out = [self._clean[place].strengths.get(cause, _NONE) for place in np.flatnonzero(~used).tolist()]
+        measured = Without(values, ascending(left_out), below)
         return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
 
 

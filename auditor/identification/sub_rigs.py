@@ -7,13 +7,13 @@ of the pairs that remain.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores
 from auditor.model.arrays import Floats
-from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.calibration import Calibration, CleanFrames, read_later
 from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
@@ -57,7 +57,10 @@ def _of_part(
     pairs: Sequence[Pair],
     sensor_checks: Sequence[SensorCheck],
 ) -> Calibration:
-    clean = tuple(_clean_of_part(one, part, kind, triples, pairs, sensor_checks) for one in calibration.clean)
+    clean = read_later(
+        (one.recording_id, partial(_clean_of_part, one, part, kind, triples, pairs, sensor_checks))
+        for one in calibration.clean
+    )
     return replace(calibration, rig_kind=kind, clean=clean, part=part)
 
 

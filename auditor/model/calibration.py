@@ -1,10 +1,11 @@
 """Calibrations: the clean frames that thresholds come from, and the thresholds of both methods."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from decimal import Decimal
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from auditor.model.rig import Triple
 from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
+
+MOST_FRAMES_KEPT = 100_000
+"""Of recordings that are read when they are needed: about 1 kB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +53,67 @@ class CleanFrames:
         """F."""
         return len(self.stamps_ns)
 
+    @cached_property
+    def measured(self) -> dict[tuple[Statistic, Triple], int]:
+        """How many disparity errors were measured, by statistic and triple."""
+        return {key: int(np.count_nonzero(~np.isnan(errors))) for key, errors in self.errors.items()}
+
+    @cached_property
+    def usual_returns(self) -> float:
+        """The median of the LiDAR points in view; NaN where there are none."""
+        known = self.returns[~np.isnan(self.returns)]
+        return float(np.median(known)) if known.size else np.nan
+
     def statistics_of(self, sensor_checks: Sequence[SensorCheck]) -> Floats:
         """(F, M) statistics in the order of `sensor_checks`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
         return np.stack([self.statistics.get(check, unknown) for check in sensor_checks], axis=1)
+
+
+_REMEMBERED = ("stamps_ns", "versions", "measured", "usual_returns")
+"""What is small, and known from the first reading on."""
+
+
+class FramesReadLater(CleanFrames):
+    """Clean frames that are read when something of them is asked for; see `read_later`."""
+
+    def __init__(self, recording_id: str, read: Callable[[], CleanFrames], kept: "_Kept") -> None:
+        self.__dict__.update(recording_id=recording_id, _read=read, _kept=kept)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever CleanFrames has
+        if name.startswith("_"):
+            raise AttributeError(name)
+        found = self._kept.get(self)
+        if found is None:
+            found = self._read()
+            kept = {name: getattr(found, name) for name in _REMEMBERED}
+            self.__dict__.update(kept)
+            self._kept.keep(self, found)
+        return getattr(found, name)
+
+
+class _Kept:
+    """The recordings that were read last, so many that they have no more than MOST_FRAMES_KEPT frames; one at least."""
+
+    def __init__(self) -> None:
+        self._frames: dict[FramesReadLater, CleanFrames] = {}
+
+    def get(self, one: FramesReadLater) -> CleanFrames | None:
+        return self._frames.get(one)
+
+    def keep(self, one: FramesReadLater, frames: CleanFrames) -> None:
+        self._frames[one] = frames
+        while len(self._frames) > 1 and sum(known.frames for known in self._frames.values()) > MOST_FRAMES_KEPT:
+            del self._frames[next(iter(self._frames))]
+
+
+def read_later(recordings: Iterable[tuple[str, Callable[[], CleanFrames]]]) -> tuple[CleanFrames, ...]:
+    """The clean frames of recordings, by id and a function that reads them: of many, few are in memory at a time.
+
+    What reads of all recordings reads them one after another, and all that it needs of one at once.
+    """
+    kept = _Kept()
+    return tuple(FramesReadLater(recording_id, read, kept) for recording_id, read in recordings)
 
 
 PRIOR = "prior"

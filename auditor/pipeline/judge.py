@@ -1,10 +1,10 @@
 """Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from auditor.model.calibration import (
     RobustThresholds,
     Thresholds,
     prior_calibration,
+    read_later,
 )
 from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
@@ -101,7 +102,7 @@ def calibrate(
     stored cells. Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted
     otherwise than today.
     """
-    clean: list[CleanFrames] = []
+    later: list[tuple[str, Callable[[], CleanFrames]]] = []
     kinds: list[RigKind] = []
     procedures: list[Procedure] = []
     for known, store in {known: store for store, known in measurements}.items():
@@ -111,7 +112,9 @@ def calibrate(
         kinds.append(rig.kind)
         procedures.append(measurement.procedure)
         _refuse_mixture(kinds, procedures)
-        clean.append(_clean_frames(store, measurement, rig, frames, recount=recount))
+        read = partial(clean_frames_of, store, known, frames, recount=recount)
+        later.append((measurement.recording_id, read))
+    clean = read_later(later)
     if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
         raise ThresholdsError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"

@@ -1,26 +1,31 @@
 """Calibrations: the thresholds artefact, inside a store or as a single file anywhere."""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cached_property, partial
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
-from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.calibration import Calibration, CleanFrames, read_later
 from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
 from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.files import Announce
-from auditor.store.records import content_id, to_utc
-from auditor.store.tables import Row, read_rows, write_rows
+from auditor.store.records import canonical_json, id_of_json, to_utc
+from auditor.store.tables import Row, listed, read_table, row_groups, writing
 
 _AGAIN = "make one with auditor calibrate"
 _NONE = -1
@@ -68,20 +73,26 @@ class OutdatedCalibrationError(ThresholdsError):
 
 def calibration_id(calibration: Calibration) -> str:
     """Hash of everything in a calibration but its id: equal content has equal ids."""
+    return _id_of(calibration, [_content(one) for one in calibration.clean])
+
+
+_Content = tuple[str, str, str]
+"""Of a clean recording: its id, the hash of its stamps, and all that the calibration's hash has of it, as JSON."""
+
+
+def _content(clean: CleanFrames) -> _Content:
+    stamps = _digest(clean.stamps_ns)
+    columns = sorted([*key, _digest(column)] for key, column in _columns(clean))
+    return clean.recording_id, stamps, canonical_json([clean.recording_id, stamps, *columns])
+
+
+def _id_of(calibration: Calibration, contents: Sequence[_Content]) -> str:
+    """The id of a calibration of these contents, in any order."""
     procedure = calibration.procedure
-    return content_id(
-        "calibration",
-        rig_kind_fields(calibration.rig_kind),
-        [procedure.matcher, procedure.settings, procedure.counting_version],
-        sorted(
-            [
-                one.recording_id,
-                _digest(one.stamps_ns),
-                *(sorted([*key, _digest(column)] for key, column in _columns(one))),
-            ]
-            for one in calibration.clean
-        ),
-    )
+    groups = groupby(sorted(contents), key=itemgetter(0, 1))
+    ordered = (text for _, group in groups for text in sorted((text for *_, text in group), key=json.loads))
+    head = rig_kind_fields(calibration.rig_kind), [procedure.matcher, procedure.settings, procedure.counting_version]
+    return id_of_json(["calibration", *head], f"[{','.join(ordered)}]")
 
 
 def make_calibration(rig_kind: RigKind, procedure: Procedure, clean: Iterable[CleanFrames]) -> Calibration:
@@ -92,50 +103,110 @@ def make_calibration(rig_kind: RigKind, procedure: Procedure, clean: Iterable[Cl
 
 def write_calibration(calibration: Calibration, path: Path, announce: Announce | None = None) -> None:
     """Write a calibration to a file of its own; `announce` tells of it. Raises StoreError."""
-    if calibration.calibration_id != calibration_id(calibration):
-        raise StoreError("its id is not that of its content", where=f"calibration {calibration.calibration_id}")
-    write_rows("calibrations", path, _rows(calibration), announce)
+    contents = []
+    with writing("calibrations", path) as table:
+        for number, clean in enumerate(calibration.clean):
+            contents.append(_content(clean))
+            for row in _rows(calibration, number, clean):
+                table.add(row)
+        if calibration.calibration_id != _id_of(calibration, contents):
+            raise StoreError("its id is not that of its content", where=f"calibration {calibration.calibration_id}")
+        table.commit(announce)
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration from its file.
+    """Read a calibration from its file; of many recordings few are in memory at a time.
 
     Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an older
     one that did not keep clean recordings apart, or what they show of causes, or that counted otherwise.
     """
+    parts = _Parts(path)
     try:
-        rows = read_rows("calibrations", path)
+        calibration = _read(parts)
     except StoreError as error:
         raise ThresholdsError(
             f"it is no calibration: {error.what}", where=path, remedy=error.remedy or _AGAIN
         ) from error
-    if not rows:
+    except (TypeError, ValueError) as error:
+        raise ThresholdsError(f"it is no calibration ({error})", where=path, remedy=_AGAIN) from error
+    return calibration
+
+
+def _read(parts: "_Parts") -> Calibration:
+    path, groups = parts.path, parts.groups
+    first = next((row for group in range(groups) for row in parts.rows(group, _HEAD)), None)
+    if first is None:
         raise ThresholdsError("the calibration has no samples", where=path, remedy=_AGAIN)
-    if any(row["recording_id"] is None for row in rows):
-        raise OutdatedCalibrationError(
-            "it was made by an older auditor, which did not keep clean recordings apart", where=path, remedy=_AGAIN
-        )
-    if not any(row["statistic"] in set(Cause) for row in rows):
+    causes = False
+    found: dict[int, tuple[str, list[int]]] = {}
+    for group in range(groups):
+        for row in parts.rows(group, ["part", "recording_id", "statistic"]):
+            if row["recording_id"] is None:
+                raise OutdatedCalibrationError(
+                    "it was made by an older auditor, which did not keep clean recordings apart",
+                    where=path,
+                    remedy=_AGAIN,
+                )
+            causes = causes or row["statistic"] in _CAUSES
+            found.setdefault(row["part"], (row["recording_id"], []))[1].append(group)
+    if not causes:
         raise OutdatedCalibrationError(
             "it was made by an older auditor, which did not keep what clean recordings show of causes",
             where=path,
             remedy=_AGAIN,
         )
-    if rows[0]["counting_version"] < COUNTING_VERSION:
+    if first["counting_version"] < COUNTING_VERSION:
         raise OutdatedCalibrationError(
             "its clean recordings were measured by an earlier way of counting",
             where=path,
             remedy="measure them again with auditor calibrate --measure-again",
         )
-    try:
-        calibration = calibration_of(rows)
-    except (TypeError, ValueError) as error:
-        raise ThresholdsError(f"it is no calibration ({error})", where=path, remedy=_AGAIN) from error
+    calibration = Calibration(
+        calibration_id=first["calibration_id"],
+        rig_kind=rig_kind_of(first["rig_kind"]),
+        procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
+        clean=read_later((known, partial(parts.clean, part, sorted(set(of)))) for part, (known, of) in found.items()),
+        calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),
+    )
     if calibration.calibration_id != calibration_id(calibration):
         raise ThresholdsError(
             "the calibration was changed after it was made", where=path, remedy="make it again with auditor calibrate"
         )
     return calibration
+
+
+_HEAD = ("calibration_id", "rig_kind", "matcher", "settings", "counting_version", "calibrated_at")
+_PART = ("part", "recording_id", "stamps_ns", "statistic", "i", "j", "k", "sensor", "others", "versions", "clean")
+_CAUSES = frozenset(Cause)
+
+
+class _Parts:
+    """The clean recordings in a calibration's file, read one by one. All raise StoreError."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._last: tuple[int, pa.Table] | None = None
+
+    @cached_property
+    def groups(self) -> int:
+        """How many row groups the file has."""
+        return row_groups(self.path)
+
+    def rows(self, group: int, columns: Sequence[str]) -> list[dict[str, Any]]:
+        """Some columns of the rows of a row group."""
+        return listed(read_table("calibrations", self.path, columns, group=group), self.path)
+
+    def clean(self, part: int, groups: Sequence[int]) -> CleanFrames:
+        """A recording, whose rows these row groups have."""
+        tables = [self._group(group) for group in groups]
+        rows = pa.concat_tables(table.filter(pc.equal(table["part"], part)) for table in tables)
+        return _clean(rows, self.path)
+
+    def _group(self, group: int) -> pa.Table:
+        """A row group; recordings that follow each other are often of one."""
+        if self._last is None or self._last[0] != group:
+            self._last = group, read_table("calibrations", self.path, _PART, group=group)
+        return self._last[1]
 
 
 def rig_kind_fields(kind: RigKind) -> dict[str, object]:
@@ -192,27 +263,27 @@ def _digest(column: NDArray[Any]) -> str:
     return hashlib.sha256(values.astype(values.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
-def _rows(calibration: Calibration) -> Iterator[Row]:
-    for number, clean in enumerate(calibration.clean):
-        for_parts = {column for column, _ in _columns_for_parts(clean)}
-        for column, values in sorted(_columns(clean), key=lambda one: one[0].order):
-            yield {
-                "calibration_id": calibration.calibration_id,
-                "kind": str(calibration.rig_kind),
-                "rig_kind": rig_kind_fields(calibration.rig_kind),
-                "matcher": calibration.procedure.matcher,
-                "settings": calibration.procedure.settings,
-                "counting_version": calibration.procedure.counting_version,
-                "recordings": list(calibration.recordings),
-                "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
-                **column.row,
-                "part": number,
-                "recording_id": clean.recording_id,
-                "stamps_ns": clean.stamps_ns.tolist(),
-                "versions": dict(sorted(clean.versions.items())),
-                "for_parts": column in for_parts,
-                "clean": _without_nan(values),
-            }
+def _rows(calibration: Calibration, number: int, clean: CleanFrames) -> Iterator[Row]:
+    """The rows of one clean recording. What is the same in all of its rows, and long, stands in the first alone."""
+    for_parts = {column for column, _ in _columns_for_parts(clean)}
+    for place, (column, values) in enumerate(sorted(_columns(clean), key=lambda one: one[0].order)):
+        yield {
+            "calibration_id": calibration.calibration_id,
+            "kind": str(calibration.rig_kind),
+            "rig_kind": rig_kind_fields(calibration.rig_kind),
+            "matcher": calibration.procedure.matcher,
+            "settings": calibration.procedure.settings,
+            "counting_version": calibration.procedure.counting_version,
+            "recordings": list(calibration.recordings) if number == place == 0 else None,
+            "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
+            **column.row,
+            "part": number,
+            "recording_id": clean.recording_id,
+            "stamps_ns": clean.stamps_ns.tolist() if place == 0 else None,
+            "versions": dict(sorted(clean.versions.items())),
+            "for_parts": column in for_parts,
+            "clean": _without_nan(values),
+        }
 
 
 def _without_nan(values: NDArray[np.float64]) -> list[float | None]:
@@ -223,19 +294,7 @@ def _without_nan(values: NDArray[np.float64]) -> list[float | None]:
     return listed
 
 
-def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
-    """The calibration of the rows of its file, unchecked. Raises TypeError and ValueError where they are none."""
-    first = rows[0]
-    return Calibration(
-        calibration_id=first["calibration_id"],
-        rig_kind=rig_kind_of(first["rig_kind"]),
-        procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
-        clean=tuple(_clean(list(part)) for _, part in groupby(rows, key=lambda row: row["part"])),
-        calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),
-    )
-
-
-def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
+def _clean(content: pa.Table, path: Path) -> CleanFrames:
     errors: dict[tuple[Statistic, Triple], NDArray[np.float64]] = {}
     statistics: dict[SensorCheck, NDArray[np.float64]] = {}
     fault_scores: dict[CauseIn, NDArray[np.float64]] = {}
@@ -244,8 +303,9 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
     features: dict[tuple[str, Pair], NDArray[np.float64]] = {}
     brightness: dict[tuple[str, int], NDArray[np.float64]] = {}
     returns = np.zeros(0)
-    for row in rows:
-        what, i, k, column = row["statistic"], row["i"], row["k"], _column(row)
+    rows = listed(content.drop_columns(["clean", "stamps_ns"]), path)
+    for row, values in zip(rows, content["clean"], strict=True):
+        what, i, k, column = row["statistic"], row["i"], row["k"], _column(values)
         if what in set(Statistic):
             errors[Statistic(what), Triple(i, row["j"], k)] = column
         elif what in set(Cause):
@@ -262,7 +322,7 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
             unmasked[_sensor_check(row, what.removesuffix(_UNMASKED))] = column
         else:
             statistics[_sensor_check(row, what)] = column
-    stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
+    stamps_ns = np.array(content["stamps_ns"][0].as_py(), dtype=np.int64)
     return CleanFrames(
         rows[0]["recording_id"],
         stamps_ns,
@@ -283,5 +343,8 @@ def _sensor_check(row: Mapping[str, Any], check: str) -> SensorCheck:
     return SensorCheck(Check(check), row["sensor"], tuple(row["others"]))
 
 
-def _column(row: Mapping[str, Any]) -> NDArray[np.float64]:
-    return np.array([np.nan if value is None else value for value in row["clean"]], dtype=np.float64)
+def _column(values: pa.ListScalar) -> NDArray[np.float64]:
+    """The values of a list, NaN for NULL."""
+    if values.values is None:
+        raise ValueError("a clean recording lacks its values")
+    return np.asarray(values.values.to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 
 import duckdb
 import pyarrow as pa
@@ -58,14 +59,18 @@ def run_sql(store: Store, text: str) -> pa.Table:
     return _run(store, text, {}, "SQL")
 
 
-def run_sqls(store: Store, texts: Mapping[str, str]) -> dict[str, pa.Table]:
-    """The answers to several SELECT statements of our own, by the names of these: the views are made once for all.
+def run_sqls(store: Store, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.Table]:
+    """The answers to several SELECT statements of our own, or queries, by the names of these.
 
-    Raises as `run_sql` does.
+    The views are made once for all; queries have the values that their parameters have by default. Raises as `run_sql`
+    does.
     """
-    with connected(store, "\n".join(texts.values())) as connection:
+    asked = {name: (one, {}) if isinstance(one, str) else (one.sql, bind(one, {})) for name, one in texts.items()}
+    with connected(store, "\n".join(text for text, _ in asked.values())) as connection:
         try:
-            return {name: connection.sql(text).to_arrow_table() for name, text in texts.items()}
+            return {
+                name: connection.sql(text, params=values).to_arrow_table() for name, (text, values) in asked.items()
+            }
         except (duckdb.Error, pa.ArrowException) as error:
             raise QueryError(in_one_line(error), where="SQL", remedy=_REMEDY) from error
 
@@ -99,13 +104,19 @@ def _asked(
             raise QueryError(in_one_line(error), where=where, remedy=_REMEDY) from error
 
 
+@cache
+def _parser() -> duckdb.DuckDBPyConnection:
+    """Reads statements and runs none."""
+    return duckdb.connect()
+
+
 def _refuse_but_select(text: str) -> None:
     """Raise QueryError for all but one SELECT statement, before any view is made."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
         raise QueryError("it is not UTF-8", where="SQL", remedy=_REMEDY) from error
-    with duckdb.connect() as parser:
+    with _parser().cursor() as parser:
         try:
             kinds = [_kind(statement) for statement in parser.extract_statements(text)]
         except duckdb.Error as error:

@@ -3,7 +3,7 @@
 import datetime
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -306,9 +306,19 @@ def judgement_id(
     )
 
 
+def canonical_json(value: object) -> str:
+    """A value as JSON with sorted keys and no spaces."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
 def content_id(*parts: object) -> str:
     """The first 32 hex digits of the sha256 of the parts as canonical JSON."""
-    text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical_json(parts).encode()).hexdigest()[:_ID_DIGITS]
+
+
+def id_of_json(parts: Sequence[object], last: str) -> str:
+    """As `content_id` of some parts and a last one, which is canonical JSON already."""
+    text = f"{canonical_json(parts)[:-1]},{last}]"
     return hashlib.sha256(text.encode()).hexdigest()[:_ID_DIGITS]
 
 

@@ -39,6 +39,9 @@ BATCH_ROWS = 256
 ROW_GROUP_BATCHES = 32
 """Batches in a row group; of tables whose rows hold whole grids it is one."""
 
+GROUP_BYTES = 32 << 20
+"""A row group ends with so many bytes where its rows are long, as those of calibrations are."""
+
 
 LEVEL = 3
 LEVEL_OF_GRIDS = 9
@@ -79,8 +82,7 @@ class TableWriter:
             values = [columns[name][first : first + BATCH_ROWS] for name in self._schema.names]
             arrays = [pa.array(one, field.type) for one, field in zip(values, self._schema, strict=True)]
             self._batches.append(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
-            if len(self._batches) == self._group_batches:
-                self._write_group()
+            self._end_group()
 
     def commit(self, announce: Announce | None = None) -> Written:
         """Write what is left and the footer, and give the file its place within the block of `announce`."""
@@ -99,7 +101,11 @@ class TableWriter:
         if self._rows:
             self._batches.append(_batch(self._rows, self._schema))
             self._rows = []
-        if len(self._batches) == self._group_batches:
+        self._end_group()
+
+    def _end_group(self) -> None:
+        long = sum(batch.nbytes for batch in self._batches) >= GROUP_BYTES
+        if len(self._batches) == self._group_batches or long:
             self._write_group()
 
     def _write_group(self) -> None:
@@ -145,8 +151,16 @@ def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce |
         return writer.commit(announce)
 
 
-def read_table(table: str, source: Source, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read the rows of a file of a table, or of an id; columns that it does not have yet are NULL.
+def row_groups(source: Source) -> int:
+    """How many row groups a file of a table has. Raises StoreError."""
+    with _opened(source) as (file, _):
+        return int(file.num_row_groups)
+
+
+def read_table(
+    table: str, source: Source, columns: Sequence[str] | None = None, *, group: int | None = None
+) -> pa.Table:
+    """Read the rows of a file of a table, or of a `group` of them, or of an id; columns that it lacks are NULL.
 
     Raises StoreError where it is missing, torn, or of another version.
     """
@@ -155,7 +169,10 @@ def read_table(table: str, source: Source, columns: Sequence[str] | None = None)
     with _opened(source) as (file, part):
         known = set(file.schema_arrow.names)
         present = [name for name in wanted.names if name in known]
-        stored = file.read(columns=present) if part is None else _of_part(file, part, present)
+        if part is not None:
+            stored = _of_part(file, part, present)
+        else:
+            stored = file.read(columns=present) if group is None else file.read_row_group(group, columns=present)
     arrays = [
         stored.column(field.name).cast(field.type) if field.name in present else pa.nulls(len(stored), field.type)
         for field in wanted

@@ -1,7 +1,7 @@
 -- One row a case of an evaluation: a clean frame, or one that was attacked in memory.
 --
 -- column setup: What its counts may be pooled with: made alike, on one rig kind, of real or of synthetic drives.
--- column experiment: What was tried: clean, combinations, sensitivity, further, intervals or patterns.
+-- column experiment: What was tried: clean, combinations, sensitivity, further, intervals, unseen or patterns.
 -- column recording_id: The recording, taken to be clean.
 -- column rig_id: The rig.
 -- column family: What the recording is alike with: a street's style and condition; else the recording's id.

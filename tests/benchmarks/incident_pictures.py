@@ -19,9 +19,12 @@ import multiprocessing
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -31,6 +34,7 @@ from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR, Drawing
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.frame import Measured
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud, Skipped
 from auditor.model.pictures import Content
 from auditor.model.rig import LIDAR, Rig
@@ -102,22 +106,59 @@ def frames_of(rig: Rig, count: int, hertz: float, start_ns: int, attacks: int, s
         yield attacked(frame, rig, int(place), seed) if on else frame
 
 
+class Kept:
+    """Objects that are kept, and what functions gave of them: a frame that comes again costs nothing twice."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, object] = {}
+
+    def keep(self, one: object) -> None:
+        self._kept[id(one)] = one
+
+    def once(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, called once for the same kept objects."""
+        given: dict[tuple[int, ...], Any] = {}
+
+        def called(*of: object) -> Any:
+            key = tuple(map(id, of))
+            if not all(one is None or self._kept.get(id(one)) is one for one in of):
+                return function(*of)
+            if key not in given:
+                given[key] = function(*of)
+                self.keep(given[key])
+            return given[key]
+
+        return called
+
+
 def measure_repeated(log: Path, store: Path) -> None:
     """Measure a log: of frames that are repeated what was measured of the first."""
     known: dict[bytes, Measured] = {}
+    kept = Kept()
 
     def repeated(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
+        kept.keep(rig_sensor_checks(rig))
         for item in frames:
             if isinstance(item, Skipped):
                 yield item
                 continue
             key = content_of(item)
-            counted, evidence = found = known.get(key) or measure(item, rig, matcher)
-            if key in known or len(known) < DIFFERENT:  # the attacked ones come once
-                known.setdefault(key, found)
+            counted, evidence = known.get(key) or measure(item, rig, matcher)
+            if key not in known and len(known) < DIFFERENT:  # the attacked ones come once
+                known[key] = counted, evidence
+                for one in (evidence, counted.cells, counted.shares):
+                    kept.keep(one)
             yield replace(counted, number=item.number, stamp_ns=item.stamp_ns, presence=item.presence), evidence
 
-    with patch("auditor.pipeline.measure.measure_stream", repeated):
+    with ExitStack() as patched:
+        patched.enter_context(patch("auditor.pipeline.measure.measure_stream", repeated))
+        for place in (
+            "auditor.pipeline.measure.sensor_statistics",
+            "auditor.measurement.fault_features.collect.feature_inputs",
+            "auditor.measurement.fault_features.collect.fault_features_of",
+        ):
+            module, _, name = place.rpartition(".")
+            patched.enter_context(patch(place, kept.once(getattr(import_module(module), name))))
         measure_recording(MeasureTask(log, store), lambda *_: None)
 
 

@@ -80,7 +80,10 @@ def looked_at(folder: Path, before: dict[str, str]) -> Counter[str]:
         found[f"lost {when}"] += len(before.keys() - now.keys())
         found[f"otherwise {when}"] += sum(now[key] != value for key, value in before.items() if key in now)
         found[f"more {when}"] += len(now.keys() - before.keys())
-        found[f"not as written {when}"] += len(verify(Store.open(folder)).grave)
+        grave = verify(Store.open(folder)).grave
+        found[f"not as written {when}"] += len(grave)
+        for problem in grave:
+            print(f"  {when}: {problem}", flush=True)
         if when == "after the kill":
             pack(Store.open(folder))
     return found

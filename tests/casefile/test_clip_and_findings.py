@@ -114,6 +114,9 @@ def test_the_findings_are_foxgloves_messages_on_the_clips_timeline(attacked: Att
                 name = schema.name.removeprefix("foxglove.")
                 module = __import__(f"{READ}.{name}_pb2", fromlist=[name])
                 json_format.ParseDict(for_protobuf(content), getattr(module, name)())
+            else:
+                assert (channel.message_encoding, schema.encoding) == ("protobuf", "protobuf")
+                assert schema.name in ("foxglove.CompressedImage", "foxglove.PointCloud")
 
 
 def test_auditor_reads_the_overlays_and_the_damaged_points_itself(attacked: AttackedStore, lidar_case: Path) -> None:

@@ -1,5 +1,6 @@
 """Pictures are chosen by the verdict: each incident has those of the frames that show it."""
 
+import base64
 from pathlib import Path
 
 import cv2
@@ -12,9 +13,11 @@ from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.pictures.at_hand import frames_at_hand
 from auditor.pipeline.pictures.incident_pictures import MOST_INCIDENTS, picture_incidents
+from auditor.reporting import render_incident_page, render_incident_report
 from auditor.store import Store
 from auditor.store.maintenance.removal import remove_measurement
 from auditor.store.maintenance.verify import verify
+from tests.making.accessibility import complaints
 from tests.making.case_stores import AttackedStore, recorded_frames
 
 
@@ -68,6 +71,44 @@ def test_an_overlay_marks_the_damaged_portion_of_the_attacked_camera(attacked: A
     changed = np.abs(plain - drawn).sum(axis=2) > 60
     assert changed[40:, 80:].mean() > 0.9  # the white part
     assert changed[40:, :40].mean() < 0.2
+
+
+def test_frames_outside_of_the_incident_and_sensors_that_were_not_attacked_have_no_overlay(
+    attacked: AttackedStore,
+) -> None:
+    for sensor in (0, 2):
+        row = attacked.row(sensor)
+        drawn = attacked.ask(f"FROM pictures WHERE content = 'overlay' AND measurement_id = '{row['measurement_id']}'")
+        assert {one["frame"] for one in drawn} == {row["strongest_frame"]}
+        wanted = {
+            one["view"]
+            for one in attacked.ask(
+                f"FROM regions WHERE measurement_id = '{row['measurement_id']}' "
+                f"AND sensor = {sensor} AND frame = {row['strongest_frame']}"
+            )
+        }
+        assert {one["sensor"] for one in drawn} == wanted
+
+
+def test_the_page_of_an_incident_shows_all_its_frames_at_full_resolution_and_its_place(
+    attacked: AttackedStore, tmp_path: Path
+) -> None:
+    row = attacked.row(2)
+    page = render_incident_page(attacked.store, row["incident_id"], out=tmp_path / "page.html").read_text()
+    assert complaints(page) == []
+    for frame in (row["first_frame"] - 1, row["strongest_frame"], row["last_frame"] + 1):
+        for one in attacked.store.frame_pictures(row["measurement_id"], frame):
+            assert base64.b64encode(one.data).decode() in page
+    assert f"Frame {row['strongest_frame']}: its strongest frame" in page
+    assert "data:image/svg+xml" in page
+    assert "after it and the nearest clean frame" in page
+    one_page = render_incident_report(attacked.store, out=tmp_path / "all.html").read_text()
+    assert complaints(one_page) == []
+    assert f"Frame {row['strongest_frame']}: its strongest frame" in one_page
+    assert "before it" not in one_page
+    bare = render_incident_page(attacked.store, row["incident_id"], out=tmp_path / "bare.html", pictures=Pictures.NONE)
+    assert "None was kept" in bare.read_text()
+    assert "data:image/jpeg" not in bare.read_text()
 
 
 def test_damaged_points_are_those_that_were_measured(attacked: AttackedStore) -> None:

@@ -2,6 +2,7 @@
 
 import re
 import socket
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,8 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 
 from auditor.casefile.redaction import Redaction
+from auditor.casefile.write import CaseSettings, write_case
+from auditor.store.reviews import ReviewVerdict, review_incident
 from tests.making.case_stores import NAMES, VEHICLE, AttackedStore, recorded_frames
 
 
@@ -29,9 +32,14 @@ def test_no_name_and_no_path_is_anywhere_in_it(attacked: AttackedStore, redacted
     pattern = re.compile("|".join(map(re.escape, secrets)).encode())
     contents = {path.name: path.read_bytes() for path in redacted_case.rglob("*") if path.is_file()}
     for path in redacted_case.rglob("*.parquet"):  # what is compressed is looked into
-        contents[f"{path.name} inside"] = repr(pq.read_table(path).to_pylist()).encode()
+        metadata = pq.read_metadata(path)
+        inside = (pq.read_table(path).to_pylist(), metadata.metadata, metadata.to_dict(), pq.read_schema(path))
+        contents[f"{path.name} inside"] = repr(inside).encode()
     with (redacted_case / "findings.mcap").open("rb") as stream:
-        for schema, channel, message in make_reader(stream).iter_messages():
+        reader = make_reader(stream)
+        described = (reader.get_header(), list(reader.iter_metadata()), list(reader.iter_attachments()))
+        contents["findings.mcap described"] = repr(described).encode()
+        for schema, channel, message in reader.iter_messages():
             assert schema is not None
             contents[f"{channel.topic} {message.log_time}"] = b" ".join(
                 (channel.topic.encode(), schema.data, bytes(message.data))
@@ -73,3 +81,18 @@ def test_names_are_left_out_where_they_are_words_and_no_others_change() -> None:
         "of": [("[left out]", 2)],
     }
     assert Redaction(()).text("nothing is secret") == "nothing is secret"
+
+
+def test_names_too_short_to_be_searched_for_and_what_reviewers_wrote_are_left_out(
+    attacked: AttackedStore, tmp_path: Path
+) -> None:
+    mine = attacked.copied(tmp_path)
+    store = mine.store
+    store.write_recording(replace(store.recording(mine.row(2)["recording_id"]), name="ü4"))
+    review_incident(store, mine.row(2), ReviewVerdict.KNOWN, "seen by Wombat in Lane 9")
+    write_case(store, mine.incident(2), tmp_path / "case", CaseSettings(redact=True))
+    texts = [path.read_text() for path in (tmp_path / "case").iterdir() if path.suffix in (".html", ".json", ".jsonl")]
+    texts += [path.read_text() for path in (tmp_path / "case" / "rows").glob("*.csv")]
+    assert len(texts) > 10
+    assert not [text for text in texts if "ü4" in text or "\\u00fc4" in text or "Wombat" in text]
+    assert "S_2 attacked for 0.3 s in [left out]" in (tmp_path / "case" / "index.html").read_text()

@@ -324,67 +324,62 @@ def test_less_likely_causes_are_only_listed():
     assert weigh(CLEAN, faint, LIMIT) == CLEAN
 
 
-NOTHING = Seen(added=0.0, removed=0.0, inconsistent=4.0, darker=1.0)
-DIRT = Seen(added=3.5, removed=4.0, inconsistent=4.0, darker=2.0)
-
-
-@pytest.mark.parametrize(
-    ("seen", "score"),
-    [
-        (DIRT, 1.0),
-        (DIRT._replace(removed=2.0, darker=1.35), 1.0),
-        (DIRT._replace(removed=1.99), None),
-        (DIRT._replace(darker=1.34), None),
-        (NOTHING, 0.5),
-        (NOTHING._replace(added=1.49, inconsistent=5.99), 0.5),
-        (NOTHING._replace(added=1.5), None),
-        (NOTHING._replace(inconsistent=6.0), None),
-        (Seen(NAN, NAN, NAN, NAN), None),
-    ],
-)
-def test_a_camera_that_lacks_light_or_has_none_too_much_is_soiled(seen, score):
-    assert of_lens({2: seen}) == (() if score is None else ((Cause.SOILED, 2, score),))
-
-
-LIT = Seen(added=8.0, removed=1.0, inconsistent=4.0, darker=0.2, lit_px=1000.0, saturated_px=19.0)
-VEILED = LIT._replace(inconsistent=0.9, saturated_px=59.0)
+DIRT = Seen(added=1.0, removed=5.5, inconsistent=3.5, darker=5.0, lit_px=0.0, saturated_px=5.0)
+DROP = Seen(added=5.0, removed=3.5, inconsistent=3.0, darker=0.5, lit_px=1500.0, saturated_px=0.0)
+GLARE = Seen(added=5.0, removed=1.5, inconsistent=0.0, darker=0.15, lit_px=4000.0, saturated_px=3.0)
+FACULA = Seen(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, lit_px=4000.0, saturated_px=900.0)
 
 
 @pytest.mark.parametrize(
     ("seen", "cause"),
     [
-        (LIT, Cause.SOILED),
-        (LIT._replace(saturated_px=20.0), None),
-        (LIT._replace(saturated_px=NAN), None),
-        (LIT._replace(added=1.4, inconsistent=7.0), None),
-        (LIT._replace(inconsistent=0.9), Cause.GLARE),
-        (VEILED, Cause.GLARE),
-        (VEILED._replace(saturated_px=60.0), None),
-        (VEILED._replace(inconsistent=1.0), None),
+        (DIRT, Cause.SOILED),
+        (DROP, Cause.SOILED),
+        (GLARE, Cause.GLARE),
+        (GLARE._replace(inconsistent=1.0), Cause.SOILED),
+        (FACULA, None),
+        (DROP._replace(saturated_px=2000.0), None),
+        (Seen(NAN, NAN, NAN, NAN), None),
     ],
+    ids=["mud", "drop", "glare", "another view", "facula", "it outshines the scene", "nothing is known"],
 )
-def test_light_that_saturates_nothing_is_of_the_lens_and_a_veil_saturates_little_of_what_it_lights(seen, cause):
-    assert of_lens({2: seen}) == (() if cause is None else ((cause, 2, 0.5),))
+def test_a_lens_explains_what_it_makes_likelier_than_light_that_was_thrown_in(seen, cause):
+    found = of_lens({1: seen})
+    assert [(one.cause, one.sensor) for one in found] == ([] if cause is None else [(cause, 1)])
+    assert all(0.5 <= one.score < 1 for one in found)
     weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: seen})
     assert weighed.kind is (VerdictKind.ATTACKED if cause is None else VerdictKind.SUSPECT)
 
 
+@pytest.mark.parametrize("known", ["removed", "saturated_px"])
+def test_the_chance_of_a_lens_rises_with_what_is_removed_and_falls_with_what_saturates(known):
+    chances = [DROP._replace(**{known: value}).chance_of_lens for value in (0.0, 2.0, 5.0, 2000.0)]
+    assert chances == sorted(chances, reverse=known == "saturated_px")
+    assert chances[0] != chances[-1]
+
+
+def test_what_is_not_known_of_light_says_nothing():
+    without = DROP._replace(lit_px=NAN, saturated_px=NAN)
+    outshone = DROP._replace(lit_px=0.0, saturated_px=3000.0)
+    assert outshone.chance_of_lens < without.chance_of_lens < DROP.chance_of_lens
+
+
 def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():
     assert weigh(verdict(lead=9.0), (), LIMIT, {2: DIRT}) == verdict(lead=9.0)
-    weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: NOTHING})
-    assert (weighed.kind, weighed.causes) == (VerdictKind.SUSPECT, ((Cause.SOILED, 1, 0.5),))
+    weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: DROP})
+    assert (weighed.kind, weighed.causes) == (VerdictKind.SUSPECT, ((Cause.SOILED, 1, DROP.chance_of_lens),))
     assert weigh(CLEAN, (FaultHypothesis(Cause.SOILED, 1),), LIMIT) == CLEAN
 
 
 def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_less_likely():
     late, glare = FaultHypothesis(Cause.LATE, 1, 0.6), FaultHypothesis(Cause.GLARE, None, 0.9)
     weighed = weigh(verdict(), (glare, late), LIMIT, {1: DIRT})
-    assert weighed.causes == (late, (Cause.SOILED, 1, 1.0), glare)
+    assert weighed.causes == (late, *of_lens({1: DIRT}), glare)
 
 
 def test_light_of_one_colour_is_no_dirt_and_no_exposure():
-    assert of_lens({2: DIRT._replace(coloured=2.4)}) == ((Cause.SOILED, 2, 1.0),)
-    assert of_lens({2: DIRT._replace(coloured=2.5), 3: DIRT}) == ((Cause.SOILED, 3, 1.0),)
+    assert of_lens({2: DIRT._replace(coloured=2.4)}) == of_lens({2: DIRT})
+    assert of_lens({2: DIRT._replace(coloured=2.5), 3: DIRT}) == of_lens({3: DIRT})
     toned = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
     seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
@@ -393,7 +388,7 @@ def test_light_of_one_colour_is_no_dirt_and_no_exposure():
 
 
 def test_light_in_rows_is_no_dirt_and_no_exposure():
-    assert of_lens({1: DIRT._replace(whole=2.4), 2: DIRT._replace(whole=2.5)}) == ((Cause.SOILED, 1, 1.0),)
+    assert of_lens({1: DIRT._replace(whole=2.4), 2: DIRT._replace(whole=2.5)}) == of_lens({1: DIRT})
     toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
     seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, whole=6.0)
     assert weigh(verdict(check="striped_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.ATTACKED

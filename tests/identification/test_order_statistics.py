@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.order_statistics import Without, ascending
+from auditor.identification.order_statistics import Largest, Without, ascending
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -24,3 +24,30 @@ def test_without_nothing_all_is_left():
     found = Without(values, ascending([]))
     assert [found.at(0), found.at(1)] == [0.1, 0.3]
     assert ascending([]).size == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("many", [1, 9, 30, 100])
+def test_the_largest_values_are_enough_for_the_largest_ranks(seed, many):
+    draw = np.random.default_rng(seed)
+    parts = [np.append(draw.integers(0, 6, draw.integers(1, 12)) / 8, np.nan) for _ in range(9)]  # many are equal
+    largest = Largest(many)
+    for part in parts:
+        largest.add(part)
+    values, below = largest.ascending
+    everything = ascending(parts)
+    assert below + values.size == everything.size
+    assert values.tolist() == everything[below:].tolist()
+    left_out = ascending(parts[3:4])
+    whole, known = Without(everything, left_out), Without(values, left_out, below)
+    assert known.size == whole.size
+    ranks = range(below, whole.size)
+    assert [known.at(rank) for rank in ranks] == [whole.at(rank) for rank in ranks]
+
+
+def test_of_many_values_few_are_kept():
+    largest = Largest(10)
+    for first in range(0, 10_000, 100):
+        largest.add(np.arange(first, first + 100, dtype=np.float64))
+        assert sum(one.size for one in largest._values) <= 110
+    assert largest.ascending[0][-10:].tolist() == list(range(9990, 10_000))

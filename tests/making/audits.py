@@ -47,5 +47,9 @@ class Audit:
         return self("scan", *recordings, "--pictures", "none", *how)
 
     def ask(self, sql: str) -> Any:
-        """The rows of an answer as they are printed, without the process that the SQL of users is run in."""
-        return json.loads(encode(run_sql(Store.open(self.store), sql), "json"))
+        return ask(self.store, sql)
+
+
+def ask(store: Path, sql: str) -> Any:
+    """The rows of an answer as they are printed, without the process that the SQL of users is run in."""
+    return json.loads(encode(run_sql(Store.open(store), sql), "json"))

@@ -6,6 +6,7 @@ They are really measured; their verdicts are written by hand, so that no change 
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -87,22 +88,24 @@ def attacked_store(folder: Path) -> AttackedStore:
     return AttackedStore(recordings, folder / "audit")
 
 
-def judge_by_hand(store: Store, measurement_id: str, sensor: int) -> None:
+def judge_by_hand(
+    store: Store, measurement_id: str, sensor: int, attacked: range = ATTACKED, r: str = "0.01", when: datetime = WHEN
+) -> None:
     """Every frame in which the sensor is attacked is found, the last but one as the strongest."""
-    _, thresholds = robust_judging(store.rig(store.measurement(measurement_id).rig_id), "0.01", 2)  # type: ignore[no-untyped-call]
+    _, thresholds = robust_judging(store.rig(store.measurement(measurement_id).rig_id), r, 2)  # type: ignore[no-untyped-call]
     evidence = (Evidence(_EVIDENCE[sensor].value, sensor, None, None, 5.0),)
     finding = Finding(VerdictKind.ATTACKED, (sensor,))
     rows = []
     stored = store.load_statistics(measurement_id)
     for frame, stamp_ns in zip(stored.frames.tolist(), stored.stamps_ns.tolist(), strict=True):
         verdict = Verdict(VerdictKind.CLEAN, "", gap=3.0)
-        if frame in ATTACKED:
-            gap = 2.0 + (frame == ATTACKED[-2])
+        if frame in attacked:
+            gap = 2.0 + (frame == attacked[-2])
             verdict = Verdict(
                 VerdictKind.ATTACKED, "", (sensor,), gap=gap, evidence=evidence, finding=finding, posterior=0.9
             )
         rows.append((frame, stamp_ns, verdict))
-    store.write_judgement(JudgementRecord(measurement_id, "robust", thresholds, RULES, WHEN), rows)
+    store.write_judgement(JudgementRecord(measurement_id, "robust", thresholds, RULES, when), rows)
 
 
 def recorded_frames(path: Path) -> dict[int, Frame]:

@@ -1,13 +1,13 @@
 """Recordings of a rig kind that nobody calibrated are judged by the prior; and what else a judgement says."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from decimal import Decimal
 from pathlib import Path
 
 import pytest
 
 from auditor.identification.marks import OPENCV, OPENCV_CPU
-from auditor.model.calibration import PRIOR, Marks
+from auditor.model.calibration import PRIOR, CleanFrames, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, calibrate
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
@@ -108,7 +108,8 @@ def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where
     assert made.clean[0].versions == {name: versions[name] for name in (OPENCV, OPENCV_CPU)}
     assert judged(store, attacked, calibration=made).judgement.marks == Marks()
 
-    elsewhere = replace(made.clean[0], versions={OPENCV: "4.0.0", OPENCV_CPU: "NEON"})
+    content = {field.name: getattr(made.clean[0], field.name) for field in fields(CleanFrames)}
+    elsewhere = CleanFrames(**{**content, "versions": {OPENCV: "4.0.0", OPENCV_CPU: "NEON"}})
     other = make_calibration(made.rig_kind, made.procedure, [elsewhere])
     assert other.calibration_id == made.calibration_id, "the same frames are the same calibration"
     write_calibration(other, tmp_path / "other.parquet")

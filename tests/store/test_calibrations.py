@@ -5,9 +5,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import StoreError, ThresholdsError
+from auditor.model import calibration as model
 from auditor.model.checks import CAMERA_CHECKS, rig_sensor_checks
 from auditor.model.measurement import COUNTING_VERSION, Statistic
 from auditor.model.verdict import Cause
+from auditor.store import tables
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
 from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import table_schema
@@ -48,6 +50,32 @@ def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
     assert again.calibrated_at == calibration.calibrated_at
     assert again.recordings == ("a" * 64, "b" * 64)
     assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
+
+
+def test_of_many_recordings_few_are_in_memory_and_row_groups_may_end_within_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(model, "MOST_FRAMES_KEPT", 2)
+    monkeypatch.setattr(tables, "BATCH_ROWS", 5)
+    monkeypatch.setattr(tables, "GROUP_BYTES", 1)
+    calibration = make(recordings=tuple(letter * 64 for letter in "ebdac"))
+    write_calibration(calibration, tmp_path / "c")
+    assert pq.ParquetFile(tmp_path / "c").num_row_groups > len(calibration.clean)
+    again = read_calibration(tmp_path / "c")
+    assert columns(again) == columns(calibration)
+    assert columns(again) == columns(calibration)
+    [kept] = {one._kept for one in again.clean}
+    assert sum(known.frames for known in kept._frames.values()) <= 2 < sum(one.frames for one in again.clean)
+    assert read_calibration(tmp_path / "c").recordings == calibration.recordings
+
+
+def test_what_all_rows_have_and_is_long_stands_in_the_first_alone(tmp_path):
+    """Else a calibration of many recordings names all of them in each row, and each has its stamps a hundred times."""
+    store = new_store(tmp_path)
+    store.write_calibration(make())
+    sql = "SELECT count(recordings) AS lists, count(stamps_ns) AS stamps FROM stored_calibrations"
+    assert run_sql(store, sql).to_pylist() == [{"lists": 1, "stamps": 2}]
+    named = run_sql(store, "SELECT DISTINCT recordings FROM calibrations").to_pylist()
+    assert named == [{"recordings": ["a" * 64, "b" * 64]}]
+    assert store.calibration_recordings() == {store.ids("calibrations")[0]: ("a" * 64, "b" * 64)}
 
 
 def test_what_serves_other_rigs_comes_back_and_is_no_sample_in_sql(tmp_path):

@@ -172,6 +172,27 @@ def test_files_stay_while_a_connection_reads_them(kept, folder):
     assert not any(path.parent.parent == folder for path in parquet_files(folder))
 
 
+@pytest.mark.parametrize("removed", [0, 1])
+def test_verify_knows_every_file_after_a_kill_while_packed_files_go(folder, tmp_path, monkeypatch, removed):
+    """Also those that rows finished, which the log names nowhere before: the store as it was when the process ended."""
+    frames = [path for path in parquet_files(folder) if path.parent.name == "frames"]
+    assert len(frames) > 1
+    remove, gone = Path.unlink, []
+
+    def unlink(path, **options):
+        if path.parent.name == "frames" and len(gone) == removed and not (tmp_path / "killed").exists():
+            shutil.copytree(folder, tmp_path / "killed")
+        gone.extend([path] * (path.parent.name == "frames"))
+        remove(path, **options)
+
+    monkeypatch.setattr(Path, "unlink", unlink)
+    pack(Store.open(folder))
+    monkeypatch.undo()
+    found = verify(Store.open(tmp_path / "killed"))
+    assert len(found.open_runs) == 1
+    assert not found.grave
+
+
 def test_a_reader_that_found_a_file_reads_the_pack_where_it_went_meanwhile(folder, monkeypatch):
     known = Store.open(folder).ids("measurements")[0]
     before, found = Store.open(folder).load_statistics(known), []

@@ -300,3 +300,11 @@ def test_a_name_that_is_no_text_any_more_is_told_in_one_line(store, capsys):
             read_rows("verdicts", path)
     assert run(["verify", str(store.folder)]) == 1
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_verdicts_that_cannot_be_read_are_one_problem_and_that_of_their_own_file(store):
+    path = next(iter((store.folder / "verdicts").glob("*.parquet")))
+    path.write_bytes(path.read_bytes()[:-9])
+    assert list(problems(store)) == [place(path)]
+    path.unlink()
+    assert list(problems(store)) == [place(path)]

@@ -1,11 +1,12 @@
 """What the light checks of a camera say of causes: dirt, exposures and white balance do not change it as light does."""
 
 from collections.abc import Mapping
-from math import nan
+from math import exp, isnan, nan
 from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
@@ -43,12 +44,21 @@ class Seen(NamedTuple):
         return self.inconsistent < LIGHT_OF_CAUSES.unchanged
 
     @property
-    def dim(self) -> bool:
-        """Whether light was added that saturates nothing; where nothing else changed, little of what it lights."""
-        veil = LIGHT_OF_CAUSES.veil * self.lit_px if self.unchanged else 0.0
-        return self.added >= LIGHT_OF_CAUSES.least_added and self.saturated_px < max(
-            LIGHT_OF_CAUSES.least_saturated, veil
+    def chance_of_lens(self) -> float:
+        """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
+
+        What is not known says nothing.
+        """
+        curves = (
+            (self.added, THROWN_LIGHT.added_at, THROWN_LIGHT.of_added),
+            (self.removed, THROWN_LIGHT.changed_at, THROWN_LIGHT.of_removed),
+            (self.inconsistent, THROWN_LIGHT.changed_at, THROWN_LIGHT.of_inconsistent),
+            (float(np.log(self.darker)), THROWN_LIGHT.darker_at, THROWN_LIGHT.of_darker),
+            (float(np.log1p(self.lit_px)), THROWN_LIGHT.lit_at, THROWN_LIGHT.of_lit),
+            (float(np.log1p(self.saturated_px)), THROWN_LIGHT.saturated_at, THROWN_LIGHT.of_saturated),
         )
+        ratio = THROWN_LIGHT.start + sum(float(np.interp(x, at, of)) for x, at, of in curves if not isnan(x))
+        return 1 / (1 + exp(ratio))
 
 
 def seen_of(
@@ -87,23 +97,16 @@ def seen_of(
 
 
 def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
-    """The cameras that changed without light being thrown into them.
+    """The cameras of which dirt, drops or glare on the lens are likelier than light that was thrown into them.
 
-    An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
-    it only does not see what the others see, that is just enough for dirt. Light that saturates nothing is none that
-    outshines the scene: glare where what is seen is the same, and else what a drop on the lens shows.
+    Glare adds light, and what is seen is the same; dirt and drops take light away, or show something else.
     """
     found = []
     for sensor, one in seen.items():
-        if one.thrown:
-            continue
-        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
-            found.append(FaultHypothesis(Cause.SOILED, sensor))
-        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
-            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
-        elif one.dim:
-            cause = Cause.GLARE if one.unchanged else Cause.SOILED
-            found.append(FaultHypothesis(cause, sensor, FAULT_HYPOTHESES.enough))
+        chance = 0.0 if one.thrown else one.chance_of_lens
+        if chance >= FAULT_HYPOTHESES.enough:
+            glare = one.unchanged and one.darker < 1
+            found.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
     return tuple(found)
 
 

@@ -122,8 +122,9 @@ def collect_checks(
     `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
     """
     lit = views_of(half_res, colours)
-    rows = {camera: Rows.of(half_res[camera]) for pair in maps for camera in pair}
-    dark = {camera: darkest(half_res[camera]) for camera in rows}
+    matched = {camera: half_res[camera] for pair in maps for camera in pair}
+    rows = {camera: Rows.of(half) for camera, half in matched.items()}
+    dark = {camera: darkest(half) for camera, half in matched.items()}
     isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)

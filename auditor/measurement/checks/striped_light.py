@@ -36,10 +36,11 @@ class Rows:
     @classmethod
     def of(cls, grey: Image) -> "Rows":
         """The rows of a half-resolution grey image (h, w)."""
-        usable = ((grey > 0) & (grey < saturation_level(grey))).astype(np.float32)
-        share = _by_block(usable)
+        levels = np.arange(len(_LEVELS))
+        usable = ((levels > 0) & (levels < saturation_level(grey))).astype(np.float32)
+        share = _by_block(cv2.LUT(grey, usable))
         known = share >= np.float32(STRIPED_LIGHT.usable_share)
-        level = np.where(known, _by_block(_LEVELS[grey] * usable) / np.maximum(share, _LEAST), np.float32(0))
+        level = np.where(known, _by_block(cv2.LUT(grey, _LEVELS * usable)) / np.maximum(share, _LEAST), np.float32(0))
         around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
         return cls(np.asarray(level - around, dtype=np.float32), known)
 
@@ -60,7 +61,7 @@ class Rows:
         return min(max(shown, 0.0), 1.0)
 
 
-def _by_block(values: Floats32) -> Floats32:
+def _by_block(values: cv2.typing.MatLike) -> Floats32:
     size = (STRIPED_LIGHT.blocks, len(values))
     return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 

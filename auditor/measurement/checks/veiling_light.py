@@ -6,13 +6,14 @@ light that a lens scatters over the image is added there as well.
 
 import numpy as np
 
+from auditor.measurement.checks.tone_curve import level_counts
 from auditor.measurement.colour_parameters import VEILING_LIGHT
 from auditor.model.arrays import Image
 
 
 def darkest(grey: Image) -> float | None:
     """The level of the darkest part of an image (h, w), what is black left out; None where all is."""
-    counts = np.bincount(grey.ravel(), minlength=2)
+    counts = level_counts(grey)
     counts[0] = 0
     total = int(counts.sum())
     if not total:

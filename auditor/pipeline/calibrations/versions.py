@@ -1,5 +1,6 @@
 """Versions of calibrations over their life: kept when they are made, put in force, rolled back, checked."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
@@ -9,12 +10,13 @@ import numpy as np
 
 from auditor import __version__
 from auditor.errors import AuditorError, SettingError
-from auditor.identification.cross_validation import LeftOut, clean_hours, leave_one_out_robust
+from auditor.identification.cross_validation import LeftOut, clean_hours, each_left_out
 from auditor.identification.parameters import judging_digest
 from auditor.identification.refreshing.drives import Shown
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
+from auditor.model.rig import Triple
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
@@ -56,12 +58,12 @@ def keep_calibrated(
 ) -> Kept:
     """Keep a calibration that a person made, and put it in force where none is for its rig kind. Raises StoreError."""
     one, known = clean.chosen[0]
-    left_out = leave_one_out_robust(calibration, system_of(one.rig(one.measurement(known).rig_id)), r)
+    judged = each_left_out(calibration, system_of(one.rig(one.measurement(known).rig_id)), r)
     chosen = [(source, known) for known, source in {known: source for source, known in clean.chosen}.items()]
-    used = [
-        used_recording(source, known, reason=GIVEN, clean=frames_of, by_others=found)
-        for (source, known), frames_of, found in zip(chosen, calibration.clean, left_out, strict=True)
-    ]
+    used, left_out = list[UsedRecording](), list[LeftOut]()
+    for (source, known), frames_of, found in zip(chosen, calibration.clean, judged, strict=True):
+        used.append(used_recording(source, known, reason=GIVEN, clean=frames_of, by_others=found))
+        left_out.append(found)
     used += [used_recording(source, known, reason=reason) for source, known, reason in clean.out]
     before = history_of(histories(store), calibration).in_force
     first = before in (None, calibration.calibration_id)
@@ -254,7 +256,10 @@ def remade(store: Store, calibration_id: str) -> bool:
 
 
 def _resolves(calibration: Calibration) -> float | None:
-    fewest = min((len(samples) for samples in calibration.samples.values()), default=0)
+    samples = Counter[tuple[Statistic, Triple]]()
+    for one in calibration.clean:
+        samples.update(one.measured)
+    fewest = min(samples.values(), default=0)
     return 1 / fewest if fewest else None
 
 

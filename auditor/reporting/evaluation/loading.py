@@ -26,6 +26,7 @@ from auditor.reporting.evaluation.missed import missed_attacks
 from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.reporting.evaluation.page import Evaluated, EvaluationPage, Setup
 from auditor.reporting.evaluation.tables import described, grids
+from auditor.reporting.evaluation.unseen import unseen_grids
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
 from auditor.store.store import Store
@@ -52,6 +53,7 @@ def load_evaluation(store: Store) -> EvaluationPage:
             "confusion": {},
             "further": {},
             "incidents": {},
+            "unseen": {},
             "objects": {"r": list(OBJECT_RATES)},
             "average_precision": {},
         }.items()
@@ -104,6 +106,7 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
                 | object_grids(found)
                 | method_grids(found, robust)
                 | incident_grids(dict(zip(METHODS, (found, robust), strict=True)))
+                | {"unseen": unseen_grids(answers["unseen"])}
             ).items()
         },
         sheets={name: tuple(plots) for name, plots in (sheets(found) | object_sheets(found)).items()},

@@ -70,6 +70,8 @@ def _change(places: dict[str, Place], entry: Entry, file: dict[str, object], *, 
     if not _is_inside(path):
         return
     new = Output.of_fields(file) if "sha256" in file else None
+    if new is None and not settled and path not in places:
+        return  # it may be there still, and the row that finished it says how it was
     before: tuple[Output | None, ...] = places[path].accepted if path in places else (None,)
     places[path] = Place((new,) if settled else (new, *before), entry)
 

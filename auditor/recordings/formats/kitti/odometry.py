@@ -12,18 +12,15 @@ from auditor.errors import DecodingError, RecordingError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.pictures import inspect_picture
+from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_matrices, read_small_text
 from auditor.recordings.formats.kitti.raw import (
-    CAMERAS,
     PERIOD_NS,
     SCAN_TOPIC,
-    Calibration,
     Drive,
     KittiRecording,
     Stream,
     numbered_files,
     picture_topic,
-    read_matrices,
-    read_small_text,
 )
 
 _CALIBRATION_FILE = "calib.txt"

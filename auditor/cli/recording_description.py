@@ -1,0 +1,171 @@
+"""What a recording holds, as `auditor inspect --format json` prints it: topics, health, rigs and what they identify."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from auditor.cli.capabilities import capabilities, short_pairs
+from auditor.errors import RigError
+from auditor.model.coverage import TopicCoverage, unread_line
+from auditor.model.optics.common_view import common_view
+from auditor.model.rig import MOST_OFF_PX, Camera, Rig
+from auditor.model.text import storable
+from auditor.pipeline.measure import calibration_warnings_of, rigs_through
+from auditor.pipeline.reading import FrameCount, Reading, judge_reading
+from auditor.recordings import (
+    Health,
+    Location,
+    Recording,
+    RigsInForce,
+    check_health,
+    open_recording,
+    outside_topics,
+    search_rigs,
+    survey,
+    synchronise,
+    write_rig,
+)
+
+
+def describe(where: Location, shown: Path | None, written: Path | None) -> dict[str, Any]:
+    """Read a recording through, with the rig file `shown` in place of its own; its first rig is written to `written`.
+
+    Raises RecordingError where it cannot be read, RigError where the rig file does not fit it.
+    """
+    with open_recording(where) as recording:
+        surveyed = survey(recording)
+        found = RigsInForce(())
+        missing = ""
+        try:
+            found = rigs_through(recording, surveyed, shown)
+        except RigError as error:
+            if shown:
+                raise
+            missing = error.what
+        rigs = tuple(one.rig for one in found.rigs)
+        if rigs and written:
+            write_rig(rigs[0], written)
+        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        health = [
+            check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
+            for one in found.rigs
+        ]
+        if not rigs:
+            for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
+                pass
+        damage = [str(piece) for piece in recording.damage]
+        readings = [_reading(one, damage) for one in health]
+        coverage = health[0].coverage if health else outside_topics(recording, surveyed)
+        return {
+            "recording": storable(str(where)),
+            "recording_id": recording.recording_id,
+            "clock": recording.clock,
+            "metadata": dict(recording.metadata()),
+            "labels": len(recording.labels()),
+            "topics": list(_topics(recording, rigs, coverage)),
+            "damage": damage,
+            "problems": [*found.remarks, *surveyed.problems],
+            "rigs": [
+                {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
+                for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)
+            ],
+            "unreadable": unread_line(coverage),
+            "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
+            "missing": missing,
+            "complete": bool(rigs) and all(reading.complete for reading in readings),
+        }
+
+
+def _reading(health: Health, damage: list[str]) -> Reading:
+    balance = [sensor.balance for sensor in health.sensors.values()]
+    return judge_reading(FrameCount(health.frames, health.skipped), health.coverage, balance, damage)
+
+
+def _topics(
+    recording: Recording, rigs: tuple[Rig, ...], coverage: tuple[TopicCoverage, ...]
+) -> Iterator[dict[str, Any]]:
+    """Every topic, with its sensor; those of cameras and LiDARs with their state and, where not read, why."""
+    sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
+    covered = {one.topic: one for one in coverage}
+    counts = recording.counts
+    for topic in recording.topics():
+        yield {
+            "topic": topic.name,
+            "schema": topic.schema,
+            "messages": counts.get(topic.name, 0),
+            "sensor": sensors.get(topic.name),
+            "state": _state(sensors.get(topic.name), covered.get(topic.name)),
+            "why": covered[topic.name].reason if topic.name in covered and topic.name not in sensors else "",
+        }
+
+
+def _state(sensor: str | None, covered: TopicCoverage | None) -> str | None:
+    if covered is None or (sensor is not None and covered.sensor is None):
+        return "read" if sensor else None
+    return covered.state.value
+
+
+def _rig(rig: Rig, health: Health) -> dict[str, Any]:
+    leftmost = rig.cameras[-1]
+    view = None if rig.is_rectified else common_view(rig)
+    sensors: list[dict[str, Any]] = []
+    if rig.lidar:
+        sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
+    sensors += [
+        {
+            "sensor": f"S_{camera.number}",
+            "name": camera.name,
+            "topic": camera.topic,
+            "size_px": _size(camera),
+            "focal_px": camera.focal_px,
+            "baseline_m": rig.baseline_m(camera.number, leftmost.number) if camera is not leftmost else None,
+            "reference": camera.number in rig.references,
+        }
+        for camera in rig.cameras
+    ]
+    return {
+        "rig_id": rig.rig_id,
+        "kind": str(rig.kind),
+        "beside_line_px": {} if rig.shares_view else _beside_line(rig),
+        "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
+        "triples": [list(triple) for triple in rig.triples],
+        "max_attacked": rig.max_attacked,
+        "capabilities": capabilities(rig),
+        "pairs_without_depth": [list(pair) for pair in short_pairs(rig)],
+        "frames": health.frames,
+        "skipped": dict(health.skipped),
+        "clock_jumps": health.clock_jumps,
+        "period_ms": health.period_ns / 1e6,
+        "sensors": [
+            {**sensor, **_sensor_health(health, number)} for sensor, number in zip(sensors, rig.sensors, strict=True)
+        ],
+    }
+
+
+def _beside_line(rig: Rig) -> dict[str, float]:
+    """By camera beside the line of the others how many rows it misses what is 10 m away."""
+    return {f"S_{number}": off_px for number, off_px in rig.off_line_px.items() if off_px > MOST_OFF_PX}
+
+
+def _size(camera: Camera) -> str:
+    return f"{camera.width_px} x {camera.height_px}"
+
+
+def _sensor_health(health: Health, sensor: int) -> dict[str, Any]:
+    one = health.sensors[sensor]
+    balance = one.balance
+    covered = next(topic for topic in health.coverage if topic.sensor == sensor)
+    return {
+        "read": balance.read,
+        "used": balance.used,
+        "unused": balance.unused,
+        "damaged": balance.damaged,
+        "skipped": dict(sorted(balance.skipped.items())),
+        "present": one.present,
+        "from_s": None if one.first_ns is None or health.first_ns is None else (one.first_ns - health.first_ns) / 1e9,
+        "to_s": None if one.last_ns is None or health.first_ns is None else (one.last_ns - health.first_ns) / 1e9,
+        "offset_ms": one.offset_ns / 1e6,
+        "messages_share": covered.messages_share,
+        "time_share": covered.time_share,
+        "against": dict(covered.against),
+    }
