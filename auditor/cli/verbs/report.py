@@ -35,7 +35,7 @@ _PAGE = ".html"
     type=click.Choice([one.value for one in Pictures]),
     default=Pictures.INCIDENTS.value,
     show_default=True,
-    help="Pictures of an incident: none, the strongest one kept of it, or all kept of it.",
+    help="Pictures of an incident: none, those at full resolution (else the strongest one kept), or all kept.",
 )
 @options.policy_option
 def command(
