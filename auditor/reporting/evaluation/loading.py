@@ -43,22 +43,20 @@ def load_evaluation(store: Store) -> EvaluationPage:
             "nothing has been evaluated", where=store.folder, remedy="attack clean recordings with auditor evaluate"
         )
     wanted: dict[str, dict[str, object]] = {
-        f"evaluation_{name}": parameters
-        for name, parameters in {
-            "detection": {"r": list(CURVE_RATES)},
-            "identification": {"r": list(CURVE_RATES)},
-            "false_alarms": {},
-            "sensitivity": {},
-            "distribution": {},
-            "confusion": {},
-            "further": {},
-            "incidents": {},
-            "unseen": {},
-            "objects": {"r": list(OBJECT_RATES)},
-            "average_precision": {},
-        }.items()
+        "detection": {"r": list(CURVE_RATES)},
+        "identification": {"r": list(CURVE_RATES)},
+        "false_alarms": {},
+        "sensitivity": {},
+        "distribution": {},
+        "confusion": {},
+        "further": {},
+        "incidents": {},
+        "unseen": {},
+        "objects": {"r": list(OBJECT_RATES)},
+        "average_precision": {},
     }
-    answers = {name.removeprefix("evaluation_"): rows_of(answer) for name, answer in run_queries(store, wanted).items()}
+    found = run_queries(store, {f"evaluation_{name}": parameters for name, parameters in wanted.items()})
+    answers = {name: rows_of(found[f"evaluation_{name}"]) for name in wanted}
     by_setup: dict[str, Rows] = defaultdict(list)
     for part in parts:
         by_setup[part["setup"]].append(part)
