@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import ThresholdsError
-from auditor.pipeline import side_by_side
+from auditor.pipeline import many, side_by_side
 from auditor.pipeline.judge import Criteria, calibrate
 from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.pipeline.side_by_side import judge_side_by_side
@@ -35,7 +35,10 @@ def verdicts(store: Store) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_several_processes_judge_as_one_does(store: Store, tmp_path: Path, *, named: bool) -> None:
+def test_several_processes_judge_as_one_does(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, named: bool
+) -> None:
+    monkeypatch.setattr(many, "FEW", 0)  # this process reads all recordings at once, the others one by one
     known = store.ids("measurements")
     settings = JudgeSettings(Criteria(R), calibrate([(store, known[0])]) if named else None)
     other = Store.open(shutil.copytree(store.folder, tmp_path / "other"))
