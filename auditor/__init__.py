@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from auditor.model.measurement import Counts, Coverage, Measurement, Statistic
     from auditor.model.rig import LIDAR, Camera, Lidar, Rig, Triple
     from auditor.model.verdict import AttackLabel, Method, Verdict, VerdictKind
+    from auditor.pipeline.asking import query
     from auditor.pipeline.library import (
         Calibrated,
         Scanned,
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
         judge,
         measure,
         open_recording,
-        query,
         scan,
         synchronise,
     )
@@ -132,7 +132,8 @@ _HOMES = {
     "model.measurement": "Counts Coverage Measurement Statistic",
     "model.rig": "LIDAR Camera Lidar Rig Triple",
     "model.verdict": "AttackLabel Method Verdict VerdictKind",
-    "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording query scan synchronise",
+    "pipeline.asking": "query",
+    "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
     "pipeline.many": "Judged",
     "pipeline.opened": "OpenedStore open_store",
     "recordings": "Damage FrameStream Reader Recording Topic",

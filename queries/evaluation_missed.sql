@@ -26,7 +26,7 @@ WITH by_all AS (
     SELECT judged.*, evaluations.kind, evaluations.name, evaluations.inputs, evaluations.seed
     FROM case_verdicts AS judged
     JOIN evaluations USING (evaluation_id)
-    WHERE left_out = 'recording' AND len(attacked) <= 1 AND experiment <> 'unseen'
+    WHERE left_out = 'recording' AND len(attacked) <= 1 AND judged.experiment <> 'unseen'
     QUALIFY len(system) = max(len(system)) OVER (PARTITION BY judged.rig_id)
 ),
 strongest AS (

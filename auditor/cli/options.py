@@ -39,7 +39,7 @@ jobs_option = click.option(
     type=click.IntRange(min=1),
     default=lambda: len(os.sched_getaffinity(0)),
     show_default="the number of cores",
-    help="Recordings measured at the same time.",
+    help="Recordings that are worked on at the same time.",
 )
 
 

@@ -29,6 +29,7 @@ _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "f
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
+_SINGLE_FRAMES = "SELECT name, measurement_id FROM single_frames"
 
 Remarks = dict[tuple[str, str], list[str]]
 """The names of the recordings that a remark on a rig kind holds for."""
@@ -108,29 +109,33 @@ def show_audit(
     the store is asked about it alone; earlier verdicts are counted. What no incident fails is not found, as far as the
     tally is concerned. Without a store nothing was measured.
     """
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import query, rows_of, run_query, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     decided: list[Decided] = []
     if store is not None:
         asked = store if judged is None else _asked(store, judged)
-        summary = run_query(asked, "summary", {})
+        answers = run_sqls(
+            asked, {"summary": query("summary"), "incidents": query("incidents"), "single_frames": _SINGLE_FRAMES}
+        )
+        summary = answers["summary"]
         every = recording_ids is None
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
         rows = rows_of(summary)
         allowed = policy or policy_of(None)
-        decided = _decided(asked, {row["measurement_id"] for row in rows}, allowed)
+        decided = _decided(rows_of(answers["incidents"]), {row["measurement_id"] for row in rows}, allowed)
         earlier = {one.measurement_id for one in judged or () if one.judgement is not None} if tally.found else set()
         earlier -= {row["measurement_id"] for row in rows}
-        _excuse(tally, [*decided, *(_decided(store.only(measurements=earlier), earlier, allowed) if earlier else ())])
+        kept = rows_of(run_query(store.only(measurements=earlier), "incidents")) if earlier else []
+        _excuse(tally, [*decided, *_decided(kept, earlier, allowed)])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
     if form == "table":
         if store is not None:
             _show_tables(rows, decided)
-            _tell_single_frames(asked, {row["measurement_id"] for row in rows})
+            _tell_single_frames(rows_of(answers["single_frames"]), {row["measurement_id"] for row in rows})
         answer(closing_line(tally))
     elif form in FORMS_OF_CI:
         write_bytes(as_form_of_ci(form, store, rows, decided, tally))
@@ -204,24 +209,16 @@ def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
     )
 
 
-def _decided(store: "Store", measurements: Collection[str], policy: "Policy") -> "list[Decided]":
-    """The incidents of some measurements, and which of them fail today."""
+def _decided(incidents: Sequence[dict[str, Any]], measurements: Collection[str], policy: "Policy") -> "list[Decided]":
+    """Those of the incidents that are of some measurements, and which of them fail today."""
     from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
-    from auditor.store import rows_of, run_query  # noqa: PLC0415
 
-    incidents = [
-        row
-        for row in rows_of(run_query(store, "incidents", {}))
-        if any(part["measurement_id"] in measurements for part in row["parts"])
-    ]
-    return decide(incidents, policy, datetime.now(UTC).date())
+    known = [row for row in incidents if any(part["measurement_id"] in measurements for part in row["parts"])]
+    return decide(known, policy, datetime.now(UTC).date())
 
 
-def _tell_single_frames(store: "Store", measurements: Collection[str]) -> None:
+def _tell_single_frames(told: Sequence[Mapping[str, Any]], measurements: Collection[str]) -> None:
     """How many frames are so strong that they are told by themselves, though they belong to no incident."""
-    from auditor.store import rows_of, run_sql  # noqa: PLC0415 - DuckDB is heavy
-
-    told = rows_of(run_sql(store, "SELECT name, measurement_id FROM single_frames"))
     names = [row["name"] for row in told if row["measurement_id"] in measurements]
     if names:
         frames = f"{len(names)} very strong frame{'s' * (len(names) > 1)}"

@@ -130,7 +130,7 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
 @lru_cache(maxsize=2)
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
-    return CleanDrives(calibration.clean, system.sensor_checks)
+    return CleanDrives(calibration.clean, system.sensor_checks, one_left_out=True)
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:

@@ -60,28 +60,34 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks).thresholds(judged_together, r, calibration_id)
+    return CleanDrives(clean, sensor_checks, one_left_out=True).thresholds(judged_together, r, calibration_id)
 
 
 class CleanDrives:
-    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
+    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    def __init__(self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck]) -> None:
+    Where no more than one recording is ever left out (`one_left_out`), far fewer of their fault scores are kept.
+    """
+
+    def __init__(
+        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one_left_out: bool = False
+    ) -> None:
         self._clean = clean
         self._places: dict[str, list[int]] = {}
-        for place, one in enumerate(clean):
-            self._places.setdefault(one.recording_id, []).append(place)
+        for place, drive in enumerate(clean):
+            self._places.setdefault(drive.recording_id, []).append(place)
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
         of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
         of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
-        largest = {cause: Largest(self._largest_asked_for()) for cause in causes if cause[0] not in TONES}
-        for one in clean:
+        asked_for = self._ever_asked_for() if one_left_out else sum(drive.frames for drive in clean)
+        largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
+        for drive in clean:
             for check, drives in of_checks.items():
-                drives.append(_statistics_of(one, check))
+                drives.append(_statistics_of(drive, check))
             for cause, drives in of_causes.items():
-                drives.append(_strengths_of(one, cause))
+                drives.append(_strengths_of(drive, cause))
             for cause, values in largest.items():
-                values.add(one.strengths.get(cause, _NONE))
+                values.add(drive.strengths.get(cause, _NONE))
         self._of_checks = {check: Drives.of(drives) for check, drives in of_checks.items()}
         self._of_causes = {cause: Drives.of(drives) for cause, drives in of_causes.items()}
         self._largest = {cause: values.ascending for cause, values in largest.items()}
@@ -97,7 +103,8 @@ class CleanDrives:
         scales = {
             cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
         }
-        drives = sum(bool(used[places].any()) for places in self._places.values())
+        gone = {self._clean[place].recording_id for place in np.flatnonzero(~used).tolist()}
+        drives = len(self._places) - sum(not used[self._places[name]].any() for name in gone)
         return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
 
     def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
@@ -113,7 +120,7 @@ class CleanDrives:
         used[self._places.get(recording_id, [])] = False
         return used
 
-    def _largest_asked_for(self) -> int:
+    def _ever_asked_for(self) -> int:
         """How many of the largest fault scores a quantile of them depends on, whichever recording is left out."""
         frames = [sum(self._clean[place].frames for place in places) for places in self._places.values()]
         return ceil((1 - FAULT_SCALE.shown_quantile) * sum(frames)) + max(frames, default=0) + 2
@@ -122,16 +129,10 @@ class CleanDrives:
         """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
         if cause[0] in TONES:
             return 0.0
-        left_out = np.flatnonzero(~used).tolist()
-        if len({self._clean[place].recording_id for place in left_out}) > 1:
-            measured = Without(ascending(self._strengths(cause, np.flatnonzero(used).tolist())), ascending([]))
-        else:
-            values, below = self._largest[cause]
-            measured = Without(values, ascending(self._strengths(cause, left_out)), below)
+        values, below = self._largest[cause]
+        left_out = [self._clean[place].strengths.get(cause, _NONE) for place in np.flatnonzero(~used).tolist()]
+        measured = Without(values, ascending(left_out), below)
         return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
-
-    def _strengths(self, cause: CauseIn, places: Sequence[int]) -> list[Floats]:
-        return [self._clean[place].strengths.get(cause, _NONE) for place in places]
 
 
 def for_drive(

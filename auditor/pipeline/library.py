@@ -3,15 +3,14 @@
 Keywords have the names, meanings and defaults of the options of the command line. Paths may be text.
 """
 
-import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
 from auditor import recordings as reading
-from auditor.errors import AuditorError, QueryError, SettingError, StoreError
+from auditor.errors import AuditorError, SettingError, StoreError
 from auditor.identification.thresholds import parse_r
 from auditor.measurement import measure as measure_frame
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
@@ -20,7 +19,8 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
-from auditor.pipeline.calibrations.names import listing_calibrations, named_calibration
+from auditor.pipeline.asking import PathLike, opened
+from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import (
@@ -32,22 +32,19 @@ from auditor.pipeline.many import (
     calibrate_on,
     choose_clean,
     find_batch,
-    judge_all,
     limits_by_size,
     measure_all,
 )
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store, run_query, run_sandboxed
-from auditor.store import query as find_query
-from auditor.store.export import Table
+from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
 
-PathLike = str | Path
 Rate = Decimal | float | str
 """The designated false-alarm rate r: 0.01, "0.01" or "1%"."""
 Choice = TypeVar("Choice", Method, Statistic)
@@ -245,13 +242,15 @@ def judge(
     strict: bool = False,
     recount: bool = False,
     min_coverage: float = 0.99,
+    jobs: int | None = None,
 ) -> Iterator[Judged]:
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
 
-    The new verdicts become the current ones. Raises before any work: SettingError, ThresholdsError where no
+    The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
+    Raises before any work: SettingError, ThresholdsError where no
     calibration has that name, and StoreError where nothing has been measured.
     """
-    kept = _opened(store)
+    kept = opened(store)
     measurements = kept.ids("measurements")
     if not measurements:
         raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
@@ -267,7 +266,7 @@ def judge(
         recount=recount,
         min_coverage=min_coverage,
     )
-    return judge_all(kept, measurements, settings)
+    return judge_side_by_side(kept, measurements, settings, jobs)
 
 
 def judge_settings(
@@ -306,56 +305,6 @@ def _one_of(kind: type[Choice], value: str) -> Choice:
         ) from None
 
 
-def query(
-    store: Store | PathLike, name: str | None = None, /, *, sql: str | None = None, **parameters: object
-) -> Table:
-    """The answer of a query by its name and parameters, or of one SELECT statement over the store's views.
-
-    The answer is a `pyarrow.Table`; `rows_of` makes rows of it. SQL runs in a process of its own that can write nothing
-    and has 300 s and 4096 MB. Raises QueryError where there is no such query, a parameter
-    does not fit, names nothing in the store, or the SQL is not allowed, LimitError where it takes more, and StoreError.
-    """
-    if (name is None) == (sql is None):
-        raise QueryError("give the name of a query or sql, and not both", where="query")
-    if sql is not None:
-        return run_sandboxed(_opened(store), sql)
-    assert name is not None
-    wanted, kept = find_query(name), _opened(store)
-    _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
-    return run_query(kept, name, _by_id(kept, parameters))
-
-
-def _by_id(store: Store, parameters: Mapping[str, object]) -> dict[str, object]:
-    """The parameters with the id of the one recording that is called so: by any name that it was read under."""
-    called = store.recordings_called(str(parameters["recording"])) if parameters.get("recording") else []
-    return {**parameters, **({"recording": called[0].recording_id} if len(called) == 1 else {})}
-
-
-def _refuse_unknown(store: Store, query: str, parameters: Mapping[str, object]) -> None:
-    """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
-    recording, calibration = parameters.get("recording"), parameters.get("calibration")
-    called = [] if recording is None else store.recordings_called(str(recording))
-    if recording is not None and not called:
-        raise QueryError(
-            f"no recording has the name or id {recording!r}",
-            where=f"query {query}",
-            remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
-        )
-    if called and all(one.superseded_by is not None for one in called):
-        later = store.recording(str(called[0].superseded_by))
-        raise QueryError(
-            f"recording {recording!r} counts no longer: {later.name} holds every frame of it",
-            where=f"query {query}",
-            remedy=f"ask for recording={later.recording_id[:12]}",
-        )
-    if calibration is not None and not store.calibrations_called(str(calibration)):
-        raise QueryError(
-            f"no calibration has an id that begins with {calibration!r}",
-            where=f"query {query}",
-            remedy=listing_calibrations(store.folder),
-        )
-
-
 def _settings(
     matcher: str,
     network: MatcherOptions,
@@ -373,10 +322,6 @@ def _settings(
 
 def _paths(sources: PathLike | Iterable[PathLike]) -> list[Path]:
     return [Path(sources)] if isinstance(sources, str | Path) else [Path(path) for path in sources]
-
-
-def _opened(store: Store | PathLike) -> Store:
-    return store if isinstance(store, Store) else Store.open(store)
 
 
 def _silent(item: object, what: str, frames: int) -> None:

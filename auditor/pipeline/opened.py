@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError
-from auditor.pipeline.library import query
+from auditor.pipeline.asking import query
 from auditor.store import Connection, Store, list_queries, list_views, plain_connection
 from auditor.store.export import Table
 

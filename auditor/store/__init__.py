@@ -7,7 +7,7 @@ from auditor.store.describing import Description, describe, list_views
 from auditor.store.export import rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
 from auditor.store.pictures import Picture
-from auditor.store.queries import list_queries, query, run_query, run_sql
+from auditor.store.queries import list_queries, query, run_query, run_sql, run_sqls
 from auditor.store.records import (
     FrameErrors,
     FrameStatistics,
@@ -57,6 +57,7 @@ __all__ = [
     "run_query",
     "run_sandboxed",
     "run_sql",
+    "run_sqls",
     "table_of",
     "views_script",
     "write_calibration",

@@ -59,14 +59,18 @@ def run_sql(store: Store, text: str) -> pa.Table:
     return _run(store, text, {}, "SQL")
 
 
-def run_sqls(store: Store, texts: Mapping[str, str]) -> dict[str, pa.Table]:
-    """The answers to several SELECT statements of our own, by the names of these: the views are made once for all.
+def run_sqls(store: Store, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.Table]:
+    """The answers to several SELECT statements of our own, or queries, by the names of these.
 
-    Raises as `run_sql` does.
+    The views are made once for all; queries have the values that their parameters have by default. Raises as `run_sql`
+    does.
     """
-    with connected(store, "\n".join(texts.values())) as connection:
+    asked = {name: (one, {}) if isinstance(one, str) else (one.sql, bind(one, {})) for name, one in texts.items()}
+    with connected(store, "\n".join(text for text, _ in asked.values())) as connection:
         try:
-            return {name: connection.sql(text).to_arrow_table() for name, text in texts.items()}
+            return {
+                name: connection.sql(text, params=values).to_arrow_table() for name, (text, values) in asked.items()
+            }
         except (duckdb.Error, pa.ArrowException) as error:
             raise QueryError(in_one_line(error), where="SQL", remedy=_REMEDY) from error
 

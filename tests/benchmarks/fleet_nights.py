@@ -272,43 +272,62 @@ def _lost(some: Mapping[tuple[int, int], Outcome], usual: Mapping[tuple[int, int
     return str(difference_of([lost[one] for one in sorted(cases)], [cases[one] for one in sorted(cases)]))
 
 
-def row(name: str, some: Mapping[tuple[int, int], Outcome], usual: Mapping[tuple[int, int], Outcome]) -> str:
-    """A row of the table: all seeds and rig kinds together."""
-    outcomes = list(some.values())
+def nights_row(name: str, outcomes: Sequence[Outcome]) -> str:
+    """A row of the first table: nights and logs of all seeds and rig kinds together."""
 
     def total(of: str) -> int:
         return sum(getattr(one, of) for one in outcomes)
 
     def nights(of: str) -> str:
-        return str(share_of([getattr(one, of) for one in outcomes], [one.since for one in outcomes]))
+        share = share_of([getattr(one, of) for one in outcomes], [one.since for one in outcomes])
+        return f"{100 * share.value:.0f} ({100 * share.low:.0f} to {100 * share.high:.0f})" if total("since") else "-"
 
-    decided = sum((one.decided for one in outcomes), Counter())
-    delays = [one.alarm - one.begun for one in outcomes if one.alarm is not None and one.begun is not None]
-    begun = sum(one.begun is not None for one in outcomes)
-    low, high = wilson_percent(total("clean_waiting"), total("clean"))
-    caught = wilson_percent(total("attacked_waiting"), total("attacked"))
+    decided = sum((one.decided for one in outcomes), Counter[str]())
     cells = [
         name,
-        f"{decided['promoted']} / {decided['held']} / {decided['refused']} of {sum(decided.values())}",
-        f"{nights('false_promotions')}; {nights('false_unguarded')}" if begun else "-",
-        f"{total('attacked_in_force')} of {total('in_force')}",
-        f"{total('attacked_waiting')} of {total('attacked')} ({caught[0]:.0f} to {caught[1]:.0f} %)",
-        f"{total('clean_waiting')} of {total('clean')} ({low:.1f} to {high:.1f} %)",
-        f"{sorted(delays)[len(delays) // 2]} ({min(delays)} to {max(delays)}), {len(delays)} of {begun}"
-        if delays
-        else "-",
-        _lost(some, usual, 0),
-        _lost(some, usual, 1),
-        f"{total('turned_in_force')} of {total('turned')}",
+        f"{decided['held']} / {decided['refused']}",
+        nights("false_promotions"),
+        nights("false_unguarded"),
+        _logs(total("attacked_waiting"), total("attacked")),
+        _logs(total("clean_waiting"), total("clean")),
+        _alarms(outcomes),
     ]
     return f"| {' | '.join(cells)} |"
 
 
-HEAD = (
-    "| attacker | promoted / held / refused | nights with an attacked log in force; unguarded "
-    "| attacked logs in force at the end | attacked logs that wait | clean logs that wait "
-    "| nights to the first alarm: median (range), fleets | attacks lost | unguarded | turned logs in force |"
+def lost_row(name: str, some: Mapping[tuple[int, int], Outcome], usual: Mapping[tuple[int, int], Outcome]) -> str:
+    """A row of the second table: what is in force at the end, and which attacks it does not find."""
+    in_force = sum(one.attacked_in_force for one in some.values()), sum(one.in_force for one in some.values())
+    turned = sum(one.turned_in_force for one in some.values()), sum(one.turned for one in some.values())
+    cells = [
+        name,
+        "{} of {}".format(*in_force),
+        _lost(some, usual, 0),
+        _lost(some, usual, 1),
+        "{} of {}".format(*turned),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _logs(k: int, n: int) -> str:
+    low, high = wilson_percent(k, n)
+    return f"{k} of {n} ({low:.0f} to {high:.0f} %)" if n else "-"
+
+
+def _alarms(outcomes: Sequence[Outcome]) -> str:
+    """The nights from the first attacked log to the first alarm: median and range, and of how many fleets."""
+    begun = [one for one in outcomes if one.begun is not None]
+    delays = sorted(one.alarm - (one.begun or 0) for one in begun if one.alarm is not None)
+    if not delays:
+        return "-"
+    return f"{delays[len(delays) // 2]} ({delays[0]} to {delays[-1]}), {len(delays)} of {len(begun)}"
+
+
+NIGHTS_HEAD = (
+    "| attacker | held / refused | an attacked log in force, % | unguarded | attacked logs that wait "
+    "| clean logs that wait | first alarm after |"
 )
+LOST_HEAD = "| attacker | attacked logs in force | attacks lost | unguarded | turned logs in force |"
 
 
 def main() -> None:
@@ -334,11 +353,18 @@ def main() -> None:
                     known = shared if ATTACKERS[name] is None else known
                     path.write_bytes(pickle.dumps(outcome))
                     print(path.stem, dict(outcome.decided), dict(outcome.reasons), flush=True)
-    print(HEAD, "|---" * (HEAD.count(" | ") + 1) + "|", sep="\n")
     usual = _kept(options.kept, "nobody")
-    for name in ATTACKERS:
-        if some := _kept(options.kept, name):
-            print(row(name, some, usual))
+    every = {name: some for name in ATTACKERS if (some := _kept(options.kept, name))}
+    print(f"{len(usual)} fleets of {options.nights} nights", NIGHTS_HEAD, _rule(NIGHTS_HEAD), sep="\n")
+    for name, some in every.items():
+        print(nights_row(name, list(some.values())))
+    print("", LOST_HEAD, _rule(LOST_HEAD), sep="\n")
+    for name, some in every.items():
+        print(lost_row(name, some, usual))
+
+
+def _rule(head: str) -> str:
+    return "|---" * (head.count(" | ") + 1) + "|"
 
 
 def _kept(folder: Path, name: str) -> dict[tuple[int, int], Outcome]:

@@ -182,7 +182,7 @@ def test_tables_of_an_audit_fit_eighty_columns(store, capfd, monkeypatch):
     monkeypatch.setattr(output, "WIDEST_TABLE", 80)
     assert run(judge) == 1
     out = capfd.readouterr().out
-    heads = [line.split() for line in out.splitlines() if line.startswith((" recording ", " incident "))]
-    assert [(head[0], head[-1]) for head in heads] == [("recording", "sensors"), ("incident", "gap")]
+    headings = [line.split() for line in out.splitlines() if line.startswith((" recording ", " incident "))]
+    assert [columns[-1] for columns in headings] == ["sensors", "gap"]
     assert "* r = 0.001 is not resolvable: judged as at r = 0\n" in out
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 80

@@ -68,10 +68,10 @@ def test_thresholds_without_a_recording_are_those_of_all_others_to_the_last_digi
         return found
 
     drives = [drawn(name, CHECKS[: 3 + place]) for place, name in enumerate("abcca")]
-    learnt = CleanDrives(drives, CHECKS)
-    for name in "abc":
-        others = [one for one in drives if one.recording_id != name]
-        assert learnt.thresholds(11, R, used=learnt.others(name)) == thresholds_from(others, CHECKS, 11, R)
+    for learnt in (CleanDrives(drives, CHECKS), CleanDrives(drives, CHECKS, one_left_out=True)):
+        for name in "abc":
+            alone = CleanDrives([one for one in drives if one.recording_id != name], CHECKS)
+            assert learnt.thresholds(11, R, used=learnt.others(name)) == alone.thresholds(11, R)
 
 
 def test_two_measurements_of_one_recording_are_one_drive_in_what_is_said():

@@ -81,7 +81,7 @@ def command(
     auditor query --file question.sql --format csv
     echo "FROM verdicts" | auditor query --file -
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.library import query  # noqa: PLC0415 - heavy
+    from auditor.pipeline.asking import query  # noqa: PLC0415 - heavy
     from auditor.store import SqlLimits, Store, run_sandboxed  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
     from auditor.store.sql_files import queries  # noqa: PLC0415

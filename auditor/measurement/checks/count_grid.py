@@ -111,7 +111,7 @@ def cells_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, step
 
     `amount` is zero where it is not valid.
     """
-    some = np.flatnonzero(amount)
+    some = np.flatnonzero(amount != 0)  # of what is true or false they are found sooner
     weight = None if amount.dtype == np.bool_ else amount.ravel()[some] * np.float32(steps)
     source = _counted(places.source, places.grid, valid, some, weight)
     if places.reference is not None:
@@ -129,7 +129,7 @@ def opposite(cells: PairCells) -> PairCells:
 def _counted(place: Indices, grid: ImageGrid, valid: Mask, some: Indices, weight: Floats32 | None) -> Cells:
     """Counts of what is valid, and sums of the weights of `some` (M,) pixels, ones where there are none."""
     outside = grid.rows * grid.columns
-    counts = np.bincount(np.where(valid.ravel(), place, outside), minlength=outside + 1)[:outside]
+    counts = np.bincount(place.compress(valid.ravel()), minlength=outside + 1)[:outside]
     sums = np.bincount(place[some], weights=weight, minlength=outside + 1)[:outside]
     shape = grid.rows, grid.columns
     return Cells(_bytes(counts, *shape).astype(np.uint8), _rounded(sums.reshape(shape).astype(np.float32)))

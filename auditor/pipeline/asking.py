@@ -1,0 +1,68 @@
+"""Questions to a store as `import auditor` and the command line ask them; what reads and measures is not imported."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+
+from auditor.errors import QueryError
+from auditor.pipeline.calibrations.names import listing_calibrations
+from auditor.store import Store, run_query, run_sandboxed
+from auditor.store import query as find_query
+from auditor.store.export import Table
+
+PathLike = str | Path
+
+
+def opened(store: Store | PathLike) -> Store:
+    """A store, or the one in a folder. Raises StoreError where there is none."""
+    return store if isinstance(store, Store) else Store.open(store)
+
+
+def query(
+    store: Store | PathLike, name: str | None = None, /, *, sql: str | None = None, **parameters: object
+) -> Table:
+    """The answer of a query by its name and parameters, or of one SELECT statement over the store's views.
+
+    The answer is a `pyarrow.Table`; `rows_of` makes rows of it. SQL runs in a process of its own that can write nothing
+    and has 300 s and 4096 MB. Raises QueryError where there is no such query, a parameter
+    does not fit, names nothing in the store, or the SQL is not allowed, LimitError where it takes more, and StoreError.
+    """
+    if (name is None) == (sql is None):
+        raise QueryError("give the name of a query or sql, and not both", where="query")
+    if sql is not None:
+        return run_sandboxed(opened(store), sql)
+    assert name is not None
+    wanted, kept = find_query(name), opened(store)
+    _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
+    return run_query(kept, name, _by_id(kept, parameters))
+
+
+def _by_id(store: Store, parameters: Mapping[str, object]) -> dict[str, object]:
+    """The parameters with the id of the one recording that is called so: by any name that it was read under."""
+    called = store.recordings_called(str(parameters["recording"])) if parameters.get("recording") else []
+    return {**parameters, **({"recording": called[0].recording_id} if len(called) == 1 else {})}
+
+
+def _refuse_unknown(store: Store, query: str, parameters: Mapping[str, object]) -> None:
+    """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
+    recording, calibration = parameters.get("recording"), parameters.get("calibration")
+    called = [] if recording is None else store.recordings_called(str(recording))
+    if recording is not None and not called:
+        raise QueryError(
+            f"no recording has the name or id {recording!r}",
+            where=f"query {query}",
+            remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
+        )
+    if called and all(one.superseded_by is not None for one in called):
+        later = store.recording(str(called[0].superseded_by))
+        raise QueryError(
+            f"recording {recording!r} counts no longer: {later.name} holds every frame of it",
+            where=f"query {query}",
+            remedy=f"ask for recording={later.recording_id[:12]}",
+        )
+    if calibration is not None and not store.calibrations_called(str(calibration)):
+        raise QueryError(
+            f"no calibration has an id that begins with {calibration!r}",
+            where=f"query {query}",
+            remedy=listing_calibrations(store.folder),
+        )

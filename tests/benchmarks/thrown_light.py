@@ -1,0 +1,195 @@
+"""Fits the curves that weigh light thrown into a camera against dirt, drops and glare on its lens.
+
+Of the real drives (AUDITOR_TEST_DATA), or of streets, some frames are measured with each camera in turn under lights
+and under faults of its lens. What is in the folder is not measured again, and all of it is judged, each drive by
+thresholds of other families:
+
+    python -m tests.benchmarks.thrown_light --into FOLDER [--streets 14 --first 5000] [--attacked 2]
+
+The frames that are findings, and that neither light of one colour nor light over a whole image explains, are fitted by
+logistic regression: curves that are linear between knots and smooth, every kind as heavy as the others of its side, the
+paper's faculas three times. Printed are the curves, and for some starts how many frames are on the wrong side, each
+family left out of its fit.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from decimal import Decimal
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from auditor.evaluation.sources import Recorded, Street
+from auditor.identification.causes.light_causes import Seen, seen_of
+from auditor.identification.evidence_parameters import THROWN_LIGHT
+from auditor.identification.naming import name_attacked
+from auditor.identification.scores import for_drive, normalised_scores
+from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.paper import STRENGTHS, draw_facula
+from auditor.lab.simulation.stray_light import SunSeen
+from auditor.measurement import measure
+from auditor.model.arrays import Flags, Floats
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
+from tests.benchmarks.attack_kinds import KINDS
+from tests.benchmarks.benign import Glare, faults
+from tests.benchmarks.clean_statistics import MATCHER, case_of
+from tests.benchmarks.kinds import CAMERAS, kinds_of, options_of, scenes_of, spread
+from tests.benchmarks.lasting_faults import on, patterns
+from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.scenes import Scene
+
+R = Decimal("0.01")
+LENS = "lens: "
+OF_LENS = ("mud", "water", "drops", "glare")
+PAPER = ("facula", *(f"facula, {strength}" for strength in STRENGTHS), "infrared")
+HEAVY, SMOOTH = 3.0, 0.01
+STARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
+KNOTS = (
+    THROWN_LIGHT.added_at,
+    THROWN_LIGHT.changed_at,
+    THROWN_LIGHT.changed_at,
+    THROWN_LIGHT.darker_at,
+    THROWN_LIGHT.lit_at,
+    THROWN_LIGHT.saturated_at,
+)
+
+
+def changes(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, object]]:
+    """Each camera under faults of its lens, and under every light, drawn anew."""
+    for camera in rig.cameras:
+        rng = np.random.default_rng([seed, frame.number, camera.number])
+        size = camera.width_px, camera.height_px
+        for fault in faults(seed + frame.number, *size):
+            if not fault.together and any(word in fault.name for word in OF_LENS):
+                yield LENS + fault.name, camera.number, fault.what
+        sun = SunSeen(rng.uniform(0, size[0]), rng.uniform(0, size[1] / 2), 1.0)
+        yield f"{LENS}glare of the sun anywhere", camera.number, Glare(sun, seed + 1)
+        for one in KINDS:
+            yield one.name, camera.number, ON_CAMERA[one.kind](Drawing(rng, one.strength, one.size), camera)
+        for strength in STRENGTHS:
+            yield f"facula, {strength}", camera.number, draw_facula(rng, *size, strength)
+        for pattern in patterns():
+            yield f"pattern, {pattern.title}", camera.number, pattern
+
+
+def measured(source: Recorded | Street, name: str, family: str, attacked: int) -> Scene:
+    """All frames of a source clean, and `attacked` of them under every change."""
+    cases = []
+    with source.open(colour=True) as [drive]:
+        frames = [item for item in drive.frames if isinstance(item, Frame)]
+        chosen, rig = spread(frames, attacked), drive.rig
+        for frame in frames:
+            cases.append(case_of(measure(frame, rig, MATCHER)[0], rig))
+            if frame.number in chosen:
+                cases += [
+                    case_of(measure(on(camera, what, rig)(frame), rig, MATCHER)[0], rig, kind, (camera,))
+                    for kind, camera, what in changes(frame, rig, len(name))
+                ]
+        return Scene(name, family, rig, kinds_of(frames[0]), tuple(cases))
+
+
+class Shown(NamedTuple):
+    """What a changed camera shows in a finding."""
+
+    kind: str
+    family: str
+    seen: Seen
+
+
+def shown(scenes: Sequence[Scene]) -> Iterator[Shown]:
+    """The findings that name the changed camera, each drive judged by the others."""
+    for scene in scenes:
+        system = system_of(scene, range(1, CAMERAS + 1))
+        others = [clean_frames(one, system) for one in scenes if one.family != scene.family]
+        own = clean_frames(scene, system).statistics_of(system.sensor_checks)
+        thresholds = for_drive(thresholds_of(others, system, R)[0], system.sensor_checks, own)
+        cases = [case for case in scene.cases if case.attack]
+        statistics = frames_of(scene, system, cases).statistics_of(system.sensor_checks)
+        z = normalised_scores(statistics, [thresholds.expected.get(check) for check in system.sensor_checks])
+        verdicts = name_attacked(z, system, [frozenset()] * len(cases), thresholds.limit)
+        light = brightness_of(cases, system)
+        for place, (case, verdict) in enumerate(zip(cases, verdicts, strict=True)):
+            brightness = {key: float(values[place]) for key, values in light.items()}
+            seen = seen_of(verdict, z[place], statistics[place], system, brightness) if verdict.evidence else {}
+            one = seen.get(case.attacked[0])
+            if one is not None and not one.thrown:
+                yield Shown(case.attack, scene.family, one)
+
+
+def weights_of_knots(found: Sequence[Shown]) -> Floats:
+    """(N, K) what each value weighs at the knots of its curve."""
+    rows = [one.seen for one in found]
+    columns: tuple[Floats, ...] = tuple(
+        np.nan_to_num(np.array(values, dtype=np.float64))
+        for values in (
+            [one.added for one in rows],
+            [one.removed for one in rows],
+            [one.inconsistent for one in rows],
+            np.log([one.darker for one in rows]),
+            np.log1p([one.lit_px for one in rows]),
+            np.log1p([one.saturated_px for one in rows]),
+        )
+    )
+    return np.concatenate(
+        [
+            np.stack([np.interp(values, at, row) for row in np.eye(len(at))], axis=1)
+            for values, at in zip(columns, KNOTS, strict=True)
+        ],
+        axis=1,
+    )
+
+
+def fit(design: Floats, thrown: Flags, weight: Floats) -> tuple[Floats, float]:
+    """The values at the knots, and the start."""
+    X, y, w = (torch.tensor(one.astype(np.float64)) for one in (design, thrown, weight / weight.sum()))
+    at, start = torch.zeros(X.shape[1], dtype=torch.float64), torch.zeros(1, dtype=torch.float64)
+    parts = [at.requires_grad_(), start.requires_grad_()]
+    optimiser = torch.optim.LBFGS(parts, max_iter=200, line_search_fn="strong_wolfe")
+
+    def loss() -> torch.Tensor:
+        optimiser.zero_grad()
+        logits = X @ at + start
+        total = (w * torch.nn.functional.binary_cross_entropy_with_logits(logits, y, reduction="none")).sum()
+        for curve in torch.split(at, [len(knots) for knots in KNOTS]):
+            bends = curve[2:] - 2 * curve[1:-1] + curve[:-2]
+            total = total + SMOOTH * ((bends**2).sum() + 0.05 * (curve**2).sum())
+        total.backward()  # type: ignore[no-untyped-call]
+        return total
+
+    optimiser.step(loss)  # type: ignore[no-untyped-call]
+    return at.detach().numpy(), float(start.item())
+
+
+def main() -> None:
+    found = list(shown(scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)))
+    thrown = np.array([not one.kind.startswith(LENS) for one in found])
+    families = np.array([one.family for one in found])
+    often = Counter(one.kind for one in found)
+    kinds = Counter(kind.startswith(LENS) for kind in often)
+    weight = np.array(
+        [(HEAVY if one.kind in PAPER else 1) / often[one.kind] / kinds[one.kind.startswith(LENS)] for one in found]
+    )
+    design = weights_of_knots(found)
+    left_out = np.zeros(len(found))
+    for family in set(families.tolist()):
+        here = families == family
+        at, start = fit(design[~here], thrown[~here], weight[~here])
+        left_out[here] = design[here] @ at + start
+    for start in STARTS:
+        wrong = (left_out + start > 0) != thrown
+        print(f"{start:+.2f}: {(wrong & ~thrown).sum()} of {(~thrown).sum()} of a lens are thrown light,", end=" ")
+        print(f"{(wrong & thrown).sum()} of {thrown.sum()} lights are of a lens")
+    at, start = fit(design, thrown, weight)
+    ends = np.cumsum([0, *(len(knots) for knots in KNOTS)])
+    for first, last in pairwise(ends.tolist()):
+        middle = np.average(design[:, first:last] @ at[first:last], weights=weight)
+        start += middle
+        print(tuple(np.round(at[first:last] - middle, 2).tolist()))
+    print("start", round(start, 2))
+
+
+if __name__ == "__main__":
+    main()
