@@ -61,6 +61,18 @@ def test_days_that_resemble_each_other_give_no_more_alarms():
     assert alarms <= 2
 
 
+def test_days_of_two_levels_in_one_of_the_sensors_give_no_more_alarms():
+    rng, days, alarms = np.random.default_rng(6), 30, 0
+    for _ in range(12):
+        some = []
+        for vehicle in range(12):
+            for sensor in (1, 2, 3):
+                level = 0.2 * rng.normal(size=days) + 2.0 * (rng.random(days) < 0.5) * (sensor == 2)
+                some.append(series("removed_light", (sensor,), f"car{vehicle}", level))
+        alarms += bool(named(some))
+    assert alarms <= 1, "half of the evenings, where the days of all sensors are taken for alike"
+
+
 def test_a_camera_that_turns_is_named_alone_before_its_frames_are_raised():
     px = 0.02 * 12.6  # of 0.02 degrees at a focal length of 722 px
     rng, first = np.random.default_rng(3), DAYS - 5

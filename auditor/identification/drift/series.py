@@ -6,6 +6,7 @@ differ from day to day by chance is learnt from the fleet itself, and what all v
 subtracted before. All chances are corrected for the number of series.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -185,26 +186,52 @@ def _least(values: Floats) -> Floats:
 
 
 def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
-    """The series of a check with the deviation of a day, which they learn from each other."""
-    pooled = np.concatenate([one.own for one in series])
-    typical = _spread(pooled) * (1 + DRIFT.margin / sqrt(len(pooled)))
+    """The series of a check with the deviation of a day, which they learn from each other.
+
+    Sensors differ: days that have two levels in one of them are rough, and those of the others are not. So the tails
+    are those of the check or of the same sensors in the vehicles, whichever are longer; and so is the deviation.
+    """
     tiny = float(np.finfo(np.float64).tiny)
-    deviations = [max(typical, _spread_of_steps(one.own), least, tiny) for one in series]
-    standard = [one.own / deviation for one, deviation in zip(series, deviations, strict=True)]
-    tails = np.median([np.quantile(values, DRIFT.tails) for values in standard], axis=0)
-    scores = [_drawn_in(_as_normal(values, tails), DRIFT.extreme) for values in standard]
+    typical = _typical(series)
+    by_sensors: dict[tuple[int, ...], list[_Adjusted]] = defaultdict(list)
+    for one in series:
+        by_sensors[one.levels.name.sensors].append(one)
+    alike = {sensors: some for sensors, some in by_sensors.items() if len(some) >= DRIFT.fewest_vehicles}
+    of_sensors = {sensors: _typical(some) for sensors, some in alike.items()}
+    deviations = [
+        max(typical, of_sensors.get(one.levels.name.sensors, 0.0), _spread_of_steps(one.own), least, tiny)
+        for one in series
+    ]
+    standard = {one.levels.name: one.own / deviation for one, deviation in zip(series, deviations, strict=True)}
+    tails = {sensors: _tails([standard[one.levels.name] for one in some]) for sensors, some in alike.items()}
+    of_all = _tails(list(standard.values()))
+    scores = [
+        _drawn_in(_as_normal(values, of_all, tails.get(name.sensors, of_all)), DRIFT.extreme)
+        for name, values in standard.items()
+    ]
     wider = _widening(scores)
     for one, score, deviation in zip(series, scores, deviations, strict=True):
         yield replace(one, score=score / wider, deviation=deviation * wider)
 
 
-def _as_normal(values: Floats, tails: Floats) -> Floats:
+def _typical(series: Sequence[_Adjusted]) -> float:
+    """The deviation of a day in these series together."""
+    pooled = np.concatenate([one.own for one in series])
+    return _spread(pooled) * (1 + DRIFT.margin / sqrt(len(pooled)))
+
+
+def _tails(standard: Sequence[Floats]) -> Floats:
+    """The quantiles of `DRIFT.tails` in the middle one of these series: one that drifts does not move them."""
+    return np.asarray(np.median([np.quantile(values, DRIFT.tails) for values in standard], axis=0))
+
+
+def _as_normal(values: Floats, *tails: Floats) -> Floats:
     """Values that are as unusual as these, by the `tails` of the fleet's days, were they normal: never further off.
 
     Days whose tails are rough, or long on one side, would else give more alarms than is said.
     """
     normal = np.array([NormalDist().inv_cdf(share) for share in DRIFT.tails])
-    knots = np.sign(normal) * np.maximum(np.abs(normal), np.sign(normal) * tails)
+    knots = np.sign(normal) * np.maximum(np.abs(normal), np.max(np.sign(normal) * tails, axis=0))
     inside = np.interp(values, knots, normal)
     beyond = np.where(values < knots[0], values * normal[0] / knots[0], values * normal[-1] / knots[-1])
     return np.asarray(np.where((values < knots[0]) | (values > knots[-1]), beyond, inside))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.colour_parameters import STRIPED_LIGHT
@@ -37,10 +38,11 @@ class Rows:
     def of(cls, grey: Image) -> "Rows":
         """The rows of a half-resolution grey image (h, w)."""
         levels = np.arange(len(_LEVELS))
-        usable = ((levels > 0) & (levels < saturation_level(grey))).astype(np.float32)
-        share = _by_block(cv2.LUT(grey, usable))
+        usable = np.zeros(_LEVELS.size, dtype=np.float32)
+        usable[1 : saturation_level(grey)] = 1
+        share, total = _by_block(cv2.LUT(grey, usable)), _by_block(cv2.LUT(grey, _LEVELS * usable))
         known = share >= np.float32(STRIPED_LIGHT.usable_share)
-        level = np.where(known, _by_block(cv2.LUT(grey, _LEVELS * usable)) / np.maximum(share, _LEAST), np.float32(0))
+        level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
         around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
         return cls(np.asarray(level - around, dtype=np.float32), known)
 
