@@ -66,7 +66,7 @@ def thresholds_from(
 class CleanDrives:
     """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    Where no more than one recording is ever left out (`one_left_out`), far fewer of their frames' fault scores are kept.
+    Where no more than one recording is ever left out (`one_left_out`), far fewer of their fault scores are kept.
     """
 
     def __init__(

@@ -15,6 +15,9 @@ from auditor.recordings import Location, Origin, located
 from auditor.store import RecordingRecord, Sighting, Store
 from auditor.store.records import content_id
 
+FEW = 50
+"""So many measurements are read one by one, and more of them all at once."""
+
 
 def stamp_of(where: Path | Location, procedure: Procedure, rig: Path | None) -> str | None:
     """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""
@@ -42,6 +45,8 @@ class KnownFiles:
             return
         self._store = Store.open(tasks[0].store)
         self._procedure = procedure_by(find_matcher(tasks[0].matcher, tasks[0].network))
+        if len(tasks) > FEW:
+            self._store.measurements()  # at once: that takes far less than one by one
         for record in self._store.recordings():
             for one in record.sightings:
                 self._seen.setdefault(one.path, []).append((record, one))

@@ -19,7 +19,7 @@ from auditor.pipeline.judge import (
     prior_for,
     refuse_earlier_counting,
 )
-from auditor.pipeline.known import KnownFiles
+from auditor.pipeline.known import FEW, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
@@ -283,19 +283,23 @@ class Judged:
 class Judge:
     """Judges measurements of one store; its calibrations and current judgements are read once."""
 
-    def __init__(self, store: Store, settings: JudgeSettings) -> None:
+    def __init__(self, store: Store, settings: JudgeSettings, *, many: bool = False) -> None:
         self._store = store
         self._settings = settings
         known = [] if settings.calibration else histories(store)
         self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
         self._current = store.current_judgements()
         self._usual = UsualRigs(store)
+        self._recordings: dict[str, RecordingRecord] = {}
+        if many:  # at once: that takes far less than one by one
+            store.measurements()
+            self._recordings = {one.recording_id: one for one in store.recordings()}
 
     def judge(self, measurement: str) -> Judged:
         """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
-        recording = store.recording(stored.recording_id)
+        recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
         name, reading = recording.name, reading_of(stored, self._settings.min_coverage)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
@@ -350,8 +354,8 @@ class Judge:
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
     """Judge measurements of a store one by one."""
-    judge = Judge(store, settings)
-    return _judge_all(judge, store, measurements)
+    known = list(measurements)
+    return _judge_all(Judge(store, settings, many=len(known) > FEW), store, known)
 
 
 def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:

@@ -165,7 +165,7 @@ def _csv_column(column: pa.ChunkedArray) -> pa.Array | pa.ChunkedArray:
     if pa.types.is_nested(kind):
         return _as_json_texts(column)
     if _is_text(kind):
-        return _each(csv_cell, column)
+        return _safe_texts(column)
     return _each(bytes.hex, column) if pa.types.is_binary(kind) or pa.types.is_large_binary(kind) else column
 
 
@@ -187,6 +187,14 @@ def _each(change: Callable[[Any], str], values: Iterable[Any]) -> pa.Array:
     """The texts that values become; of none there is none."""
     plain = values.to_pylist() if isinstance(values, pa.ChunkedArray) else values
     return pa.array([None if value is None else change(value) for value in plain], pa.string())
+
+
+def _safe_texts(column: pa.ChunkedArray) -> pa.Array | pa.ChunkedArray:
+    """Texts as CSV can have them; most are already, and stand in many rows."""
+    safe = {text: csv_cell(text) for text in column.unique().to_pylist() if text is not None}
+    if all(text == changed for text, changed in safe.items()):
+        return column.cast(pa.string())
+    return _each(safe.__getitem__, column)
 
 
 def _is_text(kind: pa.DataType) -> bool:

@@ -66,6 +66,19 @@ def run_sqls(store: Store, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.T
     does.
     """
     asked = {name: (one, {}) if isinstance(one, str) else (one.sql, bind(one, {})) for name, one in texts.items()}
+    return _run_together(store, asked)
+
+
+def run_queries(store: Store, wanted: Mapping[str, Mapping[str, object]]) -> dict[str, pa.Table]:
+    """The answers to several queries with their parameters, by name: the views are made once for all.
+
+    Raises as `run_query` does.
+    """
+    known = {name: query(name) for name in wanted}
+    return _run_together(store, {name: (known[name].sql, bind(known[name], given)) for name, given in wanted.items()})
+
+
+def _run_together(store: Store, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
     with connected(store, "\n".join(text for text, _ in asked.values())) as connection:
         try:
             return {

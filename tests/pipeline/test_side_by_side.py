@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from auditor.cli import run
 from auditor.errors import ThresholdsError
-from auditor.pipeline import side_by_side
+from auditor.pipeline import many, side_by_side
 from auditor.pipeline.judge import Criteria, calibrate
 from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.pipeline.side_by_side import judge_side_by_side
@@ -35,7 +36,10 @@ def verdicts(store: Store) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_several_processes_judge_as_one_does(store: Store, tmp_path: Path, *, named: bool) -> None:
+def test_several_processes_judge_as_one_does(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, named: bool
+) -> None:
+    monkeypatch.setattr(many, "FEW", 0)  # this process reads all recordings at once, the others one by one
     known = store.ids("measurements")
     settings = JudgeSettings(Criteria(R), calibrate([(store, known[0])]) if named else None)
     other = Store.open(shutil.copytree(store.folder, tmp_path / "other"))
@@ -47,9 +51,9 @@ def test_several_processes_judge_as_one_does(store: Store, tmp_path: Path, *, na
     assert any(one.found for one in together)
     assert len(verdicts(store)) == len(known)
     assert verdicts(store) == verdicts(other)
-    last = [entry for entry in entries(store.folder) if entry.kind == "wrote"][-2 * len(known) :]
-    assert len({entry.pid for entry in last}) > 1
-    assert len({entry.run for entry in last[-3:]}) == 1
+    last = [entry for entry in entries(store.folder) if entry.kind == "wrote"][-3:]
+    assert len({entry.pid for entry in last}) == 2
+    assert len({entry.run for entry in last}) == 1
 
 
 def test_what_a_process_cannot_begin_with_is_raised(store: Store) -> None:
@@ -65,3 +69,10 @@ def test_few_measurements_are_judged_in_this_process(store: Store, monkeypatch: 
     monkeypatch.setattr(side_by_side, "WORTH_A_PROCESS", 3)
     list(judge_side_by_side(store, store.ids("measurements"), JudgeSettings(Criteria(R)), jobs=2))
     assert {entry.pid for entry in entries(store.folder)} == {os.getpid()}
+
+
+def test_the_verb_takes_how_many_processes(store: Store, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["judge", str(store.folder), "--jobs", "2", "--format", "csv"]) in (1, 3)
+    assert len(capfd.readouterr().out.splitlines()) == 4
+    last = [entry for entry in entries(store.folder) if entry.kind == "wrote"][-3:]
+    assert len({entry.pid for entry in last}) == 2

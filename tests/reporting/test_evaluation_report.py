@@ -28,19 +28,23 @@ def page(store):
     return load_evaluation(store)
 
 
+@pytest.fixture(scope="module")
+def shown(page):
+    return Page(render_evaluation(page))
+
+
 def grid_of(page, kind, number=0) -> Grid:
     return page.setups[0].grids[kind][number]
 
 
-def test_the_page_is_well_nested_whole_and_escaped(page):
-    shown = Page(render_evaluation(page))
+def test_the_page_is_well_nested_whole_and_escaped(shown):
     assert "Identification (Table II)" in shown.text
     assert "What the audit cannot see on this rig" in shown.text
     assert not [tag for tag, _ in shown.elements if tag == "script"]
     assert not [attributes for _, attributes in shown.elements if {"src", "href", "onload"} & attributes.keys()]
 
 
-def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
+def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page, shown):
     rows = run_query(store, "evaluation_detection", {}).to_pylist()
     row = next(
         r
@@ -54,16 +58,16 @@ def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
         "99.91 %",
         Rate(row["detected"], row["cases"], row["low"], row["high"], row["resolvable"]),
     )
-    assert f"{row['detected']}/{row['cases']}" in Page(render_evaluation(page)).text
+    assert f"{row['detected']}/{row['cases']}" in shown.text
 
 
-def test_both_methods_stand_side_by_side(store, page):
+def test_both_methods_stand_side_by_side(store, page, shown):
     attacks, sizes = page.setups[0].grids["methods"]
     assert attacks.columns == ("E", "robust") * 3
-    shown = {row.label: row.cells for row in attacks.rows}
-    named = shown["two of 5 sensors attacked, opaque: exactly named"]
-    misnamed = shown["two of 5 sensors attacked, opaque: a sensor named that was not"]
-    alarms = shown["clean frames that are not clean, S_0, S_1, S_2, S_3, S_4"]
+    cells = {row.label: row.cells for row in attacks.rows}
+    named = cells["two of 5 sensors attacked, opaque: exactly named"]
+    misnamed = cells["two of 5 sensors attacked, opaque: a sensor named that was not"]
+    alarms = cells["clean frames that are not clean, S_0, S_1, S_2, S_3, S_4"]
     rows = {
         (row["left_out"], row["method"]): row
         for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
@@ -85,7 +89,7 @@ def test_both_methods_stand_side_by_side(store, page):
     assert named[0] != named[1]
     assert len(sizes.rows) == 5 + 2 * 2 * 6
     assert not [row for table in (attacks, sizes) for row in table.rows if None in row.cells]
-    assert "Both methods" in Page(render_evaluation(page)).text
+    assert "Both methods" in shown.text
 
 
 def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
@@ -124,11 +128,11 @@ def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():
     assert _how_seldom(row, 0.02) == "was detected in 3 of 40 frames."
 
 
-def test_a_rate_below_one_in_n_is_flagged(page):
+def test_a_rate_below_one_in_n_is_flagged(page, shown):
     table = grid_of(page, "detection")
     assert [one.cells[1].resolvable for one in table.rows] == [True, False, False, False, True]
     assert table.unresolved
-    assert "is not resolvable with" in Page(render_evaluation(page)).text
+    assert "is not resolvable with" in shown.text
 
 
 def test_there_is_a_panel_for_every_figure_of_the_paper(page):

@@ -15,6 +15,7 @@ from auditor.cli.output import audit_format_option
 @click.argument("place", metavar="[STORE]", required=False, type=click.Path(path_type=Path))
 @options.store_option
 @judging_options.recount_option
+@options.jobs_option
 @judging_options.judging_options
 @options.policy_option
 @audit_format_option

@@ -36,11 +36,11 @@ class Rows:
     @classmethod
     def of(cls, grey: Image) -> "Rows":
         """The rows of a half-resolution grey image (h, w)."""
-        levels = np.arange(len(_LEVELS))
-        usable = ((levels > 0) & (levels < saturation_level(grey))).astype(np.float32)
-        share = _by_block(cv2.LUT(grey, usable))
+        usable = np.zeros(_LEVELS.size, dtype=np.float32)
+        usable[1 : saturation_level(grey)] = 1
+        share, total = _by_block(cv2.LUT(grey, usable)), _by_block(cv2.LUT(grey, _LEVELS * usable))
         known = share >= np.float32(STRIPED_LIGHT.usable_share)
-        level = np.where(known, _by_block(cv2.LUT(grey, _LEVELS * usable)) / np.maximum(share, _LEAST), np.float32(0))
+        level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
         around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
         return cls(np.asarray(level - around, dtype=np.float32), known)
 

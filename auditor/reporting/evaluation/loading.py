@@ -28,7 +28,7 @@ from auditor.reporting.evaluation.page import Evaluated, EvaluationPage, Setup
 from auditor.reporting.evaluation.tables import described, grids
 from auditor.reporting.evaluation.unseen import unseen_grids
 from auditor.store.export import rows_of
-from auditor.store.queries import run_query, run_sql
+from auditor.store.queries import run_queries, run_sql
 from auditor.store.store import Store
 
 CLEARLY_SEEN = 0.9
@@ -42,22 +42,21 @@ def load_evaluation(store: Store) -> EvaluationPage:
         raise StoreError(
             "nothing has been evaluated", where=store.folder, remedy="attack clean recordings with auditor evaluate"
         )
-    answers = {
-        name: rows_of(run_query(store, f"evaluation_{name}", parameters))
-        for name, parameters in {
-            "detection": {"r": list(CURVE_RATES)},
-            "identification": {"r": list(CURVE_RATES)},
-            "false_alarms": {},
-            "sensitivity": {},
-            "distribution": {},
-            "confusion": {},
-            "further": {},
-            "incidents": {},
-            "unseen": {},
-            "objects": {"r": list(OBJECT_RATES)},
-            "average_precision": {},
-        }.items()
+    wanted: dict[str, dict[str, object]] = {
+        "detection": {"r": list(CURVE_RATES)},
+        "identification": {"r": list(CURVE_RATES)},
+        "false_alarms": {},
+        "sensitivity": {},
+        "distribution": {},
+        "confusion": {},
+        "further": {},
+        "incidents": {},
+        "unseen": {},
+        "objects": {"r": list(OBJECT_RATES)},
+        "average_precision": {},
     }
+    found = run_queries(store, {f"evaluation_{name}": parameters for name, parameters in wanted.items()})
+    answers = {name: rows_of(found[f"evaluation_{name}"]) for name in wanted}
     by_setup: dict[str, Rows] = defaultdict(list)
     for part in parts:
         by_setup[part["setup"]].append(part)

@@ -16,7 +16,7 @@ def unseen_grids(rows: Rows) -> Iterator[Grid]:
     for attacked in dict.fromkeys(tuple(row["attacked"]) for row in chosen):
         yield Grid(
             title=f"On {names(attacked)}; {LEFT_OUT[modes[-1]]}",
-            groups=(("", 2), ("largest unseen attack of who", 2)),
+            groups=(("", 2), ("largest that stays unseen, of one who", 2)),
             columns=_COLUMNS,
             rows=tuple(_row(row) for row in chosen if tuple(row["attacked"]) == attacked),
         )
