@@ -54,6 +54,7 @@ class WindowedMean:
 
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.1, 1.25 and 1.4 tried on streets 5000 to 5041 (docs/decisions.md)"
+_NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
 _WHOLE = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
@@ -240,6 +241,15 @@ class LightOfCauses:
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
     unchanged_gap: float = parameter(
         2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
+    )
+    hardly_added: float = parameter(
+        1.5, unit="z of added light, below which hardly any was thrown in", source=_NO_LIGHT
+    )
+    hardly_saturated: float = parameter(
+        20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
+    )
+    blind: float = parameter(
+        6.0, unit="z of inconsistency, from which on a camera sees next to nothing", source=_BENIGN
     )
 
 

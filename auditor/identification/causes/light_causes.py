@@ -44,10 +44,18 @@ class Seen(NamedTuple):
         return self.inconsistent < LIGHT_OF_CAUSES.unchanged
 
     @property
+    def without_light(self) -> bool:
+        """Whether hardly any light was added or saturates, and the camera still sees most of what the others see."""
+        saturates = self.saturated_px >= LIGHT_OF_CAUSES.hardly_saturated
+        little = self.added < LIGHT_OF_CAUSES.hardly_added and not saturates
+        return little and self.inconsistent < LIGHT_OF_CAUSES.blind
+
+    @property
     def chance_of_lens(self) -> float:
         """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
 
-        What is not known says nothing.
+        What is not known says nothing. Where there is hardly any light, dirt is likely enough: the curves compare it
+        with thrown light, which there is none of, and clean cameras disagree beside the sky and leaves as well.
         """
         curves = (
             (self.added, THROWN_LIGHT.added_at, THROWN_LIGHT.of_added),
@@ -58,7 +66,8 @@ class Seen(NamedTuple):
             (float(np.log1p(self.saturated_px)), THROWN_LIGHT.saturated_at, THROWN_LIGHT.of_saturated),
         )
         ratio = THROWN_LIGHT.start + sum(float(np.interp(x, at, of)) for x, at, of in curves if not isnan(x))
-        return 1 / (1 + exp(ratio))
+        chance = 1 / (1 + exp(ratio))
+        return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
 
 
 def seen_of(

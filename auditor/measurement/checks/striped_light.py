@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.colour_parameters import STRIPED_LIGHT
@@ -37,7 +36,6 @@ class Rows:
     @classmethod
     def of(cls, grey: Image) -> "Rows":
         """The rows of a half-resolution grey image (h, w)."""
-        levels = np.arange(len(_LEVELS))
         usable = np.zeros(_LEVELS.size, dtype=np.float32)
         usable[1 : saturation_level(grey)] = 1
         share, total = _by_block(cv2.LUT(grey, usable)), _by_block(cv2.LUT(grey, _LEVELS * usable))
