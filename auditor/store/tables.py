@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -254,7 +255,15 @@ def _open(source: Source) -> tuple[pq.ParquetFile, Path | Part]:
 
 
 def _parquet(place: Path | Part) -> pq.ParquetFile:
-    return pq.ParquetFile(place.path if isinstance(place, Part) else place)
+    if isinstance(place, Part):
+        return pq.ParquetFile(place.path, metadata=_footer(place.path))
+    return pq.ParquetFile(place)
+
+
+@lru_cache(maxsize=32)
+def _footer(pack: Path) -> pq.FileMetaData:
+    """The footer of a pack, whose name is a hash of its content: it is long, and asked for with each id."""
+    return pq.read_metadata(pack)
 
 
 def _check_version(schema: pa.Schema, path: object) -> None:

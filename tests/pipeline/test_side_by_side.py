@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from auditor.cli import run
+from auditor.cli import run, summary
 from auditor.errors import ThresholdsError
 from auditor.pipeline import many, side_by_side
 from auditor.pipeline.judge import Criteria, calibrate
@@ -15,6 +15,7 @@ from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.store import Store
 from auditor.store.log import entries
+from auditor.store.packs import packing
 from tests.making.fleets import add_drive
 
 R = Decimal("0.03")
@@ -76,3 +77,13 @@ def test_the_verb_takes_how_many_processes(store: Store, capfd: pytest.CaptureFi
     assert len(capfd.readouterr().out.splitlines()) == 4
     last = [entry for entry in entries(store.folder) if entry.kind == "wrote"][-3:]
     assert len({entry.pid for entry in last}) == 2
+
+
+def test_what_the_verb_writes_is_packed_before_it_is_shown(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands of new files would each be opened by the tables."""
+    monkeypatch.setattr(packing, "MANY_FILES", 2)
+    shown: list[int] = []
+    monkeypatch.setattr(summary, "show_audit", lambda *_, **__: shown.append(len([*store.folder.glob("verdicts/*")])))
+    run(["judge", str(store.folder), "--jobs", "1"])
+    assert shown == [0]
+    assert len(store.ids("verdicts")) == 3

@@ -37,6 +37,7 @@ def command(place: Path | None, store: Path, policy: Path | None, form: str, **j
     from auditor.cli.summary import policy_of, show_audit, show_judging  # noqa: PLC0415
     from auditor.pipeline.library import judge  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
     if place is not None and click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE:
         raise click.UsageError("name the store once, with --store")
@@ -44,5 +45,6 @@ def command(place: Path | None, store: Path, policy: Path | None, form: str, **j
     kept, tally = Store.open(place or store), Tally()
     with logged(kept.folder):
         judged = show_judging(judge(kept, **judging), kept, tally)
+        pack_where_many(kept)  # thousands of new files would each be opened by what is shown
     show_audit(kept, form, tally, judged=judged, policy=allowed)
     return tally.exit_code()

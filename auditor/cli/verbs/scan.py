@@ -82,7 +82,7 @@ def command(
                 NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only")
                 for one in measured
             ]
-        show_audit(kept, form, tally, {one.recording_id for one in measured}, judged, allowed)
         if kept is not None and (packed := pack_where_many(kept)).files:
             say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
+        show_audit(kept, form, tally, {one.recording_id for one in measured}, judged, allowed)
     return tally.exit_code()
