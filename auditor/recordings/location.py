@@ -1,10 +1,17 @@
 """Where a recording lies: a file or folder, or several files that were recorded together."""
 
 import hashlib
+import os
+import time
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
+
+_SETTLED_NS = 2_000_000_000
+"""A folder that changed later may change again without its time telling."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +60,12 @@ class Location:
     def _beside(self) -> Iterator[Path]:
         """Journals: files beside the recording's, whose names go on with a hyphen."""
         for file in (self.streams and self._files()) or [self.path]:
-            beside = file.parent.iterdir() if file.is_file() else ()
-            yield from (one for one in beside if one.name.startswith(f"{file.name}-") and one.is_file())
+            names, begins = _names_in(file.parent) if file.is_file() else [], f"{file.name}-"
+            for place in range(bisect_left(names, begins), len(names)):
+                if not names[place].startswith(begins):
+                    break
+                if (one := file.with_name(names[place])).is_file():
+                    yield one
 
     def _files(self) -> Sequence[Path]:
         if self.streams:
@@ -65,3 +76,15 @@ class Location:
 def located(where: Path | Location) -> Location:
     """The location of a path."""
     return where if isinstance(where, Location) else Location(where)
+
+
+def _names_in(folder: Path) -> Sequence[str]:
+    """The names in a folder, in order. Thousands of recordings lie in one: it is listed once while it stays."""
+    changed_ns = folder.stat().st_mtime_ns
+    settled = time.time_ns() - changed_ns > _SETTLED_NS
+    return _listed(folder, changed_ns) if settled else _listed.__wrapped__(folder, changed_ns)
+
+
+@lru_cache(maxsize=64)
+def _listed(folder: Path, _: int) -> Sequence[str]:
+    return sorted(entry.name for entry in os.scandir(folder))
