@@ -268,7 +268,7 @@ def test_a_packed_store_is_upgraded_with_all_that_packs_have(kept, folder, monke
     pack(Store.open(folder))
     monkeypatch.setattr(upgrade, "SCHEMA_VERSION", SCHEMA_VERSION + 1)  # what the next version will do
     monkeypatch.setattr(upgrade, "UPGRADED_FROM", SCHEMA_VERSION)
-    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=5)
+    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=6)
     monkeypatch.undo()
     found, before = told(folder), kept[1]
     assert found.keys() == before.keys()

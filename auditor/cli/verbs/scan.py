@@ -70,10 +70,6 @@ def command(
         if kept is not None and not measure_only:
             ids = [known for one in measured for known in one.measurement_ids]
             judged = show_judging(judge_all(kept, ids, replace(settings, only_stale=True)), kept, tally)
-            found = [one.measurement_id for one in judged if one.found]
-            for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
-                if pictured.remark:
-                    say(f"{pictured.recording}: {pictured.remark}")
         elif kept is not None:
             judged = [Judged(one.recording.name, known) for one in measured for known in one.measurement_ids]
             say("measured only: no verdicts were reached; auditor judge reaches them")
@@ -84,5 +80,9 @@ def command(
             ]
         if kept is not None and (packed := pack_where_many(kept)).files:
             say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
+        if kept is not None and (found := [one.measurement_id for one in judged if one.found]):
+            for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
+                if pictured.remark:
+                    say(f"{pictured.recording}: {pictured.remark}")
         show_audit(kept, form, tally, {one.recording_id for one in measured}, judged, allowed)
     return tally.exit_code()
