@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
 # for each other there.
@@ -12,8 +12,8 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_
     os.environ.setdefault(_threads, "1")
 
 # However busy the machine, no example fails for the time that it took.
-settings.register_profile("without deadline", deadline=None)
-settings.load_profile("without deadline")
+settings.register_profile("without time limits", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("without time limits")
 
 
 @pytest.fixture(scope="session", autouse=True)

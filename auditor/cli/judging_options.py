@@ -15,7 +15,7 @@ method_option = click.option(
     type=click.Choice(["robust", "paper"]),
     default="robust",
     show_default=True,
-    help="Ten checks and joint identification, or disparity errors and Algorithm 2.",
+    help="Nine checks and joint identification, or disparity errors and Algorithm 2.",
 )
 
 

@@ -92,11 +92,7 @@ _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
 class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
-    start: float = parameter(
-        0.53,
-        unit="logarithm of the ratio where nothing is known",
-        source="0.78 was fitted; lowered after drops and suns that were left out (docs/causes.md)",
-    )
+    start: float = parameter(0.78, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     added_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), unit="z", source=BY_HAND)
     of_added: tuple[float, ...] = parameter(
         (1.76, 1.34, 0.9, 0.53, 0.26, -0.08, -0.41, -0.39, -0.18), unit=_OF_RATIO, source=_LENSES

@@ -234,7 +234,7 @@ class LightOfCauses:
     least_coloured: float = parameter(
         2.5, unit="z of light of one colour, from which on it was thrown in", source=_ONE_COLOUR
     )
-    least_whole: float = parameter(2.5, unit="z of light in rows or over all of an image: thrown in", source=_WHOLE)
+    least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_WHOLE)
     exposure_added: float = parameter(
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )

@@ -37,7 +37,6 @@ _OF_CAMERAS = {
         CHECK_PRIORS.inconsistency,
     ),
     Check.STRIPED_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
-    Check.VEILING_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
 }
 """By check the priors of one voter, of two, and of more."""
 

@@ -36,16 +36,5 @@ class StripedLight:
     usual: float = parameter(0.03, unit="logarithm of a level, that is none", source=_LIT)
 
 
-@dataclass(frozen=True)
-class VeilingLight:
-    """Light over the whole image of one of two cameras."""
-
-    darkest_share: float = parameter(0.003, unit="share of the pixels that are not black", source=_LIT)
-    largest_gain: float = parameter(1.5, unit="times the other camera's darkest level", source=_LIT)
-    usual: float = parameter(20.0, unit="grey levels above that, which are none", source=_LIT)
-    range: float = parameter(50.0, unit="grey levels, from nothing to a statistic of 1", source=BY_HAND)
-
-
 COLOURED_LIGHT = ColouredLight()
 STRIPED_LIGHT = StripedLight()
-VEILING_LIGHT = VeilingLight()

@@ -6,7 +6,7 @@ pixels of it, px those of the full image.
 
 from dataclasses import dataclass
 
-from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT, VEILING_LIGHT
+from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import ISOLATED_POINTS, LOST_RETURNS, POINT_DROPOUT
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
@@ -340,7 +340,6 @@ MEASURING = (
     LIGHT,
     COLOURED_LIGHT,
     STRIPED_LIGHT,
-    VEILING_LIGHT,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,

@@ -16,15 +16,14 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are ten.
+    """One kind of statistic of a sensor; there are nine.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
     next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
     LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
-    light in some rows that the other cameras do not have. VEILING_LIGHT: the darkest of a camera's image lies far above
-    that of the others'.
+    light in some rows that the other cameras do not have.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -36,7 +35,6 @@ class Check(StrEnum):
     COLOURED_LIGHT = "coloured_light"
     LOST_RETURNS = "lost_returns"
     STRIPED_LIGHT = "striped_light"
-    VEILING_LIGHT = "veiling_light"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
@@ -51,10 +49,10 @@ CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCON
 IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT)
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-WHOLE_IMAGE_CHECKS = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+WHOLE_IMAGE_CHECKS = (Check.STRIPED_LIGHT,)
 """The checks of a camera by what the whole image of each other camera shows."""
 
 SHARE_CHECKS = LIDAR_CHECKS.union(WHOLE_IMAGE_CHECKS)

@@ -10,7 +10,7 @@ JUDGING_VERSION = 6
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by ten checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by nine checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"

@@ -11,10 +11,6 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
         WHEN 'striped_light' THEN coalesce(
             'S_' || i || ' or S_' || k || ' alone has light in some rows', 'S_' || i || ' has light in some rows that others do not'
         )
-        WHEN 'veiling_light' THEN coalesce(
-            'S_' || i || ' or S_' || k || ' alone has light over its whole image',
-            'S_' || i || ' has light over its whole image that others do not'
-        )
         WHEN 'coloured_light' THEN 'S_' || i || ' sees light of one colour that others do not'
         WHEN 'removed_light'
             THEN coalesce('S_' || i || ' or S_' || k || ' alone lacks light', 'S_' || i || ' lacks light that others see')

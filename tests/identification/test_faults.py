@@ -388,9 +388,9 @@ def test_light_of_one_colour_is_no_dirt_and_no_exposure():
 
 
 def test_light_in_rows_is_no_dirt_and_no_exposure():
-    assert of_lens({1: DIRT._replace(whole=2.4), 2: DIRT._replace(whole=2.5)}) == of_lens({1: DIRT})
+    assert of_lens({1: DIRT._replace(striped=2.4), 2: DIRT._replace(striped=2.5)}) == of_lens({1: DIRT})
     toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
-    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, whole=6.0)
+    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, striped=6.0)
     assert weigh(verdict(check="striped_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.ATTACKED
 
 

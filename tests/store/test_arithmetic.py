@@ -40,8 +40,6 @@ def test_wilsons_interval_in_sql_is_pythons_and_stays_within_0_and_1(tmp_path):
         (("isolated_points", 0, None), "the LiDAR has isolated points"),
         (("striped_light", 2, None), "S_2 has light in some rows that others do not"),
         (("striped_light", 2, 3), "S_2 or S_3 alone has light in some rows"),
-        (("veiling_light", 2, None), "S_2 has light over its whole image that others do not"),
-        (("veiling_light", 2, 3), "S_2 or S_3 alone has light over its whole image"),
         (("lost_returns", 0, None), "the LiDAR has no return from what the cameras see"),
     ],
 )

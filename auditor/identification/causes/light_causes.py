@@ -10,7 +10,7 @@ from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
-from auditor.model.checks import CAMERA_CHECKS, WHOLE_IMAGE_CHECKS, Check
+from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
@@ -20,8 +20,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `whole` the larger of light in rows and over the whole image, NaN where neither
-    was measured.
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not
+    measured.
     """
 
     added: float
@@ -31,12 +31,12 @@ class Seen(NamedTuple):
     lit_px: float = nan
     saturated_px: float = nan
     coloured: float = nan
-    whole: float = nan
+    striped: float = nan
 
     @property
     def thrown(self) -> bool:
-        """Whether light of one colour was added, in rows or over all of the image: no dirt or exposure does."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.whole >= LIGHT_OF_CAUSES.least_whole
+        """Whether light of one colour was added, or light in rows: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.striped >= LIGHT_OF_CAUSES.least_striped
 
     @property
     def unchanged(self) -> bool:
@@ -85,9 +85,9 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured, striped, veiling = (
+        coloured, striped = (
             nan if column is None else float(z[column])
-            for column in map(own.get, (Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS))
+            for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT))
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
@@ -100,7 +100,7 @@ def seen_of(
                 lit,
                 saturated,
                 coloured,
-                float(np.fmax(striped, veiling)),
+                striped,
             )
     return found
 

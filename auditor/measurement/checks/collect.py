@@ -20,7 +20,6 @@ from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.checks.striped_light import Rows
-from auditor.measurement.checks.veiling_light import darkest, veiling_light
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Mask
@@ -124,7 +123,6 @@ def collect_checks(
     lit = views_of(half_res, colours)
     matched = {camera: half_res[camera] for pair in maps for camera in pair}
     rows = {camera: Rows.of(half) for camera, half in matched.items()}
-    dark = {camera: darkest(half) for camera, half in matched.items()}
     isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
@@ -161,13 +159,7 @@ def collect_checks(
             for j, k in verified_conflicts
         },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
-        whole_image={
-            (i, k): {
-                Check.STRIPED_LIGHT: (rows[i].above(rows[k]), rows[k].above(rows[i])),
-                Check.VEILING_LIGHT: (veiling_light(dark[i], dark[k]), veiling_light(dark[k], dark[i])),
-            }
-            for i, k in maps
-        },
+        whole_image={(i, k): {Check.STRIPED_LIGHT: (rows[i].above(rows[k]), rows[k].above(rows[i]))} for i, k in maps},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
