@@ -311,7 +311,8 @@ class Store:
         found = {}
         for calibration_id in self.ids("calibrations"):
             table = read_table("calibrations", self.path("calibrations", calibration_id), ["recordings"])
-            found[calibration_id] = tuple(name for row in table.slice(0, 1).to_pylist() for name in row["recordings"])
+            named = table.column("recordings").drop_null().slice(0, 1).to_pylist()  # of all rows, or of the first alone
+            found[calibration_id] = tuple(name for names in named for name in names)
         return found
 
     def write_judgement(

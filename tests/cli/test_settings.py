@@ -149,7 +149,7 @@ def test_what_speaks_of_one_run_is_no_variable(audit, monkeypatch, tmp_path):
     monkeypatch.setenv("AUDITOR_REFRESH_CLEAN", "1")
     add_drive(Store.open(tmp_path / "fleet"), "one", seed=1)
     code, _, err = audit("refresh", "--store", "fleet", "--dry-run")
-    assert (code, "--clean" in err) == (0, False), "without recordings --clean would be refused"
+    assert (code, "--clean says" in err) == (0, False), "without recordings --clean would be refused"
 
 
 def test_json_logs_are_one_object_a_line_for_remarks_progress_and_errors(audit, monkeypatch, tmp_path):

@@ -80,7 +80,7 @@ def test_nothing_is_kept_of_a_judgement_whose_r_has_too_many_decimals(tmp_path):
 
 
 @pytest.mark.parametrize("method", Method)
-def test_judging_opens_no_file_twice_but_frames_for_their_statistics_and_for_the_rest(tmp_path, reads, method):
+def test_judging_opens_no_file_twice_but_frames_and_the_parts_of_a_calibration(tmp_path, reads, method):
     store, known = judged(tmp_path, 7)
     reads.clear()
     results = list(judge_all(Store.open(store.folder), known, JudgeSettings(Criteria(ZERO, method))))
@@ -99,7 +99,8 @@ def test_judging_opens_no_file_twice_but_frames_for_their_statistics_and_for_the
         "calibrations": 1,
         "calibration_history": 1,
     }
-    assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", 2)}
+    often = {(path.parent.name, times) for path, times in opened.items() if times > 1}
+    assert often <= {("frames", 2), ("calibrations", 4)}, "a calibration's recordings are read when they are asked for"
 
 
 def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_path, reads):

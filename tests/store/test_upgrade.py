@@ -33,9 +33,13 @@ def old(tmp_path):
 def as_before(answered, told):
     """Answers without the columns that are new since the store was kept, which an upgrade leaves NULL or FALSE.
 
-    By the robust method an evaluation says of every r that it is resolved.
+    By the robust method an evaluation says of every r that it is resolved. Incidents are named after where they begin,
+    and were named after their judgement.
     """
     found = of_what_was_told(answered, told)
+    for row, before in zip(found["incidents"], told["incidents"], strict=True):
+        assert row["incident_id"] != before["incident_id"]
+        row["incident_id"] = before["incident_id"]
     for row, before in zip(found["evaluation"], told["evaluation"], strict=True):
         assert row["resolvable"] or row["method"] == "paper"
         row["resolvable"] = before["resolvable"] if row["method"] == "robust" else row["resolvable"]
