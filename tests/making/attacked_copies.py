@@ -93,10 +93,16 @@ def compare(
             yield Compared(case.experiment.name, case.frame, attacked, names, evaluated[case.key], scanned[case.frame])
 
 
+_SAME_SCORE = 0.01
+
+
 def same(one: Judged, other: Judged) -> bool:
-    """True for equal verdicts; scores of causes are summed up in another order."""
+    """True for equal verdicts with the same causes, whose scores differ by no more than a hundredth.
+
+    What is usual of a drive follows from its own frames, and in a scan the attacked one is among them.
+    """
     pairs = zip(one.causes, other.causes, strict=False)
-    close = all(a[:2] == b[:2] and abs(a[2] - b[2]) < 1e-9 for a, b in pairs)
+    close = all(a[:2] == b[:2] and abs(a[2] - b[2]) < _SAME_SCORE for a, b in pairs)
     return close and len(one.causes) == len(other.causes) and replace(one, causes=()) == replace(other, causes=())
 
 
