@@ -76,9 +76,8 @@ def evidence_of(
     periods = periods_of(stamps_ns, runs)
     worth = frame_worth(periods)
     added = np.nan_to_num(intermittent) * worth
-    return Evidence(
-        added, added if explained is None else np.where(explained, 0.0, added), ratios, worth, runs, periods
-    )
+    unexplained = added if explained is None else np.where(explained, 0.0, added)
+    return Evidence(added, unexplained, ratios, worth, runs, periods)
 
 
 def log_ratios(scores: Floats, checks: int) -> Floats:

@@ -13,7 +13,6 @@ from auditor.model.checks import (
     FEWEST_VOTERS,
     SHARE_CHECKS,
     SIGNED_CHECKS,
-    WHOLE_IMAGE_CHECKS,
     Check,
     CountedPair,
     SensorCheck,
@@ -89,7 +88,7 @@ def sensor_statistics(
     coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
-        if one.check in WHOLE_IMAGE_CHECKS:
+        if one.check is Check.STRIPED_LIGHT:
             return _least_share(one, shares)
         if one.check in SHARE_CHECKS:
             return shares.get(one)

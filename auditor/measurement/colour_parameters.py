@@ -1,4 +1,4 @@
-"""The numbers of the checks for light of one colour, in rows and over all of an image, among `parameters.MEASURING`."""
+"""The numbers of the checks for light of one colour and for light in rows, among those of `parameters.MEASURING`."""
 
 from dataclasses import dataclass
 

@@ -52,10 +52,7 @@ IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT)
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-WHOLE_IMAGE_CHECKS = (Check.STRIPED_LIGHT,)
-"""The checks of a camera by what the whole image of each other camera shows."""
-
-SHARE_CHECKS = LIDAR_CHECKS.union(WHOLE_IMAGE_CHECKS)
+SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT}
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
 SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
@@ -91,7 +88,7 @@ class SensorCheck(NamedTuple):
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
-        alone = self.check in (*CAMERA_CHECKS, *WHOLE_IMAGE_CHECKS) and len(self.others) < FEWEST_VOTERS
+        alone = self.check in (*CAMERA_CHECKS, Check.STRIPED_LIGHT) and len(self.others) < FEWEST_VOTERS
         return self.needed if alone else (self.sensor,)
 
 
@@ -158,8 +155,7 @@ def sensor_checks_of(
             if len(cameras) > FEWEST_VOTERS  # one pair's wrong matches look like a surface
         ),
         *(
-            SensorCheck(check, camera, others)
-            for check in WHOLE_IMAGE_CHECKS
+            SensorCheck(Check.STRIPED_LIGHT, camera, others)
             for camera in sorted(partners)
             for others in _voters(tuple(sorted(partners[camera])))
         ),

@@ -18,7 +18,7 @@ from auditor.identification.refreshing.influence import crowded, influential, li
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.robust import findings_alone, judge_frames
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import WHOLE_IMAGE_CHECKS
+from auditor.model.checks import Check
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import system_of
 from tests.making.stores import PERIOD_NS, PROCEDURE, make_rig
@@ -45,7 +45,7 @@ def drawn(
     for check in SYSTEM.sensor_checks:
         prior = prior_of_check(check)
         odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES)
-        odds += raised * hit * (check.check not in WHOLE_IMAGE_CHECKS)
+        odds += raised * hit * (check.check is not Check.STRIPED_LIGHT)
         statistics[check] = np.array([statistic_at(one) for one in odds])
     source = Source(f"r{seed}", vehicle or f"v{seed}", DAY + timedelta(days=day))
     return Drive(source, CleanFrames(f"r{seed}", np.arange(FRAMES) * PERIOD_NS, {}, statistics, {}))

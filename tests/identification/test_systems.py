@@ -7,7 +7,6 @@ from auditor.model.checks import (
     CAMERA_CHECKS,
     DIRECTION_CHECKS,
     LIDAR_CHECKS,
-    WHOLE_IMAGE_CHECKS,
     Check,
     sensor_checks_of,
 )
@@ -15,7 +14,7 @@ from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
 
-OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS)
+OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
 """The checks of a camera by other cameras."""
 
 

@@ -25,7 +25,6 @@ from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
     LIDAR_CHECKS,
-    WHOLE_IMAGE_CHECKS,
     Check,
     Pair,
     relative_excess,
@@ -346,7 +345,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, *WHOLE_IMAGE_CHECKS})
+        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:

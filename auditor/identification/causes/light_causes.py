@@ -20,8 +20,7 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, NaN where it was not
-    measured.
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured.
     """
 
     added: float
@@ -92,16 +91,8 @@ def seen_of(
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
-            found[sensor] = Seen(
-                z[added],
-                z[removed],
-                z[inconsistent],
-                darker,
-                lit,
-                saturated,
-                coloured,
-                striped,
-            )
+            own_z = z[added], z[removed], z[inconsistent]
+            found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped)
     return found
 
 

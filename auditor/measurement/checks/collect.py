@@ -46,7 +46,7 @@ class FrameChecks:
 
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
     both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
-    `whole_image`: by check what the source, and what the reference, has of light that the other has not.
+    `striped_light`: what the source, and what the reference, has of light in rows that the other has not.
     `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
     are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
     `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
@@ -55,7 +55,7 @@ class FrameChecks:
     lidar_conflicts: Mapping[Pair, Cells]
     lost_returns: Mapping[Pair, Cells]
     counts: Mapping[Pair, PairCounts]
-    whole_image: Mapping[Pair, Mapping[Check, tuple[float | None, float | None]]]
+    striped_light: Mapping[Pair, tuple[float | None, float | None]]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
     unmasked: Mapping[Pair, PairCounts]
@@ -84,9 +84,8 @@ class FrameChecks:
             for k, found in self.isolated_shares.items()
         }
         of_light = {
-            SensorCheck(check, camera, (other,)): share
-            for (i, k), found in self.whole_image.items()
-            for check, (of_source, of_reference) in found.items()
+            SensorCheck(Check.STRIPED_LIGHT, camera, (other,)): share
+            for (i, k), (of_source, of_reference) in self.striped_light.items()
             for camera, other, share in ((i, k, of_source), (k, i, of_reference))
         }
         return dropout | {check: share for check, share in (isolated_points | of_light).items() if share is not None}
@@ -159,7 +158,7 @@ def collect_checks(
             for j, k in verified_conflicts
         },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
-        whole_image={(i, k): {Check.STRIPED_LIGHT: (rows[i].above(rows[k]), rows[k].above(rows[i]))} for i, k in maps},
+        striped_light={(i, k): (rows[i].above(rows[k]), rows[k].above(rows[i])) for i, k in maps},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
@@ -198,7 +197,7 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
         },
         lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
-        whole_image={pair: one.whole_image[own] for pair, one in of_pairs.items() if own in one.whole_image},
+        striped_light={pair: one.striped_light[own] for pair, one in of_pairs.items() if own in one.striped_light},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={
             pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts

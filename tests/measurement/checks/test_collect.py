@@ -11,7 +11,7 @@ from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.checks import DIRECTION_CHECKS, WHOLE_IMAGE_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
+from auditor.model.checks import DIRECTION_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.textured_scenes import RIG, scene
@@ -46,7 +46,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     }
     assert set(frame_checks.shares) == {
         *(SensorCheck(check, 0, (3,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)),
-        *(SensorCheck(check, *pair) for check in WHOLE_IMAGE_CHECKS for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
+        *(SensorCheck(Check.STRIPED_LIGHT, *pair) for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
@@ -58,7 +58,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
     assert not frame_checks.lidar_conflicts
-    assert {one.check for one in frame_checks.shares} == set(WHOLE_IMAGE_CHECKS)
+    assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
