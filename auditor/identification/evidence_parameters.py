@@ -128,7 +128,7 @@ class ThrownLight:
 class UncolouredLight(ThrownLight):
     """The same of a camera in which light of one colour cannot be told: there a laser leaves weak and even light."""
 
-    start: float = parameter(0.8, unit="logarithm of the ratio where nothing is known", source=_LENSES)
+    start: float = parameter(0.63, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     of_added: tuple[float, ...] = parameter(
         (0.12, -0.16, -0.44, -0.63, -0.68, -0.49, 0.02, 0.7, 1.38), unit=_OF_RATIO, source=_LENSES
     )

@@ -365,7 +365,8 @@ def test_what_is_not_known_of_light_says_nothing():
 
 
 def test_even_light_is_glare_where_colours_were_compared_and_may_be_a_laser_where_not():
-    assert GLARE.chance_of_lens > 0.5 > GLARE._replace(coloured=NAN).chance_of_lens
+    wide = GLARE._replace(added=6.2, lit_px=10000.0, saturated_px=20.0)
+    assert wide.chance_of_lens > 0.5 > wide._replace(coloured=NAN).chance_of_lens
     grey_dirt, grey_drop = DIRT._replace(coloured=NAN), DROP._replace(coloured=NAN)
     assert [one.cause for one in of_lens({1: grey_dirt, 2: grey_drop})] == [Cause.SOILED, Cause.SOILED]
 
