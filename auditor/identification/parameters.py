@@ -60,7 +60,7 @@ class WindowedMean:
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.1, 1.25 and 1.4 tried on streets 5000 to 5041 (docs/decisions.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
-_WHOLE = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
+_NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
@@ -81,8 +81,8 @@ class CheckPriors:
     coloured_light: tuple[float, ...] = parameter(
         (-3.1, 0.36, 0.25, 1.8), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
     )
-    whole_image: tuple[float, ...] = parameter((-3.93, 0.25, 0.1, 1.8), unit=_OF_PRIOR, source=_WHOLE)
-    whole_image_of_one: tuple[float, ...] = parameter((-3.93, 0.3, 0.15, 1.8), unit=_OF_PRIOR, source=_WHOLE)
+    striped_light: tuple[float, ...] = parameter((-3.93, 0.25, 0.1, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
+    striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.3, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.25), unit=_OF_PRIOR, source=_LOST)
@@ -243,7 +243,7 @@ class LightOfCauses:
     least_coloured: float = parameter(
         2.5, unit="z of light of one colour, from which on it was thrown in", source=_ONE_COLOUR
     )
-    least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_WHOLE)
+    least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_NO_CLEAN)
     exposure_added: float = parameter(
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
