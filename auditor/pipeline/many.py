@@ -202,7 +202,7 @@ def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recou
 def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
     judgements, excused = store.current_judgements(), false_alarms(store)
-    for measurement in store.ids("measurements"):
+    for measurement in (one.measurement_id for one in store.measurements()):  # at once: one by one takes far longer
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
