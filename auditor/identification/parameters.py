@@ -30,6 +30,8 @@ _ONE_COLOUR = "lasers of one colour on three real drives, against benchmark beni
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
+_RARE_FRAMES = "streets 5000 to 5041: 0.75, 0.8, 0.85, 0.9 and 1 tried (docs/decisions.md)"
+_TAIL = "streets 5000 to 5041 at r = 0.1, 1, 5 and 20 %, and real drives (docs/decisions.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 
 
@@ -113,7 +115,8 @@ class Hierarchy:
     widest_values: float = parameter(
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
-    widest: float = parameter(2.0, unit="times the prior's deviation within drives", source=BY_HAND)
+    widest: float = parameter(2.0, unit="times the prior's deviation within drives, at most", source=BY_HAND)
+    narrowest: float = parameter(0.8, unit="times the prior's deviation within drives, at least", source=_RARE_FRAMES)
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(
         0.9,
@@ -129,7 +132,10 @@ class Hierarchy:
 class JointTail:
     """The largest z of all checks of a clean frame."""
 
-    stretch: float = parameter(1.12, unit="times the normal distribution's quantile", source=_PRIOR)
+    stretch: float = parameter(1.18, unit="times the normal distribution's quantile", source=_TAIL)
+    independent: float = parameter(
+        0.8, unit="power of the number of checks that so many independent ones are", source=_TAIL
+    )
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
