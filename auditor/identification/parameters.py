@@ -6,7 +6,13 @@ above its threshold theta.
 
 from dataclasses import dataclass
 
-from auditor.identification.evidence_parameters import CURVES, INCIDENTS, LIKELIHOOD, THROWN_LIGHT
+from auditor.identification.evidence_parameters import (
+    CURVES,
+    INCIDENTS,
+    LIKELIHOOD,
+    THROWN_LIGHT,
+    UNCOLOURED_LIGHT,
+)
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
     ADDED_LIGHT,
@@ -328,6 +334,7 @@ JUDGING = (
     FAULT_HYPOTHESES,
     LIGHT_OF_CAUSES,
     THROWN_LIGHT,
+    UNCOLOURED_LIGHT,
     RIG_KIND_TOLERANCE,
     OTHER_LIDAR,
 )
