@@ -36,7 +36,7 @@ _OF_CAMERAS = {
         CHECK_PRIORS.inconsistency_of_two,
         CHECK_PRIORS.inconsistency,
     ),
-    Check.STRIPED_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
+    Check.STRIPED_LIGHT: (CHECK_PRIORS.striped_light_of_one, CHECK_PRIORS.striped_light, CHECK_PRIORS.striped_light),
 }
 """By check the priors of one voter, of two, and of more."""
 

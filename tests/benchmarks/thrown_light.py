@@ -9,13 +9,14 @@ thresholds of other families:
 The frames that are findings, and that neither light of one colour nor light over a whole image explains, are fitted by
 logistic regression: curves that are linear between knots and smooth, every kind as heavy as the others of its side, the
 paper's faculas three times. Printed are the curves, and for some starts how many frames are on the wrong side, each
-family left out of its fit.
+family left out of its fit: of all cameras, and of those in which light of one colour cannot be told.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
+from math import isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,7 @@ R = Decimal("0.01")
 LENS = "lens: "
 OF_LENS = ("mud", "water", "drops", "glare")
 PAPER = ("facula", *(f"facula, {strength}" for strength in STRENGTHS), "infrared")
-HEAVY, SMOOTH = 3.0, 0.01
+HEAVY, SMOOTH, SMOOTHER = 3.0, 0.01, 0.03
 STARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 KNOTS = (
     THROWN_LIGHT.added_at,
@@ -142,7 +143,7 @@ def weights_of_knots(found: Sequence[Shown]) -> Floats:
     )
 
 
-def fit(design: Floats, thrown: Flags, weight: Floats) -> tuple[Floats, float]:
+def fit(design: Floats, thrown: Flags, weight: Floats, smooth: float) -> tuple[Floats, float]:
     """The values at the knots, and the start."""
     X, y, w = (torch.tensor(one.astype(np.float64)) for one in (design, thrown, weight / weight.sum()))
     at, start = torch.zeros(X.shape[1], dtype=torch.float64), torch.zeros(1, dtype=torch.float64)
@@ -155,7 +156,7 @@ def fit(design: Floats, thrown: Flags, weight: Floats) -> tuple[Floats, float]:
         total = (w * torch.nn.functional.binary_cross_entropy_with_logits(logits, y, reduction="none")).sum()
         for curve in torch.split(at, [len(knots) for knots in KNOTS]):
             bends = curve[2:] - 2 * curve[1:-1] + curve[:-2]
-            total = total + SMOOTH * ((bends**2).sum() + 0.05 * (curve**2).sum())
+            total = total + smooth * ((bends**2).sum() + 0.05 * (curve**2).sum())
         total.backward()  # type: ignore[no-untyped-call]
         return total
 
@@ -163,8 +164,8 @@ def fit(design: Floats, thrown: Flags, weight: Floats) -> tuple[Floats, float]:
     return at.detach().numpy(), float(start.item())
 
 
-def main() -> None:
-    found = list(shown(scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)))
+def print_fit(found: Sequence[Shown], smooth: float) -> None:
+    """Print how many frames are on the wrong side by family left out, and the curves."""
     thrown = np.array([not one.kind.startswith(LENS) for one in found])
     families = np.array([one.family for one in found])
     often = Counter(one.kind for one in found)
@@ -176,19 +177,27 @@ def main() -> None:
     left_out = np.zeros(len(found))
     for family in set(families.tolist()):
         here = families == family
-        at, start = fit(design[~here], thrown[~here], weight[~here])
+        at, start = fit(design[~here], thrown[~here], weight[~here], smooth)
         left_out[here] = design[here] @ at + start
     for start in STARTS:
         wrong = (left_out + start > 0) != thrown
         print(f"{start:+.2f}: {(wrong & ~thrown).sum()} of {(~thrown).sum()} of a lens are thrown light,", end=" ")
         print(f"{(wrong & thrown).sum()} of {thrown.sum()} lights are of a lens")
-    at, start = fit(design, thrown, weight)
+    at, start = fit(design, thrown, weight, smooth)
     ends = np.cumsum([0, *(len(knots) for knots in KNOTS)])
     for first, last in pairwise(ends.tolist()):
         middle = np.average(design[:, first:last] @ at[first:last], weights=weight)
         start += middle
         print(tuple(np.round(at[first:last] - middle, 2).tolist()))
     print("start", round(start, 2))
+
+
+def main() -> None:
+    found = list(shown(scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)))
+    print("all cameras")
+    print_fit(found, SMOOTH)
+    print("cameras in which light of one colour cannot be told")
+    print_fit([one for one in found if isnan(one.seen.coloured)], SMOOTHER)
 
 
 if __name__ == "__main__":
