@@ -161,7 +161,8 @@ def named(series: Series, evening: int) -> Iterator[Drift]:
     levels = []
     for name, (signed, rows) in series.items():
         of_window = [row for row in rows if evening - DRIFT.days < row[0] <= evening]
-        levels.append(DailyLevels(name, signed, *map(np.array, zip(*of_window, strict=True))))
+        if of_window:
+            levels.append(DailyLevels(name, signed, *map(np.array, zip(*of_window, strict=True))))
     return (one for one in drifts(levels, asdict(LEAST_DEVIATIONS)) if one.named)
 
 

@@ -202,6 +202,19 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
     assert run(label["command"].split()[1:]) == 0, "the command is one that runs"
 
 
+def test_a_night_of_raised_recordings_alone_is_refused_once(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    before = in_force(audit)
+    for number in range(2):
+        add_drive(Store.open(audit.store), f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
+    answer = audit("refresh")
+    kind = kind_of(answer)
+    assert (answer.code, kind["decided"], kind["calibration"]) == (4, "refused", None)
+    assert kind["reasons"][0] == "2 of 2 new recordings are raised or unlike the others, more than 50%"
+    assert "the version in force stays" in Page((audit.store / "reports" / "refresh.html").read_text()).text
+    assert (audit("refresh").code, in_force(audit)) == (0, before), "nothing has come since"
+
+
 def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_night, audit_of, monkeypatch):
     audit = audit_of(first_night)
     store = Store.open(audit.store)
