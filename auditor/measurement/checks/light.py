@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
-from auditor.measurement.disparity.half_resolution import row_grid
+from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
@@ -105,8 +105,7 @@ class _Warp:
     column: Floats32
 
     def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
-        row = row_grid(*self.column.shape)
-        return np.asarray(cv2.remap(image, self.column, row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+        return warp(image, self.column, how)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,3 +29,10 @@ def halve(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def row_grid(height: int, width: int) -> Floats32:
     """(height, width) the row of each pixel, as cv2.remap takes it; the same array each time, not to be written to."""
     return np.ascontiguousarray(np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], (height, width)))
+
+
+def warp(image: NDArray[np.uint8], column: Floats32, how: int = cv2.INTER_LINEAR) -> NDArray[np.uint8]:
+    """(h, w) levels of an (h, w) image at columns (h, w) of the same rows, its edges continued on both sides."""
+    inside = cv2.max(column, 0.0)  # what lies left of the image would be looked up one by one
+    warped = cv2.remap(image, inside, row_grid(*column.shape), how, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(warped, dtype=np.uint8)
