@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.disparity.pixels import picked
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import DISPARITY_ERROR, MATCHER_RANGE
 from auditor.model.measurement import Counts
@@ -52,7 +53,7 @@ def compare_cameras(
     )
     gate = first.textured | second.textured
     gated_over = over & gate
-    row, column = np.nonzero(gated_over)
+    row, column = np.divmod(np.flatnonzero(gated_over), gated_over.shape[1])
     counts = Counts(
         valid_px=int(np.count_nonzero(valid)),
         inconsistent_px=int(np.count_nonzero(over)),
@@ -70,9 +71,9 @@ def compare_with_lidar(view: LidarView, stereo: StereoMap, source: int) -> Compa
     """
     row, column = view.row // stereo.step, view.column // stereo.step
     d0 = view.disparity_px(source)
-    valid = stereo.valid[row, column] & (view.u_px - d0 >= 0)
-    over = valid & inconsistent(d0, stereo.disparity_px[row, column])
-    gate = stereo.textured[row, column]
+    valid = picked(stereo.valid, row, column) & (view.u_px - d0 >= 0)
+    over = valid & inconsistent(d0, picked(stereo.disparity_px, row, column))
+    gate = picked(stereo.textured, row, column)
     gated_over = over & gate
     counts = Counts(
         valid_px=int(np.count_nonzero(valid)),

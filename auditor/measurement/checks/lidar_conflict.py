@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from auditor.measurement.checks.disparity_error import inconsistent
 from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
+from auditor.measurement.disparity.pixels import picked
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.model.arrays import Image, Indices, Mask
@@ -49,11 +50,11 @@ def verify_conflicts(
     """
     d0 = view.disparity_px(source)
     row, column = view.row // stereo.step, view.column // stereo.step
-    ds = stereo.disparity_px[row, column]
-    valid = stereo.valid[row, column] & stereo.textured[row, column]
+    ds = picked(stereo.disparity_px, row, column)
+    valid = picked(stereo.valid, row, column) & picked(stereo.textured, row, column)
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     valid &= visible_to_source(view, rig, source, d0)
-    ncc_stereo = consistency.ncc[view.row // HALF, view.column // HALF]
+    ncc_stereo = picked(consistency.ncc, view.row // HALF, view.column // HALF)
     valid &= ncc_stereo > PATCH_CORRELATION.consistent
     over = inconsistent(d0, ds)
     flagged = np.flatnonzero(valid & over)

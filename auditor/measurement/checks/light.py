@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
-from auditor.measurement.disparity.half_resolution import warp
+from auditor.measurement.disparity.pixels import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 

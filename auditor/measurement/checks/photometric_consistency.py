@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.half_resolution import warp
+from auditor.measurement.disparity.pixels import warp
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
@@ -166,9 +166,9 @@ def _mean(image: Floats32) -> Floats32:
 
 def _oversampled(image: Image) -> Image:
     """(h, 2 w): each pixel, then its mean with the next."""
-    doubled = np.repeat(image, _OVERSAMPLING, axis=1)
-    doubled[:, 1:-1:2] = (image[:, :-1] & image[:, 1:]) + ((image[:, :-1] ^ image[:, 1:]) >> 1)  # without overflow
-    return doubled
+    following = cv2.copyMakeBorder(image[:, 1:], 0, 0, 0, 1, cv2.BORDER_REPLICATE)
+    mean = (image & following) + ((image ^ following) >> 1)  # without overflow
+    return np.asarray(cv2.merge([image, mean]), dtype=np.uint8).reshape(len(image), -1)
 
 
 @cache

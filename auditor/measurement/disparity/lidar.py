@@ -1,6 +1,7 @@
 """The LiDAR in a camera's view: Eq. 1 through full projection matrices; what a source camera sees; the range mask."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -35,6 +36,12 @@ class LidarView:
     span_px: tuple[float, float]
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
 
+    @cached_property
+    def range_m(self) -> Floats32:
+        """(M,) how far the points are from the LiDAR."""
+        squares = self.point_m * self.point_m
+        return np.asarray(np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2]))
+
     def disparity_px(self, source: int) -> Floats32:
         """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
 
@@ -62,7 +69,9 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     in_view_m = points.take(inside, axis=0)
     kept = _nearest(camera, column[inside], row[inside], depth[inside], inside)
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
-    return LidarView(reference, column[kept], row[kept], u[kept], points.take(kept, axis=0), inside.size, rig, in_view_m, _span(u))
+    return LidarView(
+        reference, column[kept], row[kept], u[kept], points.take(kept, axis=0), inside.size, rig, in_view_m, _span(u)
+    )
 
 
 def _nearest(
