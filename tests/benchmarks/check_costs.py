@@ -19,7 +19,7 @@ from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import ImageGrid, cells_of_pair, cells_of_points, places_of
+from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, places_of, sums_of_pair
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
@@ -106,8 +106,8 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         seconds,
         f"{kind}: count grids, a pair",
         lambda: (
-            cells_of_pair(places, light.comparable, light.residual, LIGHT_STEPS),
-            cells_of_pair(places, pair.comparable, pair.inconsistent),
+            sums_of_pair(places, light.comparable, light.residual, LIGHT_STEPS).cells,
+            sums_of_pair(places, pair.comparable, pair.inconsistent).cells,
             cells_of_points(points, view),
         ),
     )

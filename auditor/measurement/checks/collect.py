@@ -149,7 +149,9 @@ def collect_checks(
         pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
     }
 
-    sums = {pair: _sums(seen, lights[pair], partial(sums_of_pair, places[pair])) for pair, seen in consistencies.items()}
+    sums = {
+        pair: _sums(seen, lights[pair], partial(sums_of_pair, places[pair])) for pair, seen in consistencies.items()
+    }
     # There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
     hidden = {pair: np.flatnonzero(mask) for pair, mask in near.items() if mask.any()}
     without = {
@@ -187,9 +189,7 @@ class _PairSums(NamedTuple):
 
     def without(self, some: "_PairSums") -> "_PairSums":
         coloured = None if self.coloured is None or some.coloured is None else self.coloured.without(some.coloured)
-        return _PairSums(
-            self.inconsistencies.without(some.inconsistencies), self.light.without(some.light), coloured
-        )
+        return _PairSums(self.inconsistencies.without(some.inconsistencies), self.light.without(some.light), coloured)
 
     @property
     def counts(self) -> PairCounts:

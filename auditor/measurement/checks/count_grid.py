@@ -16,7 +16,7 @@ from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import COUNT_GRID
-from auditor.model.arrays import Floats, Floats32, Indices, Mask
+from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.measurement import Cells
 
 CELL_PX = COUNT_GRID.cell_px
@@ -77,8 +77,8 @@ class PairCells:
 class _Sums(NamedTuple):
     """By cell of an image (cells,): how many pixels are valid, and the sum of what is added up, not rounded."""
 
-    valid: NDArray[np.integer]
-    total: NDArray[np.integer] | Floats
+    valid: NDArray[np.number]
+    total: NDArray[np.number]
 
     def without(self, some: "_Sums") -> "_Sums":
         return _Sums(self.valid - some.valid, self.total - some.total)
@@ -102,9 +102,7 @@ class PairSums:
 
     def without(self, some: "PairSums") -> "PairSums":
         """The sums of all other pixels."""
-        return replace(
-            self, source=self.source.without(some.source), reference=self.reference.without(some.reference)
-        )
+        return replace(self, source=self.source.without(some.source), reference=self.reference.without(some.reference))
 
     @property
     def cells(self) -> PairCells:
@@ -137,8 +135,7 @@ def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Ce
 def places_of(matches: Matches, grid: ImageGrid) -> PairPlaces:
     """Where a pair's pixels are counted; both cameras' images have the same grid."""
     height, width = matches.column.shape
-    there = np.rint(matches.column)
-    column = cv2.max(cv2.min(there, width - 1.0), 0.0).astype(np.intp)
+    column = np.clip(np.rint(matches.column), 0, width - 1).astype(np.intp)
     if grid.of_view:
         row = np.arange(height, dtype=np.intp)[:, None] // _HALF_SIDE * grid.columns
         return PairPlaces((row + column // _HALF_SIDE).ravel(), grid)
@@ -164,9 +161,7 @@ def sums_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, steps
     return PairSums(source, reference, grid)
 
 
-def sums_of_some(
-    places: PairPlaces, some: Indices, valid: Mask, amount: Mask | Floats32, steps: int = 1
-) -> PairSums:
+def sums_of_some(places: PairPlaces, some: Indices, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairSums:
     """What some (M,) of the half-resolution pixels, numbered row by row, add to `sums_of_pair`."""
     grid, within = places.grid, valid.ravel()[some]
     weight = _weights(amount.ravel()[some], steps)
@@ -186,13 +181,13 @@ def _weights(amounts: Mask | Floats32, steps: int) -> Floats32:
     return np.asarray(amounts * np.float32(steps), dtype=np.float32)
 
 
-def _summed(place: Indices, grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.integer] | Floats:
+def _summed(place: Indices, grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.number]:
     """(cells,) how many of the places (M,) are each cell's, or the sums of their weights; without what lies outside."""
     cells = grid.rows * grid.columns
     return np.bincount(place, weights=weight, minlength=cells + 1)[:cells]
 
 
-def _bytes(counts: NDArray[np.integer], rows: int, columns: int) -> NDArray[np.int8]:
+def _bytes(counts: NDArray[np.number], rows: int, columns: int) -> NDArray[np.int8]:
     return np.asarray(np.minimum(counts, _MOST).astype(np.int8).reshape(rows, columns))
 
 
@@ -200,7 +195,7 @@ def _rounded(sums: NDArray[np.floating]) -> NDArray[np.int8]:
     return np.asarray(np.clip(np.rint(sums), -_MOST, _MOST).astype(np.int8))
 
 
-def _block_counts(mask: Mask) -> NDArray[np.integer]:
+def _block_counts(mask: Mask) -> NDArray[np.number]:
     """(cells,) how many of each 4 x 4 pixels are marked; beyond the right and lower edge none is."""
     height, width = mask.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE

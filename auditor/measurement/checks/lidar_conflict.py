@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from auditor.measurement.checks.disparity_error import inconsistent
 from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
-from auditor.measurement.disparity.pixels import picked
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.model.arrays import Image, Indices, Mask
@@ -48,15 +47,13 @@ def verify_conflicts(
 
     `half_res` are the half-resolution grey images of the reference and the source, `consistency` compares them.
     """
-    d0 = view.disparity_px(source)
-    row, column = view.row // stereo.step, view.column // stereo.step
-    ds = picked(stereo.disparity_px, row, column)
-    valid = picked(stereo.valid, row, column) & picked(stereo.textured, row, column)
+    d0, place = view.disparity_px(source), view.place(stereo.step, stereo.disparity_px.shape[1])
+    valid = stereo.valid.take(place) & stereo.textured.take(place)
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     valid &= visible_to_source(view, rig, source, d0)
-    ncc_stereo = picked(consistency.ncc, view.row // HALF, view.column // HALF)
+    ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     valid &= ncc_stereo > PATCH_CORRELATION.consistent
-    over = inconsistent(d0, ds)
+    over = inconsistent(d0, stereo.disparity_px.take(place))
     flagged = np.flatnonzero(valid & over)
     # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
     stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)

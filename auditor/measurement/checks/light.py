@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
-from auditor.measurement.disparity.pixels import warp
+from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
@@ -77,7 +77,7 @@ class LightDifference:
 
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
-    warp = _Warp(np.where(seen, column, np.float32(-1)))
+    warp = _Warp(column * seen)
     levels = warp.of(source.levels)
     coloured = None
     if reference.channels and source.channels:

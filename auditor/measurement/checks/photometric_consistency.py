@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.pixels import warp
 from auditor.measurement.disparity.lidar import RangeMask
+from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.model.arrays import Floats32, Image, Indices, Mask
@@ -100,7 +100,7 @@ class _Patches:
         pixels = image.astype(np.float32)
         mean, power = _mean(pixels), _mean(pixels * pixels)
         power -= mean * mean
-        return cls(pixels, mean, np.asarray(cv2.sqrt(cv2.max(power, 0.0) * _AREA), dtype=np.float32))
+        return cls(pixels, mean, np.asarray(cv2.sqrt(np.clip(power, 0, np.inf) * _AREA), dtype=np.float32))
 
 
 def _inside(valid: Mask) -> Mask:
@@ -115,7 +115,7 @@ def _occluded(column: Floats32, unknown: Mask) -> Mask:
     leftmost, reach = column.copy(), 1
     leftmost[unknown] = np.inf
     while reach < column.shape[1]:  # the least of the next 4, 16, 64 ... pixels
-        leftmost = cv2.erode(leftmost, _every(reach), anchor=(0, 0))
+        leftmost = np.asarray(cv2.erode(leftmost, _every(reach), anchor=(0, 0)), dtype=np.float32)
         reach *= _TOGETHER
     occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
     return np.asarray(cv2.dilate(occluded, _AROUND_OCCLUDED), dtype=np.bool_)
@@ -166,7 +166,7 @@ def _mean(image: Floats32) -> Floats32:
 
 def _oversampled(image: Image) -> Image:
     """(h, 2 w): each pixel, then its mean with the next."""
-    following = cv2.copyMakeBorder(image[:, 1:], 0, 0, 0, 1, cv2.BORDER_REPLICATE)
+    following = np.asarray(cv2.copyMakeBorder(image[:, 1:], 0, 0, 0, 1, cv2.BORDER_REPLICATE), dtype=np.uint8)
     mean = (image & following) + ((image ^ following) >> 1)  # without overflow
     return np.asarray(cv2.merge([image, mean]), dtype=np.uint8).reshape(len(image), -1)
 

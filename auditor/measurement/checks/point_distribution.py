@@ -48,11 +48,11 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
         return np.zeros(0, dtype=np.bool_)
     side = max(ISOLATED_POINTS.cell * focal_px, 1.0)
     step = np.log(np.clip(view.range_m, *ISOLATED_POINTS.ranges_m)) / ISOLATED_POINTS.range_step
-    # A cell more on every side, so that all have neighbours.
-    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp) + 1
-    shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
-    place = np.ravel_multi_index(tuple(cell), shape)
-    counts = np.bincount(place, minlength=int(np.prod(shape)))
+    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp)
+    cell -= cell.min(axis=1, keepdims=True) - 1  # a cell more on every side, so that all have neighbours
+    rows, columns, steps = shape = tuple((cell.max(axis=1) + 2).tolist())
+    place = (cell[0] * columns + cell[1]) * steps + cell[2]
+    counts = np.bincount(place, minlength=rows * columns * steps)
     mask: Mask = counts[place] <= ISOLATED_POINTS.most_together
     centre = np.ravel_multi_index((1, 1, 1), shape)
     neighbours = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - centre

@@ -35,6 +35,13 @@ class LidarView:
     in_view_m: Points
     span_px: tuple[float, float]
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
+    _places: dict[tuple[int, int], Indices] = field(default_factory=dict, init=False, repr=False)
+
+    def place(self, step: int, width: int) -> Indices:
+        """(M,) the points' pixels, row by row, in an image of that width whose pixels are `step` of these wide."""
+        if (step, width) not in self._places:
+            self._places[step, width] = (self.row // step * width + self.column // step).astype(np.intp)
+        return self._places[step, width]
 
     @cached_property
     def range_m(self) -> Floats32:
