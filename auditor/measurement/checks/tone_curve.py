@@ -90,9 +90,9 @@ def tone_curve(source: Image, target: Image) -> Image:
 
 def _medians(source: Image, target: Image) -> tuple[Floats, Floats]:
     """By bin with enough samples: the mean of the source's levels, and the median of the target's."""
-    place = (source // _WIDTH).astype(np.intp)
+    place = source // np.uint8(_WIDTH)
     counts = np.bincount(place, minlength=_BINS)
-    ordered = np.sort(place * _LEVELS + target) % _LEVELS
+    ordered = np.sort(place.astype(np.uint16) * np.uint16(_LEVELS) + target) % np.uint16(_LEVELS)
     start = np.cumsum(counts) - counts
     used = np.flatnonzero(counts >= TONE_CURVE.fewest)
     low, high = (ordered[start[used] + (counts[used] - odd) // 2] for odd in (1, 0))
