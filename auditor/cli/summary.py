@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
-    from auditor.store import Store
+    from auditor.store import Store, StoredJudgement
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -29,6 +29,8 @@ _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "f
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
+_MOST_KNOWN = 50
+"""So many known recordings are named each, and shown where nothing was judged now; of more the number is said."""
 _SINGLE_FRAMES = "SELECT name, measurement_id FROM single_frames"
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -43,6 +45,7 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)
     measured = {}
+    few = len(batch.tasks) <= _MOST_KNOWN
     with progress(len(batch.tasks), "measuring") as (advanced, finished):
         for outcome in measure_all(batch, advanced):
             if outcome.error is not None:
@@ -52,8 +55,11 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
             elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
-                finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                told = few or outcome.result.fresh
+                finished(*([f"{outcome.item}: {outcome.result.frames} frames {how}"] if told else []))
     results = [measured[task] for task in batch.tasks if task in measured]
+    if before := 0 if few else sum(not one.fresh for one in results):
+        say(f"{_count(before)} measured before")
     remarks: Remarks = {}
     for one in results:
         tally.recordings.add(one.recording_id)
@@ -106,15 +112,15 @@ def show_audit(
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
     `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was, and
-    the store is asked about it alone; earlier verdicts are counted. What no incident fails is not found, as far as the
-    tally is concerned. Without a store nothing was measured.
+    the store is asked about it alone; earlier verdicts are counted. A table has no more than some of all. What no
+    incident fails is not found, as far as the tally is concerned. Without a store nothing was measured.
     """
-    from auditor.store import query, rows_of, run_query, run_sqls  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import query, rows_of, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     decided: list[Decided] = []
     if store is not None:
-        asked = store if judged is None else _asked(store, judged)
+        asked = store if judged is None else _asked(store, judged, most=_MOST_KNOWN if form == "table" else None)
         answers = run_sqls(
             asked, {"summary": query("summary"), "incidents": query("incidents"), "single_frames": _SINGLE_FRAMES}
         )
@@ -125,22 +131,33 @@ def show_audit(
         rows = rows_of(summary)
         allowed = policy or policy_of(None)
         decided = _decided(rows_of(answers["incidents"]), {row["measurement_id"] for row in rows}, allowed)
-        earlier = {one.measurement_id for one in judged or () if one.judgement is not None} if tally.found else set()
-        earlier -= {row["measurement_id"] for row in rows}
-        kept = rows_of(run_query(store.only(measurements=earlier), "incidents")) if earlier else []
-        _excuse(tally, [*decided, *_decided(kept, earlier, allowed)])
+        earlier = {one.measurement_id: one.judgement for one in judged or () if one.found and one.judgement is not None}
+        for row in rows:
+            earlier.pop(row["measurement_id"], None)
+        _excuse(tally, [*decided, *_decided(_incidents_of(store, earlier, allowed), earlier, allowed)])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
     if form == "table":
         if store is not None:
-            _show_tables(rows, decided)
+            if rows or not judged:
+                _show_tables(rows, decided)
             _tell_single_frames(rows_of(answers["single_frames"]), {row["measurement_id"] for row in rows})
         answer(closing_line(tally))
     elif form in FORMS_OF_CI:
         write_bytes(as_form_of_ci(form, store, rows, decided, tally))
     elif form == "json":
         _show_json(rows, decided, tally)
+
+
+def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]", policy: "Policy") -> list[dict[str, Any]]:
+    """The incidents of some measurements by their judgements; none where nothing could excuse any."""
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+
+    if not judged or (policy == policy_of(None) and not store.ids("reviews")):
+        return []
+    judgements = {one.judgement_id for one in judged.values()}
+    return rows_of(run_query(store.only(measurements=judged.keys(), judgements=judgements), "incidents"))
 
 
 def _excuse(tally: Tally, decided: "Sequence[Decided]") -> None:
@@ -192,10 +209,14 @@ def _say_once(remarks: Remarks) -> None:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 
 
-def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
-    """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said."""
+def _asked(store: "Store", judged: "Sequence[Judged]", most: int | None) -> "Store":
+    """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said.
+
+    It is shown where nothing was judged now, if it is no more than `most`.
+    """
     verdicts = [one for one in judged if one.judgement is not None]
-    now = [one for one in verdicts if one.fresh] or verdicts
+    few = most is None or len(verdicts) <= most
+    now = [one for one in verdicts if one.fresh] or (verdicts if few else [])
     failed = [one.measurement_id for one in judged if one.judgement is None]
     before = store.current_judgements() if failed else {}
     shown = [one.measurement_id for one in now] + [one for one in failed if one not in before]

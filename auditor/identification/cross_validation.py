@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import ceil, inf, sqrt
 
 import numpy as np
@@ -26,6 +26,9 @@ NS_PER_HOUR = 3600 * 10**9
 
 INCIDENT_GAP_S = INCIDENTS.gap_s
 """The default of the queries on incidents."""
+
+MOST_GROUPS = 200
+"""Thresholds of the others are made no oftener: they take a time that grows with the number of recordings."""
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
 
@@ -73,17 +76,24 @@ def thresholds_of(
 
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
-    """Judge each clean recording by the others as a scan would; a single one by the prior."""
+    """Judge each clean recording by the others as a scan would; a single one by the prior.
+
+    Of more than MOST_GROUPS recordings a few that follow one another are left out together.
+    """
     return list(each_left_out(calibration, system, r))
 
 
 def each_left_out(calibration: Calibration, system: System, r: Decimal) -> Iterator[LeftOut]:
     """As `leave_one_out_robust`, one recording after another."""
-    drives = _drives_of(calibration, system)
+    drives, groups = _drives_of(calibration, system), left_out_together(calibration)
+
+    @cache
+    def by_others(group: int) -> RobustThresholds:
+        gone = (recording for recording, its in groups.items() if its == group)
+        return drives.thresholds(system.judged_together, r, used=drives.others(*gone))
 
     def judge(left_out: CleanFrames) -> tuple[int, int]:
-        by_others = drives.thresholds(system.judged_together, r, used=drives.others(left_out.recording_id))
-        series, thresholds = as_scanned(left_out, by_others, system)
+        series, thresholds = as_scanned(left_out, by_others(groups[left_out.recording_id]), system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
@@ -127,10 +137,17 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
     return list(_results(calibration.clean, judge))
 
 
+def left_out_together(calibration: Calibration) -> dict[str, int]:
+    """By recording the group that is left out when it is judged; each is one by itself, of no more than MOST_GROUPS."""
+    recordings = dict.fromkeys(one.recording_id for one in calibration.clean)
+    groups = min(len(recordings), MOST_GROUPS)
+    return {one: place * groups // len(recordings) for place, one in enumerate(recordings)}
+
+
 @lru_cache(maxsize=2)
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
-    return CleanDrives(calibration.clean, system.sensor_checks, one_left_out=True)
+    return CleanDrives(calibration.clean, system.sensor_checks, groups=left_out_together(calibration))
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:

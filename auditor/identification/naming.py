@@ -82,9 +82,11 @@ def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
 
 
 def _frames_by_missing(missing: Sequence[frozenset[int]]) -> dict[frozenset[int], list[int]]:
-    groups: dict[frozenset[int], list[int]] = {}
+    groups: dict[frozenset[int], list[int]] = {absent: [] for absent in missing}
+    if len(groups) == 1:  # in most recordings nothing is missing
+        return {missing[0]: [*range(len(missing))]}
     for frame, absent in enumerate(missing):
-        groups.setdefault(absent, []).append(frame)
+        groups[absent].append(frame)
     return groups
 
 

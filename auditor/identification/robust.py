@@ -200,7 +200,7 @@ def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequ
 
 def _fault_z(causes: Sequence[FaultHypothesis]) -> float:
     """The largest z of the faults that are findings by themselves; -inf where there is none."""
-    return max((z_of(one) for one in causes if is_finding(one)), default=-np.inf)
+    return max((z_of(one) for one in causes if is_finding(one)), default=-np.inf) if causes else -np.inf
 
 
 def _with_frozen(still: frozenset[int], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:

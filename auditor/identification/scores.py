@@ -1,5 +1,6 @@
 """Normalised scores z: how many standard deviations a statistic lies above what clean drives are expected to have."""
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
@@ -60,17 +61,22 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks, one_left_out=True).thresholds(judged_together, r, calibration_id)
+    return CleanDrives(clean, sensor_checks, groups={}).thresholds(judged_together, r, calibration_id)
 
 
 class CleanDrives:
     """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
 
-    Where no more than one recording is ever left out (`one_left_out`), far fewer of their fault scores are kept.
+    Where it is known what is ever left out at once, far fewer of their fault scores are kept: `groups` are those of
+    recordings that are left out together, by id; any other is left out by itself.
     """
 
     def __init__(
-        self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck], *, one_left_out: bool = False
+        self,
+        clean: Sequence[CleanFrames],
+        sensor_checks: Sequence[SensorCheck],
+        *,
+        groups: Mapping[str, int] | None = None,
     ) -> None:
         self._clean = clean
         self._places: dict[str, list[int]] = {}
@@ -79,7 +85,7 @@ class CleanDrives:
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
         of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
         of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
-        asked_for = self._ever_asked_for() if one_left_out else sum(drive.frames for drive in clean)
+        asked_for = sum(drive.frames for drive in clean) if groups is None else self._ever_asked_for(groups)
         largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
         for drive in clean:
             for check, drives in of_checks.items():
@@ -114,16 +120,18 @@ class CleanDrives:
             for check, drives in self._of_checks.items()
         }
 
-    def others(self, recording_id: str) -> Flags:
-        """(D,) which of them are of other recordings."""
+    def others(self, *recording_ids: str) -> Flags:
+        """(D,) which of them are of other recordings than these."""
         used = np.ones(len(self._clean), dtype=np.bool_)
-        used[self._places.get(recording_id, [])] = False
+        used[[place for known in recording_ids for place in self._places.get(known, [])]] = False
         return used
 
-    def _ever_asked_for(self) -> int:
-        """How many of the largest fault scores a quantile of them depends on, whichever recording is left out."""
-        frames = [sum(self._clean[place].frames for place in places) for places in self._places.values()]
-        return ceil((1 - FAULT_SCALE.shown_quantile) * sum(frames)) + max(frames, default=0) + 2
+    def _ever_asked_for(self, groups: Mapping[str, int]) -> int:
+        """How many of the largest fault scores a quantile of them depends on, whichever group is left out."""
+        frames: Counter[str | int] = Counter()
+        for one in self._clean:
+            frames[groups.get(one.recording_id, one.recording_id)] += one.frames
+        return ceil((1 - FAULT_SCALE.shown_quantile) * frames.total()) + max(frames.values(), default=0) + 2
 
     def _shown(self, cause: CauseIn, used: Flags) -> float:
         """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""

@@ -39,11 +39,11 @@ def sighted(before: Sequence[Sighting], path: Path, stamp: str | None, measured:
 class KnownFiles:
     """The files of some tasks for one store, of which it knows some."""
 
-    def __init__(self, tasks: Sequence[MeasureTask], *, read_again: bool) -> None:
+    def __init__(self, tasks: Sequence[MeasureTask], store: Store | None, *, read_again: bool) -> None:
         self._seen: dict[str, list[tuple[RecordingRecord, Sighting]]] = {}
-        if not tasks or read_again:
+        if store is None or read_again:
             return
-        self._store = Store.open(tasks[0].store)
+        self._store = store
         self._procedure = procedure_by(find_matcher(tasks[0].matcher, tasks[0].network))
         if len(tasks) > FEW:
             self._store.measurements()  # at once: that takes far less than one by one

@@ -225,7 +225,7 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
 
 def _picture(store: Store, judged: Sequence[Judged], settings: MeasureSettings) -> None:
     """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
-    found = [one.measurement_id for one in judged if one.found]
+    found = [one.measurement_id for one in judged if one.found and one.fresh]
     for _ in picture_incidents(store, found, settings.pictures, settings.limits):
         pass
 

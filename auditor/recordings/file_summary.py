@@ -79,11 +79,16 @@ class FileSummary:
                     has_transforms |= decoder is not None and decoder.kind == "transforms"
                 if left < 0 or message.log_time_ns > until_ns:
                     break
-        kinds = {topic.name: decoders.of(topic.schema, topic.encoding) for topic in names.topics.values()}
-        sensors = (
-            name for name, decoder in kinds.items() if decoder is not None and decoder.kind in {"image", "cloud"}
-        )
-        return Beginning(frozenset(sensors), infos, has_transforms)
+        return Beginning(_sensors(names), infos, has_transforms)
+
+    @cached_property
+    def sensors(self) -> frozenset[str]:
+        """The topics of images and point clouds; by the summary of an MCAP file, so that no message is read."""
+        names = Names()
+        with suppress(RecordingError, OSError), self._read(names) as read:
+            if isinstance(read, McapRead):
+                read.learn_ending()
+        return _sensors(names) or self.beginning.sensors
 
     @contextmanager
     def _read(self, names: Names) -> Iterator[FileRead]:
@@ -93,3 +98,10 @@ class FileSummary:
             yield _READS[file_kind(self.file)](source, None, names, DamageLog())
         finally:
             source.close()
+
+
+def _sensors(names: Names) -> frozenset[str]:
+    """Those of some topics that have images or point clouds."""
+    decoders = Decoders(names.definitions.get)
+    kinds = {topic.name: decoders.of(topic.schema, topic.encoding) for topic in names.topics.values()}
+    return frozenset(name for name, known in kinds.items() if known is not None and known.kind in {"image", "cloud"})

@@ -3,6 +3,7 @@
 Names alone decide nothing: parts of one drive follow one another in time, files side by side cover the same time.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +34,7 @@ def files_of(location: Location) -> Iterator[Path]:
         yield from stream
 
 
-@dataclass
+@dataclass(eq=False)
 class _Drive:
     """Files that follow one another; `number` is that of the last one."""
 
@@ -81,14 +82,19 @@ def _chains(members: Sequence[tuple[int, FileSummary]]) -> list[_Drive]:
     if len(members) == 1:
         return [_Drive([members[0][1]], members[0][0])]
     chains: list[_Drive] = []
+    ending: defaultdict[int, list[_Drive]] = defaultdict(list)
     unreadable = [(number, part) for number, part in members if part.span_ns is None]
     readable = [(number, part) for number, part in members if part.span_ns is not None]
     for number, part in sorted(readable, key=lambda member: (member[0], member[1].span_ns or (0, 0))):
-        fitting = [chain for chain in chains if _follows(part, number, chain)]
+        near = (chain for last in range(number - 1 - DRIVE_PARTS.most_missing, number) for chain in ending[last])
+        fitting = [chain for chain in near if _follows(part, number, chain)]
         if not fitting:
             chains.append(_Drive([part], number))
+            ending[number].append(chains[-1])
             continue
         chain = max(fitting, key=lambda chain: (chain.number, chain.span_ns or (0, 0)))
+        ending[chain.number].remove(chain)
+        ending[number].append(chain)
         between = sorted((other for other in unreadable if chain.number < other[0] < number), key=lambda one: one[0])
         unreadable = [other for other in unreadable if other not in between]
         chain.parts += [*(other for _, other in between), part]
@@ -166,7 +172,7 @@ def _are_beside(one: _Drive, other: _Drive) -> bool:
 
 
 def _sensors(drive: _Drive) -> frozenset[str]:
-    return drive.readable[0].beginning.sensors if drive.readable else frozenset()
+    return drive.readable[0].sensors if drive.readable else frozenset()
 
 
 def _located(drives: Sequence[_Drive]) -> Location:

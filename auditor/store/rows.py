@@ -187,6 +187,14 @@ def _coverage_of(row: Mapping[str, Any]) -> TopicCoverage:
     return TopicCoverage(**{**topic, "state": TopicState(topic["state"]), "time": time})
 
 
+MEASUREMENT_COLUMNS = (
+    *("measurement_id", "recording_id", "rig_id", "matcher", "settings", "counting_version", "frames", "measured"),
+    *("skipped", "first_stamp_ns", "last_stamp_ns", "balance", "damage", "calibration_warnings", "versions"),
+    *("measured_at", "seconds", "coverage"),
+)
+"""What `stored_measurement` needs of a row."""
+
+
 def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
     """The measurement of a row."""
     return StoredMeasurement(
@@ -271,6 +279,14 @@ def _marks(row: Mapping[str, Any]) -> Marks:
         other_lidar=bool(row["other_lidar"]),
         measured_otherwise=row["measured_otherwise"] or "",
     )
+
+
+JUDGEMENT_COLUMNS = (
+    *("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred", "statistic", "r"),
+    *("judged_at", *(kind.value for kind in VerdictKind), "in_incidents", "recounted", "judging_version", "rules"),
+    *("absent_sensors", "drives", "similarity", "in_sample", "other_lidar", "measured_otherwise", "incidents_per_hour"),
+)
+"""What `stored_judgement` needs of a row."""
 
 
 def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:

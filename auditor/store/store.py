@@ -52,6 +52,8 @@ from auditor.store.records import (
     StoredMeasurement,
 )
 from auditor.store.rows import (
+    JUDGEMENT_COLUMNS,
+    MEASUREMENT_COLUMNS,
     given_label_rows,
     judgement_row,
     label_rows,
@@ -113,7 +115,7 @@ class Store:
     def only(self, **ids: Collection[str]) -> "Store":
         """This store with these ids of some tables alone, as if it had no others: what is asked of it costs as much."""
         part = Store(self.folder)
-        part._only = ids
+        part._only, part.packs = ids, self.packs
         return part
 
     @staticmethod
@@ -169,12 +171,8 @@ class Store:
 
     def recordings_called(self, wanted: str) -> list[RecordingRecord]:
         """Those that were read under this name, or whose ids begin so."""
-        return [
-            known
-            for known in self.recordings()
-            if wanted
-            and (storable(wanted) in (known.name, *known.other_names) or known.recording_id.startswith(wanted))
-        ]
+        text, every = storable(wanted), self.recordings() if wanted else []
+        return [one for one in every if text in (one.name, *one.other_names) or one.recording_id.startswith(wanted)]
 
     def has_recording(self, recording_id: str) -> bool:
         """True where a recording was kept."""
@@ -235,9 +233,11 @@ class Store:
 
     def measurements(self) -> list[StoredMeasurement]:
         """All finished measurements, by id."""
-        for row in self._rows("measurements"):
-            self._measurements.setdefault(row["measurement_id"], stored_measurement(row))
-        return [self.measurement(known) for known in self.ids("measurements")]
+        ids = self.ids("measurements")
+        if new := {one for one in ids if one not in self._measurements}:
+            rows = self.only(measurements=new)._rows("measurements", MEASUREMENT_COLUMNS)
+            self._measurements |= {row["measurement_id"]: stored_measurement(row) for row in rows}
+        return [self._measurements[one] for one in ids]
 
     def measurement(self, measurement_id: str) -> StoredMeasurement:
         """One finished measurement."""
@@ -309,10 +309,10 @@ class Store:
     def calibration_recordings(self) -> dict[str, tuple[str, ...]]:
         """The recordings that each calibration was made from, by its id: also those of older versions."""
         found = {}
-        for calibration_id in self.ids("calibrations"):
-            table = read_table("calibrations", self.path("calibrations", calibration_id), ["recordings"])
-            named = table.column("recordings").drop_null().slice(0, 1).to_pylist()  # of all rows, or of the first alone
-            found[calibration_id] = tuple(name for names in named for name in names)
+        for known in self.ids("calibrations"):
+            column = read_table("calibrations", self.path("calibrations", known), ["recordings"])["recordings"]
+            named = column.drop_null().slice(0, 1).to_pylist()  # of all rows, or of the first alone
+            found[known] = tuple(name for names in named for name in names)
         return found
 
     def write_judgement(
@@ -339,7 +339,7 @@ class Store:
 
     def judgements(self) -> list[StoredJudgement]:
         """All finished judgements, oldest first."""
-        judgements = (stored_judgement(row) for row in self._rows("judgements"))
+        judgements = map(stored_judgement, self._rows("judgements", JUDGEMENT_COLUMNS))
         return sorted(judgements, key=lambda j: (j.judged_at, j.judgement_id))
 
     def current_judgements(self) -> dict[str, StoredJudgement]:
@@ -386,12 +386,12 @@ class Store:
         return finished_files(self.packs, self.folder, table, self.ids(table))
 
     def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table that nothing is packed of, by id. Raises StoreError as `files` does."""
+        """The finished files of a table that nothing is packed of, by id. Raises StoreError."""
         return list(self.files(table).alone)
 
-    def _rows(self, table: str) -> Iterator[dict[str, Any]]:
-        """The rows of all finished ids, by id."""
-        yield from rows_of_files(table, self.files(table))
+    def _rows(self, table: str, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
+        """The rows of all finished ids, by id, or some columns of them."""
+        return rows_of_files(table, self.files(table), columns)
 
     def _row(self, table: str, row_id: str) -> dict[str, Any]:
         rows = read_rows(table, self.source(table, row_id))

@@ -5,7 +5,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -18,6 +18,7 @@ from auditor.store.packs.index import Part
 from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
 
 Row = Mapping[str, object]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ ROW_GROUP_BATCHES = 32
 
 GROUP_BYTES = 32 << 20
 """A row group ends with so many bytes where its rows are long, as those of calibrations are."""
+
+KEPT_GROUPS = 4
+"""Row groups of packs that stay in memory: what is judged reads two tables, each in the order of ids."""
 
 
 LEVEL = 3
@@ -152,9 +156,10 @@ def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce |
         return writer.commit(announce)
 
 
-def row_groups(source: Source) -> int:
+def row_groups(path: Path) -> int:
     """How many row groups a file of a table has. Raises StoreError."""
-    with _opened(source) as (file, _):
+    with _reporting(path), pq.ParquetFile(path) as file:
+        _check_version(file.schema_arrow, path)
         return int(file.num_row_groups)
 
 
@@ -167,13 +172,8 @@ def read_table(
     """
     schema = table_schema(table).arrow
     wanted = schema if columns is None else pa.schema([schema.field(name) for name in columns])
-    with _opened(source) as (file, part):
-        known = set(file.schema_arrow.names)
-        present = [name for name in wanted.names if name in known]
-        if part is not None:
-            stored = _of_part(file, part, present)
-        else:
-            stored = file.read(columns=present) if group is None else file.read_row_group(group, columns=present)
+    stored = _read(source, lambda place: _stored(place, wanted.names, group, source))
+    present = set(stored.column_names)
     arrays = [
         stored.column(field.name).cast(field.type) if field.name in present else pa.nulls(len(stored), field.type)
         for field in wanted
@@ -181,12 +181,44 @@ def read_table(
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
-def _of_part(file: pq.ParquetFile, part: Part, columns: list[str]) -> pa.Table:
-    """Some columns of the rows of one id in a pack."""
+def _stored(place: Path | Part, columns: Sequence[str], group: int | None, source: Source) -> pa.Table:
+    """Those of some columns that a file, a group of it or the part of a pack has."""
+    if isinstance(place, Part):
+        return _of_part(place, columns, source)
+    with pq.ParquetFile(place) as file:
+        _check_version(file.schema_arrow, source)
+        present = _common(columns, file.schema_arrow)
+        return file.read(columns=present) if group is None else file.read_row_group(group, columns=present)
+
+
+def _of_part(part: Part, columns: Sequence[str], source: Source) -> pa.Table:
+    """Those of some columns that a pack has, of the rows of one id."""
+    schema = _footer(part.path)[1]
+    _check_version(schema, source)
+    present = _common(columns, schema)
     if part.group is None:
-        return file.schema_arrow.empty_table().select(columns)
-    group = file.read_row_group(part.group, columns=[*{part.column, *columns}])
-    return group.filter(pc.equal(group[part.column], part.row_id)).select(columns)
+        return schema.empty_table().select(present)
+    group = _group(part.path, part.group, (part.column, *(name for name in present if name != part.column)))
+    return group.filter(pc.equal(group[part.column], part.row_id)).select(present)
+
+
+def _common(columns: Sequence[str], schema: pa.Schema) -> list[str]:
+    known = set(schema.names)
+    return [name for name in columns if name in known]
+
+
+@lru_cache(maxsize=KEPT_GROUPS)
+def _group(pack: Path, group: int, columns: tuple[str, ...]) -> pa.Table:
+    """Some columns of a row group of a pack. It has the rows of several ids, which are mostly asked for in order."""
+    with pq.ParquetFile(pack, metadata=_footer(pack)[0]) as file:
+        return file.read_row_group(group, columns=list(columns))
+
+
+@lru_cache(maxsize=32)
+def _footer(pack: Path) -> tuple[pq.FileMetaData, pa.Schema]:
+    """The footer of a pack, whose name is a hash of its content: it is long, and asked for with each id."""
+    footer = pq.read_metadata(pack)
+    return footer, footer.schema.to_arrow_schema()
 
 
 def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
@@ -195,13 +227,19 @@ def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
     Raises StoreError.
     """
     names = table_schema(table).arrow.names
-    with _opened(source) as (file, part):
-        if part is not None:
-            known = set(file.schema_arrow.names)
-            yield from _of_part(file, part, [name for name in names if name in known]).to_pylist()
+
+    def opened(place: Path | Part) -> pa.Table | pq.ParquetFile:
+        return _of_part(place, names, source) if isinstance(place, Part) else pq.ParquetFile(place)
+
+    found = _read(source, opened)
+    with _reporting(source):
+        if isinstance(found, pa.Table):
+            yield from found.to_pylist()
             return
-        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=names):
-            yield from batch.to_pylist()
+        with found as file:
+            _check_version(file.schema_arrow, source)
+            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=names):
+                yield from batch.to_pylist()
 
 
 def read_rows(table: str, source: Source) -> list[dict[str, Any]]:
@@ -223,47 +261,30 @@ def in_one_line(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-@contextmanager
-def _opened(source: Source) -> Iterator[tuple[pq.ParquetFile, Part | None]]:
-    """A file of a table, open for reading, and where in it the rows lie that are asked for; None where all are.
+def _read(source: Source, read: Callable[[Path | Part], T]) -> T:
+    """What is read in the place of some rows; they may be packed just now.
 
     Raises StoreError where it is missing, torn, or of another version.
     """
+    with _reporting(source):
+        if isinstance(source, Path):
+            return read(source)
+        with suppress(FileNotFoundError):
+            return read(source.find())
+        return read(source.find())
+
+
+@contextmanager
+def _reporting(source: Source) -> Iterator[None]:
+    """Errors in the block are errors of the store."""
     try:
-        file, place = _open(source)
-        with file:
-            _check_version(file.schema_arrow, source)
-            yield file, place if isinstance(place, Part) else None
+        yield
     except FileNotFoundError as error:
         raise StoreError("it does not exist", where=source) from error
     except StoreError:
         raise
     except _UNREADABLE as error:
         raise StoreError(f"it is no readable Parquet file ({in_one_line(error)})", where=source) from error
-
-
-def _open(source: Source) -> tuple[pq.ParquetFile, Path | Part]:
-    """A file; where it was packed just now, the pack."""
-    if isinstance(source, Path):
-        return pq.ParquetFile(source), source
-    place = source.find()
-    try:
-        return _parquet(place), place
-    except FileNotFoundError:
-        place = source.find()
-        return _parquet(place), place
-
-
-def _parquet(place: Path | Part) -> pq.ParquetFile:
-    if isinstance(place, Part):
-        return pq.ParquetFile(place.path, metadata=_footer(place.path))
-    return pq.ParquetFile(place)
-
-
-@lru_cache(maxsize=32)
-def _footer(pack: Path) -> pq.FileMetaData:
-    """The footer of a pack, whose name is a hash of its content: it is long, and asked for with each id."""
-    return pq.read_metadata(pack)
 
 
 def _check_version(schema: pa.Schema, path: object) -> None:

@@ -5,11 +5,13 @@ CPU seconds and peak memory of each verb, by the number of recordings, in a proc
 """
 
 import argparse
+import ctypes
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -30,6 +32,7 @@ ATTACKED_EVERY = 20
 OF_FRAMES = ("cells", "fault_features", "regions", "poses", "frames")
 _DAY_NS = 24 * 3600 * 10**9
 _APART_NS = 1000 * 10**9
+_PR_SET_CHILD_SUBREAPER = 36
 
 
 @dataclass(frozen=True)
@@ -164,13 +167,19 @@ def _write(store: Store, table: str, row_id: str, content: pa.Table, entry: Any)
 
 
 def cost(words: Sequence[str]) -> tuple[float, float, int]:
-    """CPU seconds, peak memory in MB and exit code of a command and all its workers."""
+    """CPU seconds of a command and all its workers, the peak memory of one process in MB, and the exit code."""
+    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # what the command leaves running is waited for here
     process = subprocess.Popen(
         [sys.executable, "-m", "auditor", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, process.returncode
+    seconds, memory = 0.0, 0.0
+    with suppress(ChildProcessError):
+        while True:
+            ended, status, used = os.wait4(-1, 0)
+            seconds, memory = seconds + used.ru_utime + used.ru_stime, max(memory, used.ru_maxrss / 1024)
+            if ended == process.pid:
+                process.returncode = os.waitstatus_to_exitcode(status)
+    return seconds, memory, process.returncode
 
 
 def verbs(store: Path) -> Iterator[tuple[str, list[str]]]:
@@ -179,7 +188,7 @@ def verbs(store: Path) -> Iterator[tuple[str, list[str]]]:
     yield "summary", ["query", "summary", "--format", "csv", *where]
     yield "incidents", ["query", "incidents", "--format", "csv", *where]
     yield "calibrate", ["calibrate", str(store), "--store", f"{store}.calibrated"]
-    yield "judge", ["judge", str(store), "--jobs", "1"]  # processes that others fork are not counted here
+    yield "judge", ["judge", str(store)]
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
+from auditor.identification import cross_validation
 from auditor.identification.cross_validation import (
     clean_hours,
     count_incidents,
@@ -104,6 +105,24 @@ def test_left_out_peaks_are_those_of_each_recording_by_the_others():
 def test_three_sensors_have_false_alarms_too():
     both = calibration(recording("easy", system=THREE), recording("hard", lidar_conflicts=range(4, 10), system=THREE))
     assert [one.findings for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
+
+
+def test_of_many_recordings_some_are_left_out_together_so_that_thresholds_are_made_seldom(monkeypatch):
+    made = []
+
+    class Counted(cross_validation.CleanDrives):
+        def thresholds(self, *arguments, used=None, **more):
+            made.append(used.tolist())
+            return super().thresholds(*arguments, used=used, **more)
+
+    hard = recording("d", lidar_conflicts=range(8, 14))
+    drives = calibration(*map(recording, "abc"), hard)
+    alone = counts(leave_one_out_robust(drives, SYSTEM, R))
+    monkeypatch.setattr(cross_validation, "CleanDrives", Counted)
+    monkeypatch.setattr(cross_validation, "MOST_GROUPS", 2)
+    together = counts(leave_one_out_robust(replace(drives), SYSTEM, R))
+    assert made == [[False, False, True, True], [True, True, False, False]]
+    assert together == alone == [*((name, 20, 0, 0) for name in "abc"), ("d", 20, 6, 1)]
 
 
 def test_one_recording_alone_is_judged_by_the_prior():

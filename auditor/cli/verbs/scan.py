@@ -53,7 +53,6 @@ def command(
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
     from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
     from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
@@ -63,7 +62,7 @@ def command(
     batch = find_batch(recordings, store, measuring)
     with logged(store) if batch.tasks else nullcontext():
         measured = show_measuring(batch, tally)
-        kept = Store.open(store) if measured else None
+        kept = batch.store if measured else None
         if kept is not None:
             for superseded in relate(kept):
                 say(str(superseded))
@@ -80,7 +79,7 @@ def command(
             ]
         if kept is not None and (packed := pack_where_many(kept)).files:
             say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
-        if kept is not None and (found := [one.measurement_id for one in judged if one.found]):
+        if kept is not None and (found := [one.measurement_id for one in judged if one.found and one.fresh]):
             for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
                 if pictured.remark:
                     say(f"{pictured.recording}: {pictured.remark}")

@@ -31,6 +31,14 @@ _EXAMPLES = """
     ORDER BY incidents.largest_gap DESC NULLS LAST, example.incident_id
 """
 
+_OF_THEIR_DRIVES = """
+    WITH known AS (SELECT measurement_id, recording_id, drive_id FROM measurements JOIN recordings USING (recording_id))
+    SELECT known.measurement_id, known.recording_id, judgement_id
+    FROM known
+    LEFT JOIN judgements ON judgements.measurement_id = known.measurement_id AND judgements.current
+    WHERE drive_id IN (SELECT drive_id FROM known WHERE measurement_id IN ({}))
+"""
+
 Frames = dict[int, tuple[int, ...] | None]
 """Frames that are to be pictured, with the attacked sensors; none where none is named, None where no incident is."""
 
@@ -101,10 +109,21 @@ def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, 
     """By measurement the frames that show incidents, the strongest incident first; some are of other recordings."""
     listed = ", ".join(f"'{known}'" for known in measurement_ids)
     found: defaultdict[str, defaultdict[str, Frames]] = defaultdict(lambda: defaultdict(dict))
-    for row in rows_of(run_sql(store, _EXAMPLES.format(listed))):
+    asked = _of_their_drives(store, listed)
+    for row in rows_of(run_sql(asked, _EXAMPLES.format(listed))):
         attacked = None if row["attacked"] is None else tuple(row["attacked"])
         found[row["measurement_id"]][row["incident_id"]][row["frame"]] = attacked
     return {known: list(of_incidents.values()) for known, of_incidents in found.items()}
+
+
+def _of_their_drives(store: Store, listed: str) -> Store:
+    """The part of a store that has the drives of some measurements: an incident, and what shows it, is of one drive."""
+    rows = rows_of(run_sql(store, _OF_THEIR_DRIVES.format(listed)))
+    return store.only(
+        recordings={row["recording_id"] for row in rows},
+        measurements={row["measurement_id"] for row in rows},
+        judgements={row["judgement_id"] for row in rows if row["judgement_id"] is not None},
+    )
 
 
 def _no_pictures(error: AuditorError) -> str:

@@ -92,6 +92,13 @@ class FileRead:
                 return span_of_records(ForwardStream(file, size))
         return None
 
+    def learn_ending(self) -> None:
+        """Learn what the summary has, where there is one."""
+        with self._source.open() as file:
+            ending = read_ending(file, self._source.size)
+        if ending:
+            self.learn_summary(ending.summary)
+
     def _record(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
         if record.opcode == Opcode.CHUNK:
             body = read_body(stream, record, self._damage)
