@@ -87,8 +87,8 @@ class CheckPriors:
     coloured_light: tuple[float, ...] = parameter(
         (-3.1, 0.36, 0.25, 1.8), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
     )
-    striped_light: tuple[float, ...] = parameter((-3.93, 0.25, 0.1, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
-    striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.3, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
+    striped_light: tuple[float, ...] = parameter((-3.93, 0.4, 0.1, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
+    striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.45, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.25), unit=_OF_PRIOR, source=_LOST)

@@ -55,6 +55,11 @@ class LostReturns:
         unit="radians around it without any return, at least: a patch's radius, and a cell",
         source="docs/decisions.md: 0.0144, 0.016, 0.017 and 0.0185 tried on real drives and streets",
     )
+    beside_patch: float = parameter(
+        0.0075,
+        unit="radians without any return beside a patch's radius, at least: a cell, and a LiDAR's mounting",
+        source="streets at half size, whose patches are twice as wide (docs/decisions.md)",
+    )
     gap_medians: float = parameter(
         2.2, unit="times the median gap at surfaces, at least", source="half the gap between beams, and a tenth more"
     )

@@ -17,7 +17,7 @@ from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE
+from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
@@ -103,7 +103,9 @@ def count_lost_returns(
     empty = scanned.empty_rad.ravel()[place]
     # Of a LiDAR with few beams most directions lie between two of them.
     usual = LOST_RETURNS.gap_medians * float(np.median(empty)) if empty.size else 0.0
-    lost = empty > np.maximum(LOST_RETURNS.around_m / range_m, max(LOST_RETURNS.narrowest, usual))
+    patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
+    least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch, usual)
+    lost = empty > np.maximum(LOST_RETURNS.around_m / range_m, least)
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
     place, lost = place[surface], lost[surface]
