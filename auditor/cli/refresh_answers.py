@@ -1,6 +1,7 @@
 """What a refresh answers: one line of JSON, a file of metrics, and an exit code."""
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -68,8 +69,8 @@ def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
         "by_others": one.by_others and one.by_others._asdict(),
         "new_by_others": one.new_by_others and one.new_by_others._asdict(),
         "new_before": one.new_before and one.new_before._asdict(),
-        "planted_found_before": one.found_before,
-        "planted_found": one.found_after,
+        "planted_found_before": one.found_before and one.found_before._asdict(),
+        "planted_found": one.found_after and one.found_after._asdict(),
         "planted_lost": one.lost and one.lost._asdict(),
         "planted_lost_in_all": one.lost_in_all and one.lost_in_all._asdict(),
         "largest_rise": max((rise.deviations for rise in one.rises), default=None),
@@ -78,6 +79,17 @@ def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
         "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
         "left_out": sum(not used.included for used in one.recordings),
     }
+
+
+def planned_lines(refresh: "Refresh") -> Iterator[str]:
+    """What a dry run says of the recordings that it was given: how many of each rig kind, and what is wrong."""
+    kinds = Counter(kind for one in refresh.planned for kind in one.rig_kinds)
+    measured = Counter(kind for one in refresh.planned if one.measured for kind in one.rig_kinds)
+    for kind, count in kinds.items():
+        yield f"{kind}: {count} recording{'s' * (count > 1)} given, {measured[kind]} measured so far"
+    for one in refresh.planned:
+        if one.error:
+            yield one.error
 
 
 def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
@@ -107,7 +119,7 @@ def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
             "Share of windows judged by others with findings.",
             lambda d: d.by_others and d.by_others.value,
         ),
-        ("planted_found", "Share of planted attacks that are found.", lambda d: d.found_after),
+        ("planted_found", "Share of planted attacks that are found.", lambda d: d.found_after and d.found_after.value),
         ("creep_deviations", "Largest rise of a threshold since a person confirmed.", lambda d: d.creep),
         ("provisional", "1 where nobody named a recording clean.", lambda d: int(d.provisional)),
     ):

@@ -36,7 +36,7 @@ _OF_CAMERAS = {
         CHECK_PRIORS.inconsistency_of_two,
         CHECK_PRIORS.inconsistency,
     ),
-    Check.STRIPED_LIGHT: (CHECK_PRIORS.whole_image_of_one, CHECK_PRIORS.whole_image, CHECK_PRIORS.whole_image),
+    Check.STRIPED_LIGHT: (CHECK_PRIORS.striped_light_of_one, CHECK_PRIORS.striped_light, CHECK_PRIORS.striped_light),
 }
 """By check the priors of one voter, of two, and of more."""
 
@@ -135,8 +135,9 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end. Where
-    drives are `believed` there are no such bounds: nobody attacks by a fault.
+    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end, nor
+    narrows it: usual frames say little about rare ones. Where drives are `believed` there are no such bounds: nobody
+    attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
     return expected_after(prior, Drives.of(seen), believed=believed)
@@ -149,7 +150,9 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     within = (HIERARCHY.prior_frames * prior.within**2 + _sum(seen.worth * seen.squares / seen.frames)) / (
         HIERARCHY.prior_frames + _sum(seen.worth)
     )
-    within = within if believed else min(within, (HIERARCHY.widest * prior.within) ** 2)
+    if not believed:
+        narrowest, widest = ((times * prior.within) ** 2 for times in (HIERARCHY.narrowest, HIERARCHY.widest))
+        within = min(max(within, narrowest), widest)
     far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (D - 1)
     reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
     means = np.clip(seen.mean, prior.mean - reach, prior.mean + reach)
@@ -188,12 +191,13 @@ def of_drive(one: Expected, own: OwnLevel | None, limit: float) -> Expected:
 def joint_limit(r: float, checks: int) -> float:
     """The standard deviations that the largest z of so many checks exceeds in a share r of clean frames.
 
-    Within a drive they hardly depend on each other; and the tails are heavier than the normal distribution's.
+    They depend on each other, and are worth fewer; and the tails are heavier than the normal distribution's.
     """
     if r >= 1:
         return -inf
     r = max(r, JOINT_TAIL.smallest_r)
-    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / max(checks, 1)))
+    independent = max(checks, 1) ** JOINT_TAIL.independent
+    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / independent))
 
 
 def drive_values(values: Floats, prior: Prior | None) -> DriveValues:

@@ -8,7 +8,7 @@ attacked frame less those of the same frame clean. A turned camera changes the f
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from functools import cache, partial
@@ -20,7 +20,7 @@ from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import COLUMNS, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline import judge
 from auditor.pipeline.refreshing.pool import Log
@@ -215,13 +215,12 @@ def turned_by(turns: Sequence[Turn], degrees: float) -> Turn:
     )
 
 
-def system_of(rig: Rig, kinds: Collection[Check]) -> System:
-    """What frames of a rig are judged by that never lack a sensor: the checks of some kinds that count then."""
+def system_of(rig: Rig) -> System:
+    """What frames of a rig are judged by that never lack a sensor: the checks that count then."""
     whole = judge.system_of(rig)
     every = frozenset[int]()
     columns = sorted({*whole.counting(every).tolist(), *whole.detecting(every).tolist()})
-    checks = (whole.sensor_checks[column] for column in columns)
-    return replace(whole, sensor_checks=tuple(check for check in checks if check.check in kinds))
+    return replace(whole, sensor_checks=tuple(whole.sensor_checks[column] for column in columns))
 
 
 class Fleet:
@@ -230,8 +229,7 @@ class Fleet:
     def __init__(self, bank: Bank, cameras: int, nights: int, seed: int) -> None:
         self._bank, self._nights, self._seed, self._cameras = bank, nights, seed, cameras
         self.rig = replace(bank.clean[0].rig, cameras=bank.clean[0].rig.cameras[:cameras])
-        measured = min(len(scene.cases[0].statistics) for scene in bank.clean)  # there were fewer checks then
-        self.system = system_of(self.rig, {one.check for one in rig_sensor_checks(bank.clean[0].rig)[:measured]})
+        self.system = system_of(self.rig)
         self.vehicles = VEHICLES[cameras]
         self.frames = [clean_frames(scene, self.system) for scene in bank.clean]
         rng = np.random.default_rng((seed, cameras))

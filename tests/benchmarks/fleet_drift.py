@@ -78,6 +78,8 @@ def _odds(share: float) -> float:
     return float(log_odds(np.clip(np.asarray(share), 0, 1)))
 
 
+_MIDDLES = np.nanmean, np.nanmedian
+
 Tables = dict[tuple[int, int], tuple[list[Key], Floats]]
 """The levels of the frames of a scene, (F, K), by scene and number of sensors."""
 
@@ -102,7 +104,10 @@ class Days:
             keys, table = self._table(int(scene), turn)
             drawn.append(table[rng.integers(0, len(table), OF_A_PLACE)])
         values = np.concatenate(drawn)
-        middle = np.where([key[0] == "depth_bias" for key in keys], values.mean(axis=0), np.median(values, axis=0))
+        enough = np.count_nonzero(~np.isnan(values), axis=0) >= DRIFT.fewest_frames
+        values = np.where(enough, values, 0.0)
+        middle = np.where([key[0] == "depth_bias" for key in keys], *(of(values, axis=0) for of in _MIDDLES))
+        middle[~enough] = np.nan
         shift = [own[one] + drive[one] + (turn.odds.get(one, 0.0) if turn else 0.0) for one in self._checks]
         middle[: len(shift)] += shift
         return {key: float(level) for key, level in zip(keys, middle, strict=True) if np.isfinite(level)}
@@ -156,7 +161,8 @@ def named(series: Series, evening: int) -> Iterator[Drift]:
     levels = []
     for name, (signed, rows) in series.items():
         of_window = [row for row in rows if evening - DRIFT.days < row[0] <= evening]
-        levels.append(DailyLevels(name, signed, *map(np.array, zip(*of_window, strict=True))))
+        if of_window:
+            levels.append(DailyLevels(name, signed, *map(np.array, zip(*of_window, strict=True))))
     return (one for one in drifts(levels, asdict(LEAST_DEVIATIONS)) if one.named)
 
 

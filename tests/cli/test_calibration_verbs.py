@@ -7,7 +7,9 @@ from contextlib import redirect_stderr, redirect_stdout
 
 import pytest
 
+from auditor import __version__
 from auditor.cli import run
+from auditor.model.verdict import JUDGING_VERSION
 from auditor.store import Store
 from auditor.store.tables import read_rows, write_rows
 from auditor.store.versions.history import calibrations_in_force
@@ -113,7 +115,10 @@ def test_what_a_calibration_was_made_of_is_shown(audit):
     full = json.loads(audit("calibration", "show", known[:8], "--format", "json").out)
     assert len(full["used"]) == 4
     assert all(one["findings_by_others"] is not None and one["day"] for one in full["used"])
-    assert full["frames"] == 4 * FRAMES
+    assert full["frames"] == full["frames_by_others"] == 4 * FRAMES
+    assert (full["auditor_version"], full["judging_version"]) == (__version__, JUDGING_VERSION)
+    assert full["hours"] > 0
+    assert full["rules"] in shown
 
 
 def test_two_calibrations_are_compared_by_recordings_and_thresholds(audit):

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import shutil
 
 import pytest
 
@@ -55,6 +56,15 @@ def test_what_is_steady_is_shown_on_request_and_one_vehicle_alone(audit):
 def test_days_before_the_last_ones_are_not_looked_at(audit):
     answer = audit("drift", "--days", "6", "--all", "--format", "json")
     assert {row["first_day"] for row in answer.rows} == {"2026-03-05"}
+
+
+def test_a_day_that_has_not_come_hides_no_other(fleet, tmp_path, capfdbinary):
+    audit = Audit(shutil.copytree(fleet, tmp_path / "audit"), capfdbinary.readouterr)
+    before = audit("drift", "--format", "json").out
+    add_drive(Store.open(audit.store), "wrong clock", seed=99, vehicle="car1", day=50_000)
+    answer = audit("drift", "--format", "json")
+    assert (answer.code, answer.out) == (1, before)
+    assert "1 of 31 recordings have no vehicle, or no day that has come, and are left out" in answer.err
 
 
 def test_too_few_days_are_said_and_are_no_clean_answer(tmp_path, capfdbinary):

@@ -123,6 +123,9 @@ def test_a_new_clean_night_is_promoted_and_names_its_parent(refreshed, audit_of)
         add_drive(store, f"v{vehicle}d3.mcap", seed=30 + vehicle, vehicle=f"car{vehicle}", day=3)
     kind = kind_of(audit("refresh"))
     assert (kind["decided"], kind["recordings"], kind["new"], kind["before"]) == ("promoted", 12, 3, before)
+    for share in (kind["by_others"], kind["planted_found_before"], kind["planted_found"]):
+        assert 0 <= share["value"] <= share["high"] <= 1
+        assert share["low"] < share["high"]
     assert in_force(audit) == [kind["calibration"]] != [before]
     [moved] = [one.what for one in entries(audit.store) if one.kind == Kind.IN_FORCE and one.what["instead_of"]]
     assert (moved["calibration"], moved["instead_of"], moved["how"]) == (kind["calibration"], before, "refreshed")
@@ -197,6 +200,19 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
     page = Page((audit.store / "reports" / "refresh.html").read_text())
     assert label["command"] in page.text
     assert run(label["command"].split()[1:]) == 0, "the command is one that runs"
+
+
+def test_a_night_of_raised_recordings_alone_is_refused_once(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    before = in_force(audit)
+    for number in range(2):
+        add_drive(Store.open(audit.store), f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
+    answer = audit("refresh")
+    kind = kind_of(answer)
+    assert (answer.code, kind["decided"], kind["calibration"]) == (4, "refused", None)
+    assert kind["reasons"][0] == "2 of 2 new recordings are raised or unlike the others, more than 50%"
+    assert "the version in force stays" in Page((audit.store / "reports" / "refresh.html").read_text()).text
+    assert (audit("refresh").code, in_force(audit)) == (0, before), "nothing has come since"
 
 
 def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_night, audit_of, monkeypatch):
@@ -398,6 +414,29 @@ def test_a_dry_run_writes_nothing_and_says_what_would_be(first_night, audit_of, 
     assert not planned["new.mcap"]["measured"]
     assert planned["other.mcap"]["error"]
     assert {path: path.stat().st_mtime_ns for path in audit.store.rglob("*") if path.is_file()} == before
+
+
+def test_a_dry_run_before_the_first_night_makes_no_store(first_night, audit_of, tmp_path):
+    audit, where = audit_of(first_night), tmp_path / "none yet"
+    write_drive(tmp_path / "new.mcap", 3, positions_m=(0.6, 0.3, 0.0))
+    answer = audit("refresh", tmp_path / "new.mcap", audit.store, "--clean", "--dry-run", "--store", where, store=False)
+    kind = kind_of(answer)
+    assert (kind["decided"], kind["recordings"], kind["in_force"]) == ("promoted", 9, None)
+    assert "LiDAR + 3 cameras 320x120 f=300px b=0.30,0.30m: 1 recording given, 0 measured so far" in answer.err
+    assert json.loads(answer.out)["store"] == str(where)
+    assert not where.exists()
+    assert audit("refresh", "--dry-run", "--store", where, store=False).code == 2
+
+
+def test_a_recording_of_a_day_that_has_not_come_is_not_learnt_from(first_night, audit_of):
+    audit = audit_of(first_night)
+    add_drive(Store.open(audit.store), "wrong clock.mcap", seed=44, vehicle="car5", day=50_000)
+    kind = kind_of(audit("refresh"))
+    assert (kind["decided"], kind["recordings"]) == ("promoted", 9)
+    [wrong] = kind["look_at"]
+    assert (wrong["recording"], "has not come yet" in wrong["reason"]) == ("wrong clock.mcap", True)
+    audit("label", "wrong clock.mcap", "--clean")
+    assert kind_of(audit("refresh"))["recordings"] == 10, "a person says that it is clean"
 
 
 def test_metrics_and_the_page_say_the_same_whatever_a_recording_is_called(first_night, audit_of, tmp_path):

@@ -1,10 +1,13 @@
 """Drift: what drifts is named before long, with its sensor; what does not is hardly ever."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
-from auditor.identification.drift.parameters import DRIFT
+from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.drift.series import RAISED_FROM, DailyLevels, SeriesName, drifts
+from auditor.model.checks import Check
 
 DAYS, NOISE = 40, 0.05
 PAIRS = ((1, 3), (2, 3), (1, 2))
@@ -155,3 +158,12 @@ def test_vehicles_that_drove_on_different_days_are_compared_where_enough_did():
     day = [np.sort(rng.choice(60, size=30, replace=False)) for _ in range(6)]
     some = [series("returns", (0,), f"car{v}", 9 + NOISE * rng.normal(size=30), day=day[v]) for v in range(6)]
     assert not named(some)
+
+
+@pytest.mark.parametrize("check", list(Check))
+def test_what_is_less_than_anybody_is_concerned_about_is_not_named(check):
+    rng, least = np.random.default_rng(5), asdict(LEAST_DEVIATIONS)
+    some = [series(check.value, (1,), f"car{number}", rng.normal(0, 1e-6, DAYS)) for number in range(5)]
+    some[0].level[20:] += 1e-3
+    assert named(some), "it is named where any deviation is believed"
+    assert not [one for one in drifts(some, least) if one.named]

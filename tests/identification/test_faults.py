@@ -324,10 +324,10 @@ def test_less_likely_causes_are_only_listed():
     assert weigh(CLEAN, faint, LIMIT) == CLEAN
 
 
-DIRT = Seen(added=1.0, removed=5.5, inconsistent=3.5, darker=5.0, lit_px=0.0, saturated_px=5.0)
-DROP = Seen(added=5.0, removed=3.5, inconsistent=3.0, darker=0.5, lit_px=1500.0, saturated_px=0.0)
-GLARE = Seen(added=5.0, removed=1.5, inconsistent=0.0, darker=0.15, lit_px=4000.0, saturated_px=3.0)
-FACULA = Seen(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, lit_px=4000.0, saturated_px=900.0)
+DIRT = Seen(added=1.0, removed=5.5, inconsistent=3.5, darker=5.0, lit_px=0.0, saturated_px=5.0, coloured=0.0)
+DROP = Seen(added=5.0, removed=3.5, inconsistent=3.0, darker=0.5, lit_px=1500.0, saturated_px=0.0, coloured=0.0)
+GLARE = Seen(added=5.0, removed=1.5, inconsistent=0.0, darker=0.15, lit_px=4000.0, saturated_px=3.0, coloured=0.0)
+FACULA = Seen(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, lit_px=4000.0, saturated_px=900.0, coloured=0.0)
 
 
 @pytest.mark.parametrize(
@@ -362,6 +362,13 @@ def test_what_is_not_known_of_light_says_nothing():
     without = DROP._replace(lit_px=NAN, saturated_px=NAN)
     outshone = DROP._replace(lit_px=0.0, saturated_px=3000.0)
     assert outshone.chance_of_lens < without.chance_of_lens < DROP.chance_of_lens
+
+
+def test_even_light_is_glare_where_colours_were_compared_and_may_be_a_laser_where_not():
+    wide = GLARE._replace(added=6.2, lit_px=10000.0, saturated_px=20.0)
+    assert wide.chance_of_lens > 0.5 > wide._replace(coloured=NAN).chance_of_lens
+    grey_dirt, grey_drop = DIRT._replace(coloured=NAN), DROP._replace(coloured=NAN)
+    assert [one.cause for one in of_lens({1: grey_dirt, 2: grey_drop})] == [Cause.SOILED, Cause.SOILED]
 
 
 def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():

@@ -1,4 +1,5 @@
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -85,10 +86,17 @@ def test_more_frames_of_one_drive_are_no_second_drive():
 def test_many_drives_are_believed():
     rng = np.random.default_rng(3)
     means = rng.normal(-1.3, 0.2, 200)
-    found = expected(PRIOR, [drive(mean, within=0.15, seed=n) for n, mean in enumerate(means)])
+    found = expected(PRIOR, [drive(mean, within=0.27, seed=n) for n, mean in enumerate(means)])
     assert found.mean == pytest.approx(means.mean(), abs=0.02)
-    assert found.deviation == pytest.approx(PRIOR.tail * math.hypot(0.15, 0.2), rel=0.1)
+    assert found.deviation == pytest.approx(PRIOR.tail * math.hypot(0.27, 0.2), rel=0.1)
     assert found.drives == 200
+
+
+def test_frames_that_are_all_the_same_narrow_the_deviation_within_to_so_much_at_most():
+    found = expected(PRIOR, [drive(-2.0, within=0.0)] * 50)
+    assert found.within == pytest.approx(PRIOR.tail * HIERARCHY.narrowest * PRIOR.within)
+    believed = expected(PRIOR, [drive(-2.0, within=0.0)] * 50, believed=True)
+    assert believed.within < 0.8 * found.within, "of faults there is no such bound"
 
 
 def test_drives_that_differ_more_than_the_prior_knows_widen_the_deviation():
@@ -167,6 +175,12 @@ def test_the_limit_falls_with_r_and_rises_with_the_checks(r, other, checks, more
 def test_one_check_alone_has_the_limit_of_the_normal_distribution():
     assert joint_limit(0.01, 1) == pytest.approx(JOINT_TAIL.stretch * 2.3263, abs=1e-4)
     assert joint_limit(0.5, 1) == pytest.approx(0, abs=1e-9)
+
+
+def test_many_checks_are_worth_fewer_independent_ones():
+    alone = NormalDist().inv_cdf(0.99 ** (1 / 20))
+    assert joint_limit(0.01, 20) < JOINT_TAIL.stretch * alone
+    assert joint_limit(0.01, 20) > joint_limit(0.01, 10)
 
 
 def test_at_r_of_one_everything_is_a_finding_and_the_smallest_rates_are_taken_for_one():

@@ -23,6 +23,17 @@ _LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_
 _USED_COLUMNS = ("recording", "vehicle", "day", "in", "frames", "findings", "look at", "reason")
 _CONDITION_COLUMNS = ("condition", "value", "drives", "windows", "raised", "share", "low", "high")
 _WAITING_COLUMNS = ("name", "vehicle", "day", "since", "findings", "frames", "reason", "kind")
+_MADE = (
+    "hours",
+    "frames_by_others",
+    "findings_by_others",
+    "incidents_by_others",
+    "auditor_version",
+    "counting_version",
+    "judging_version",
+    "rules",
+)
+"""What is said of how one was made besides the columns of the list: sample counts, the tool, and its rules."""
 _DIFF_COLUMNS = ("check", "sensor", "others", "theta A", "theta B", "rise")
 
 _id_argument = click.argument("calibration", metavar="ID")
@@ -90,16 +101,18 @@ def show(calibration: str, store: Path, form: str) -> None:
     known = _named(kept, calibration)
     [row] = rows_of(run_query(kept, "versions", {"calibration": known}))
     version = read_version(kept, known)
+    made = {name: getattr(version, name) for name in _MADE} if version else {}
     used = [vars(one) for one in version.recordings] if version else []
     conditions = [vars(one) for one in version.conditions] if version else []
     moves = [vars(move) for one in _histories(kept) for move in one.moves if move.calibration_id == known]
     if form == "json":
-        write_bytes(as_json({**row, "moves": moves, "used": used, "conditions": conditions}))
+        write_bytes(as_json({**row, **made, "moves": moves, "used": used, "conditions": conditions}))
         return
-    for name, value in row.items():
-        answer(f"{name:>18}  {shown(value)}")
+    for name, value in {**row, **made}.items():
+        answer(f"{name:>19}  {shown(value)}")
     for move in moves:
-        answer(f"{'in force from':>18}  {shown(move['moved_at'])}, {move['how']} {shown(move['reason'])}".rstrip())
+        moved = f"{move['moved_at']:%Y-%m-%dT%H:%M:%SZ}, {move['how']}"
+        answer(f"{'in force from':>19}  {moved}{': ' * bool(move['reason'])}{shown(move['reason'])}")
     if conditions:
         print_rows([_condition(one) for one in conditions], _CONDITION_COLUMNS, "Windows raised, each judged by others")
     if used:

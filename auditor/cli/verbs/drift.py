@@ -79,7 +79,10 @@ def command(store: Path, days: int, vehicle: str | None, page: Path | None, form
 def _remark(found: "FleetDrift") -> None:
     """Say what was looked at, and how sure it is."""
     if found.of_nobody:
-        say(f"{found.of_nobody} of {found.recordings} recordings have no vehicle or no day, and are left out")
+        say(
+            f"{found.of_nobody} of {found.recordings} recordings have no vehicle, or no day that has come, and are "
+            "left out"
+        )
     if not found.sensors:
         say("no vehicle has enough days: six of 20 measured frames each are needed")
         return

@@ -1,9 +1,9 @@
 """`auditor refresh`: new calibrations from clean recordings, night after night."""
 
-from contextlib import ExitStack
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -16,7 +16,7 @@ from auditor.cli.values import RATE
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
     from auditor.store import Store
-    from auditor.store.versions.decisions import Failure
+    from auditor.store.versions.decisions import Failure, Refresh
 
 
 @click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
@@ -54,44 +54,77 @@ def command(
     Prints one line of JSON, and writes the page STORE/reports/refresh.html. Exit codes: 0 promoted, or nothing new;
     1 held for a person, or some recordings failed; 2 could not run; 4 refused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.refresh_answers import exit_code, json_line, refresh_metrics  # noqa: PLC0415
-    from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
-    from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
-    from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
-    from auditor.reporting import render_refresh_page  # noqa: PLC0415
+    from auditor.cli.refresh_answers import exit_code, json_line, planned_lines  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
-    from auditor.store.versions.history import only_refresh  # noqa: PLC0415
     from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
 
     if clean and not sources:
         raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")
     others = [Store.open(path) for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if not Store.is_at(path)]
-    kept = Store.open(store, create=bool(recordings or others) and not dry_run)
-    with ExitStack() as stack:
-        if not dry_run:
-            stack.enter_context(only_refresh(kept))
-            stack.enter_context(logged(kept.folder))
-        measured, failed = ([], []) if dry_run else _measure(recordings, kept, measuring)
-        named = [known for other in others for known in other.ids("measurements")] + measured
-        if not dry_run:
-            for judged in judge_new(kept, r):
-                if judged.error is not None:
-                    say(f"{judged.recording}: {judged.error}")
-        found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed, dry_run=dry_run)
-        if dry_run:
-            found = replace(found, planned=tuple(plan(recordings, kept, measuring.rig)))
-        else:
-            render_refresh_page(found, kept, out=default_page(kept.folder))
-        if metrics and not dry_run:
-            write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
+    if dry_run:
+        found = _tried(recordings, others, store, r, measuring.rig, clean=clean)
+    else:
+        kept = Store.open(store, create=bool(sources))
+        found = _refreshed(recordings, others, kept, r, metrics, measuring, clean=clean)
+    for line in planned_lines(found):
+        say(line)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
-        for step in next_steps(one, kept.folder):
+        for step in next_steps(one, found.store):
             say(f"  {step.what}: {step.command}")
     answer(json_line(found))
     return exit_code(found)
+
+
+def _tried(
+    recordings: list[Path], others: "list[Store]", store: Path, r: Decimal, rig: Path | None, *, clean: bool
+) -> "Refresh":
+    """What a refresh would decide of what is measured already, and what it would measure.
+
+    Before the first night there is no store yet: an empty one stands for it.
+    """
+    from auditor.pipeline.refreshing.night import refresh  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    with TemporaryDirectory() as empty:
+        first = (recordings or others) and not store.exists()
+        kept = Store.open(empty, create=True) if first else Store.open(store)
+        named = [known for other in others for known in other.ids("measurements")] if clean else []
+        found = refresh(kept, others, named, r, dry_run=True)
+        return replace(found, store=store.resolve(), planned=tuple(plan(recordings, kept, rig)))
+
+
+def _refreshed(
+    recordings: list[Path],
+    others: "list[Store]",
+    kept: "Store",
+    r: Decimal,
+    metrics: Path | None,
+    measuring: "MeasureSettings",
+    *,
+    clean: bool,
+) -> "Refresh":
+    """Measure, judge, learn, and write the page and the metrics of it."""
+    from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.refresh_answers import refresh_metrics  # noqa: PLC0415
+    from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
+    from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
+    from auditor.reporting import render_refresh_page  # noqa: PLC0415
+    from auditor.store.versions.history import only_refresh  # noqa: PLC0415
+
+    with only_refresh(kept), logged(kept.folder):
+        measured, failed = _measure(recordings, kept, measuring)
+        for judged in judge_new(kept, r):
+            if judged.error is not None:
+                say(f"{judged.recording}: {judged.error}")
+        named = [known for other in others for known in other.ids("measurements")] + measured
+        found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed)
+        render_refresh_page(found, kept, out=default_page(kept.folder))
+        if metrics:
+            write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
+    return found
 
 
 def _measure(recordings: list[Path], store: "Store", measuring: "MeasureSettings") -> "tuple[list[str], list[Failure]]":

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.evidence_parameters import THROWN_LIGHT
+from auditor.identification.evidence_parameters import THROWN_LIGHT, UNCOLOURED_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
@@ -53,18 +53,20 @@ class Seen(NamedTuple):
     def chance_of_lens(self) -> float:
         """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
 
-        What is not known says nothing. Where there is hardly any light, dirt is likely enough: the curves compare it
-        with thrown light, which there is none of, and clean cameras disagree beside the sky and leaves as well.
+        What is not known says nothing; but where light of one colour cannot be told, weak and even light may be what
+        a laser leaves of it, and other curves hold. Where there is hardly any light, dirt is likely enough: the curves
+        compare it with thrown light, which there is none of, and clean cameras disagree beside the sky and leaves.
         """
+        of = UNCOLOURED_LIGHT if isnan(self.coloured) else THROWN_LIGHT
         curves = (
-            (self.added, THROWN_LIGHT.added_at, THROWN_LIGHT.of_added),
-            (self.removed, THROWN_LIGHT.changed_at, THROWN_LIGHT.of_removed),
-            (self.inconsistent, THROWN_LIGHT.changed_at, THROWN_LIGHT.of_inconsistent),
-            (float(np.log(self.darker)), THROWN_LIGHT.darker_at, THROWN_LIGHT.of_darker),
-            (float(np.log1p(self.lit_px)), THROWN_LIGHT.lit_at, THROWN_LIGHT.of_lit),
-            (float(np.log1p(self.saturated_px)), THROWN_LIGHT.saturated_at, THROWN_LIGHT.of_saturated),
+            (self.added, of.added_at, of.of_added),
+            (self.removed, of.changed_at, of.of_removed),
+            (self.inconsistent, of.changed_at, of.of_inconsistent),
+            (float(np.log(self.darker)), of.darker_at, of.of_darker),
+            (float(np.log1p(self.lit_px)), of.lit_at, of.of_lit),
+            (float(np.log1p(self.saturated_px)), of.saturated_at, of.of_saturated),
         )
-        ratio = THROWN_LIGHT.start + sum(float(np.interp(x, at, of)) for x, at, of in curves if not isnan(x))
+        ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         chance = 1 / (1 + exp(ratio))
         return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
 

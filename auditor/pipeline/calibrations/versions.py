@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from decimal import Decimal
 
 import numpy as np
@@ -124,6 +124,11 @@ def day_of(recording: RecordingRecord) -> date | None:
     if recording.date is not None or recording.from_ns is None or recording.clock != "utc":
         return recording.date
     return datetime.fromtimestamp(recording.from_ns / 1e9, UTC).date()
+
+
+def latest_day() -> date:
+    """The last day that a recording can be of: tomorrow in UTC, since days begin earlier in the east."""
+    return datetime.now(UTC).date() + timedelta(days=1)
 
 
 def version_of(

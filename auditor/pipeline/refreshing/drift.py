@@ -10,30 +10,31 @@ import numpy as np
 
 from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.pipeline.calibrations.versions import latest_day
 from auditor.store import Store, run_sql
 from auditor.store.versions.drift import FleetDrift, LevelChange, SensorDrift
 
 _EPOCH = date(1970, 1, 1)
 _DAYS = """
-SELECT max(day) AS last_day, count(*) AS recordings, count(*) FILTER (day IS NULL) AS of_nobody
+SELECT max(day) AS last_day, count(*) AS recordings, count(*) - count(day) AS of_nobody
 FROM (
-    SELECT
-        CASE
-            WHEN vehicle IS NULL THEN NULL
-            WHEN date IS NULL AND clock = 'utc' THEN CAST(make_timestamp_ns(from_ns) AS DATE)
-            ELSE date
-        END AS day
-    FROM recordings
+    SELECT if(vehicle IS NULL OR day > DATE '{latest}', NULL, day) AS day
+    FROM (
+        SELECT
+            vehicle,
+            CASE WHEN date IS NULL AND clock = 'utc' THEN CAST(make_timestamp_ns(from_ns) AS DATE) ELSE date END AS day
+        FROM recordings
+    )
 )
 """
 
 
 def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
-    """The drift of a store's vehicles over the last days. Raises StoreError."""
-    [known] = run_sql(store, _DAYS).to_pylist()
+    """The drift of a store's vehicles over the last days that have come. Raises StoreError."""
+    [known] = run_sql(store, _DAYS.format(latest=latest_day())).to_pylist()
     last_day: date | None = known["last_day"]
     first_day = last_day - timedelta(days=days - 1) if last_day is not None else None
-    rows = _rows(store, first_day) if first_day is not None else []
+    rows = _rows(store, first_day, last_day) if last_day is not None else []
     comparisons = list(_comparisons(rows))
     rigs = {(row["kind"], row["vehicle"], row["day"]): row["rigs"] for row in rows}
     units = {row["check_name"]: row["unit"] for row in rows}
@@ -42,8 +43,9 @@ def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
 
 
-def _rows(store: Store, first_day: date) -> list[dict[str, Any]]:
-    sql = f"SELECT * FROM daily_levels WHERE day >= DATE '{first_day}' AND frames >= {DRIFT.fewest_frames}"  # noqa: S608 - ours
+def _rows(store: Store, first_day: date | None, last_day: date) -> list[dict[str, Any]]:
+    days = f"day BETWEEN DATE '{first_day}' AND DATE '{last_day}'"
+    sql = f"SELECT * FROM daily_levels WHERE {days} AND frames >= {DRIFT.fewest_frames}"  # noqa: S608 - ours
     rows: list[dict[str, Any]] = run_sql(store, sql).to_pylist()
     return rows
 

@@ -64,9 +64,10 @@ def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decima
         return Learnt(_decision(group, parent, choice, Decided.WAITING, [waiting]))
     calibration = make_calibration(history.rig_kind, history.procedure, [one.drive.clean for one in choice.chosen])
     if parent is not None and calibration.calibration_id == parent.calibration_id:
-        return Learnt(_decision(group, parent, choice, Decided.NOTHING_NEW, _raised_line(choice)))
-    decided = _decide(group, known, calibration, choice, system, r, in_force)
-    return Learnt(decided, calibration)
+        refused = list(_too_many_raised(choice)) if choice.judged else []
+        decided = Decided.REFUSED if refused else Decided.NOTHING_NEW
+        return Learnt(_decision(group, parent, choice, decided, [*refused, *_raised_line(choice)]))
+    return Learnt(_decide(group, known, calibration, choice, system, r, in_force), calibration)
 
 
 def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
@@ -114,8 +115,8 @@ def _decide(
         by_others=Interval(*false_alarms(shown)) if shown else None,
         new_by_others=Interval(*false_alarms(again)) if at_first else None,
         new_before=Interval(*false_alarms(at_first)) if at_first else None,
-        found_before=None if first else step.found.value,
-        found_after=found.share.value,
+        found_before=None if first else Interval(*step.found),
+        found_after=Interval(*found.share),
         lost=None if first else Interval(*step.lost),
         lost_in_all=None if first else Interval(*creep.lost),
         creep=None if first else creep.rise,

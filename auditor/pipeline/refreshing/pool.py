@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from functools import cache, partial
 
 from auditor.identification.refresh_parameters import CLEAN_DRIVE
@@ -9,7 +10,7 @@ from auditor.identification.refreshing.drives import Source
 from auditor.model.calibration import CleanFrames
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
-from auditor.pipeline.calibrations.versions import looked_at
+from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.judge import clean_frames_of, counted_earlier
 from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
@@ -90,9 +91,10 @@ def _log(store: Store, stored: StoredMeasurement, *, named: bool, reviewed: bool
     known, recording = stored.measurement_id, store.recording(stored.recording_id)
     labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
-    doubt, look_at = ("", look_at) if barred else _doubtful(stored)
+    used = looked_at(stored, recording)
+    doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day)
     return Log(
-        looked_at(stored, recording),
+        used,
         partial(clean_frames_of, store, known),
         cache(partial(circumstances_of, store, known, recording)),
         named or labelled,
@@ -113,8 +115,13 @@ def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord)
     return "", False
 
 
-def _doubtful(stored: StoredMeasurement) -> tuple[str, bool]:
-    """Why a log that nobody calls clean is not learnt from, and whether a person should look at it."""
+def _doubtful(stored: StoredMeasurement, day: date | None) -> tuple[str, bool]:
+    """Why a log that nobody calls clean is not learnt from, and whether a person should look at it.
+
+    One of a day that has not come yet would be the latest, and so learnt from for ever.
+    """
+    if day is not None and day > latest_day():
+        return f"{day} has not come yet: was its clock wrong?", True
     if stored.measured < CLEAN_DRIVE.fewest_frames:
         return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
     reading = reading_of(stored)

@@ -10,7 +10,7 @@ from auditor.store.versions.decisions import Decided, Refresh
 from auditor.store.versions.next_steps import next_steps
 
 _OF_ONE = {
-    Decided.REFUSED: "The new calibration is refused.",
+    Decided.REFUSED: "Refused: the version in force stays.",
     Decided.HELD: "The new calibration is held for a person.",
     Decided.PROMOTED: "A new calibration is in force.",
     Decided.WAITING: "Too few clean recordings so far.",

@@ -67,8 +67,8 @@ class Decision:
     by_others: Interval | None = None
     new_by_others: Interval | None = None
     new_before: Interval | None = None
-    found_before: float | None = None
-    found_after: float | None = None
+    found_before: Interval | None = None
+    found_after: Interval | None = None
     lost: Interval | None = None
     lost_in_all: Interval | None = None
     creep: float | None = None

@@ -98,7 +98,7 @@ class FleetDrift:
     """The drift of a fleet, the most certain first.
 
     `false_alarms` is the chance that anything is named in a fleet without drift. `of_nobody` of the `recordings` have
-    no vehicle or no day.
+    no vehicle, or no day that has come.
     """
 
     sensors: tuple[SensorDrift, ...]
