@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from decimal import Decimal
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ import pyarrow.parquet as pq
 from auditor.store import Store
 from auditor.store.files import make_folder
 from auditor.store.log import Output, logged, output_of
+from auditor.store.records import judgement_id
 from auditor.store.schema import SCHEMA_VERSION, table_schema
 from auditor.store.tables import read_table
 from tests.store.kept import unpack
@@ -85,10 +87,14 @@ def _add(store: Store, number: int, frames: int, one: Measured, tables: set[str]
         return sha256(f"{what} {number}".encode()).hexdigest()[:digits]
 
     shift_ns = number * _APART_NS
+    before = one.tables["judgements"].to_pylist()[0]
+    measured = named("measurement", 32)
+    same = (before[name] for name in ("calibration_id", "method", "incidents_per_hour", "r", "rules"))
+    how = {name: before[name] for name in ("judging_version", "transferred", "recounted")}
     ids = {
         "recording_id": named("recording", 64),
-        "measurement_id": named("measurement", 32),
-        "judgement_id": named("judgement", 32),
+        "measurement_id": measured,
+        "judgement_id": _judgement_id(measured, *same, **how),
     }
     length_ns = frames * one.period_ns
     outputs = {}
@@ -107,7 +113,6 @@ def _add(store: Store, number: int, frames: int, one: Measured, tables: set[str]
     span = {"first_stamp_ns": first_ns, "last_stamp_ns": first_ns + length_ns}
     row = {**one.tables["measurements"].to_pylist()[0], **measurement, **span, **_of(ids, "measurements")}
     _write_row(store, "measurements", ids["measurement_id"], row, entry)
-    before = one.tables["judgements"].to_pylist()[0]
     counts = ("clean", "attacked", "unidentified", "suspect", "not_auditable", "in_incidents")
     times = frames // one.frames
     row = {**before, **{name: before[name] * times for name in counts}, "outputs": [outputs["verdicts"].fields]}
@@ -116,6 +121,13 @@ def _add(store: Store, number: int, frames: int, one: Measured, tables: set[str]
     row = one.tables["recordings"].to_pylist()[0] | {"name": name, "path": f"/logs/{name}", "sightings": None}
     row |= {"from_ns": first_ns, "to_ns": first_ns + length_ns, "vehicle": f"car{number % 20}", "conflicts": []}
     _write_row(store, "recordings", ids["recording_id"], {**row, **_of(ids, "recordings")}, entry)
+
+
+def _judgement_id(
+    measured: str, calibration: str, method: str, incidents_per_hour: float | None, r: Decimal, rules: str, **how: Any
+) -> str:
+    """The id that a judgement by the robust method has: a scan keeps its verdicts, where nothing has changed."""
+    return judgement_id(measured, calibration, method, repr(incidents_per_hour), r, rules, **how)
 
 
 def _of(ids: Mapping[str, str], table: str) -> dict[str, str]:
