@@ -128,24 +128,24 @@ class ThrownLight:
 class UncolouredLight(ThrownLight):
     """The same of a camera in which light of one colour cannot be told: there a laser leaves weak and even light."""
 
-    start: float = parameter(0.63, unit="logarithm of the ratio where nothing is known", source=_LENSES)
+    start: float = parameter(2.09, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     of_added: tuple[float, ...] = parameter(
-        (0.12, -0.16, -0.44, -0.63, -0.68, -0.49, 0.02, 0.7, 1.38), unit=_OF_RATIO, source=_LENSES
+        (-0.13, -0.31, -0.49, -0.61, -0.63, -0.47, -0.13, 0.35, 0.84), unit=_OF_RATIO, source=_LENSES
     )
     of_removed: tuple[float, ...] = parameter(
-        (2.2, 1.54, 0.8, 0.09, -0.46, -0.79, -0.98, -1.14), unit=_OF_RATIO, source=_LENSES
+        (1.32, 0.89, 0.41, -0.06, -0.37, -0.52, -0.59, -0.64), unit=_OF_RATIO, source=_LENSES
     )
     of_inconsistent: tuple[float, ...] = parameter(
-        (0.0, -0.08, -0.16, -0.22, -0.21, -0.1, 0.11, 0.42), unit=_OF_RATIO, source=_LENSES
+        (-0.65, -0.76, -0.85, -0.83, -0.67, -0.34, 0.16, 0.74), unit=_OF_RATIO, source=_LENSES
     )
     of_darker: tuple[float, ...] = parameter(
-        (0.07, 0.13, 0.14, 0.11, 0.07, -0.04, -0.34, -0.76), unit=_OF_RATIO, source=_LENSES
+        (0.45, 0.33, 0.19, 0.05, -0.1, -0.31, -0.63, -1.02), unit=_OF_RATIO, source=_LENSES
     )
     of_lit: tuple[float, ...] = parameter(
-        (0.35, -0.01, -0.31, -0.47, -0.41, -0.04, 0.53), unit=_OF_RATIO, source=_LENSES
+        (0.04, -0.15, -0.32, -0.41, -0.38, -0.13, 0.29), unit=_OF_RATIO, source=_LENSES
     )
     of_saturated: tuple[float, ...] = parameter(
-        (-0.85, -0.95, -1.02, -1.04, -0.93, -0.67, -0.18, 0.54, 1.38), unit=_OF_RATIO, source=_LENSES
+        (-1.69, -1.64, -1.58, -1.51, -1.35, -1.04, -0.52, 0.18, 1.0), unit=_OF_RATIO, source=_LENSES
     )
 
 

@@ -34,8 +34,9 @@ LARGEST_RATIO = float(np.log(LIKELIHOOD.clean_worth))
 class Explained(NamedTuple):
     """What F frames show of an attack set.
 
-    `own` are (F,) by sensor of the set: its largest z by the votes of sensors outside the set. `rest` (F,) is the
-    largest z that sensors outside the set show of each other, less the limit that it exceeds in 1 % of clean frames.
+    `own` are (F,) by sensor of the set: its largest z by the votes of sensors outside the set, -inf where they have not
+    voted. `rest` (F,) is the largest z that sensors outside the set show of each other, less the limit that it exceeds
+    in 1 % of clean frames.
     """
 
     own: Mapping[int, Floats]
@@ -67,7 +68,7 @@ def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int,
 def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Explained:
     """What frames of scores (F, M) without these sensors show of an attack set."""
     gone = absent.union(attacked)
-    own = {s: _largest(z, of_sensor(system, gone - {s}, s)) for s in attacked}
+    own = {s: _largest(z, of_sensor(system, gone - {s}, s), -np.inf) for s in attacked}
     rest, usual = _rest(system, gone)
     return Explained(own, _largest(z, rest) - usual)
 
@@ -98,13 +99,19 @@ def _prior(size: int, sensors: int) -> float:
 
 
 def _log_likelihood(seen: Explained) -> Floats:
-    """(F,) the logarithm of a set's likelihood, but for what all sets of a frame have in common."""
+    """(F,) the logarithm of a set's likelihood, but for what all sets of a frame have in common.
+
+    Several sensors explain nothing where one of them has no vote: a smaller set says as much.
+    """
     found = np.interp(seen.rest, LIKELIHOOD.rest_at, LIKELIHOOD.of_rest)
     for sensor, own in seen.own.items():
         found = found + np.interp(
             own, LIKELIHOOD.own_at, LIKELIHOOD.of_lidar if sensor == LIDAR else LIKELIHOOD.of_camera
         )
-    return np.asarray(found + LIKELIHOOD.of_several * max(len(seen.own) - 1, 0))
+    if len(seen.own) < 2:
+        return np.asarray(found)
+    voted = np.min([*seen.own.values()], axis=0) > -np.inf
+    return np.where(voted, found + LIKELIHOOD.of_several * (len(seen.own) - 1), -np.inf)
 
 
 @cache
@@ -122,6 +129,6 @@ def of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
     return np.array(columns, dtype=np.intp)
 
 
-def _largest(z: Floats, columns: Indices) -> Floats:
-    """(F,) the largest z of these checks, the lowest that there is where none was measured."""
-    return np.asarray(np.fmax.reduce(z[:, columns], axis=1, initial=SCORE_LIMITS.lowest))
+def _largest(z: Floats, columns: Indices, unmeasured: float = SCORE_LIMITS.lowest) -> Floats:
+    """(F,) the largest z of these checks, `unmeasured` where none was measured."""
+    return np.asarray(np.fmax.reduce(z[:, columns], axis=1, initial=unmeasured))

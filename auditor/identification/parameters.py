@@ -141,9 +141,9 @@ class Hierarchy:
 class JointTail:
     """The largest z of all checks of a clean frame."""
 
-    stretch: float = parameter(1.18, unit="times the normal distribution's quantile", source=_TAIL)
+    stretch: float = parameter(1.215, unit="times the normal distribution's quantile", source=_TAIL)
     independent: float = parameter(
-        0.8, unit="power of the number of checks that so many independent ones are", source=_TAIL
+        0.7, unit="power of the number of checks that so many independent ones are", source=_TAIL
     )
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"

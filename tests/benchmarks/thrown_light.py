@@ -4,12 +4,13 @@ Of the real drives (AUDITOR_TEST_DATA), or of streets, some frames are measured 
 and under faults of its lens. What is in the folder is not measured again, and all of it is judged, each drive by
 thresholds of other families:
 
-    python -m tests.benchmarks.thrown_light --into FOLDER [--streets 14 --first 5000] [--attacked 2]
+    python -m tests.benchmarks.thrown_light --into FOLDER [--streets 14 --first 5000] [--lights FOLDER...]
 
 The frames that are findings, and that neither light of one colour nor light over a whole image explains, are fitted by
 logistic regression: curves that are linear between knots and smooth, every kind as heavy as the others of its side, the
-paper's faculas three times. Printed are the curves, and for some starts how many frames are on the wrong side, each
-family left out of its fit: of all cameras, and of those in which light of one colour cannot be told.
+paper's faculas three times. So are the cameras in which light of one colour cannot be told, with four cameras and with
+three, the paper's faculas ten times; `--lights` are folders of `attack_kinds` and `clean_statistics` with more of them.
+Printed are the curves, and for some starts how many frames are on the wrong side, each family left out of its fit.
 """
 
 from collections import Counter
@@ -17,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
 from math import isnan
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -37,16 +39,16 @@ from auditor.model.rig import Rig
 from tests.benchmarks.attack_kinds import KINDS
 from tests.benchmarks.benign import Glare, faults
 from tests.benchmarks.clean_statistics import MATCHER, case_of
-from tests.benchmarks.kinds import CAMERAS, kinds_of, options_of, scenes_of, spread
+from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.lasting_faults import on, patterns
 from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
-from tests.benchmarks.scenes import Scene
+from tests.benchmarks.scenes import Scene, load
 
 R = Decimal("0.01")
 LENS = "lens: "
 OF_LENS = ("mud", "water", "drops", "glare")
-PAPER = ("facula", *(f"facula, {strength}" for strength in STRENGTHS), "infrared")
-HEAVY, SMOOTH, SMOOTHER = 3.0, 0.01, 0.03
+PAPER = ("facula", "paper's facula", *(f"facula, {strength}" for strength in STRENGTHS), "infrared")
+ALL, THREE = (1, 2, 3, 4), (1, 2, 3)
 STARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 KNOTS = (
     THROWN_LIGHT.added_at,
@@ -100,14 +102,14 @@ class Shown(NamedTuple):
     seen: Seen
 
 
-def shown(scenes: Sequence[Scene]) -> Iterator[Shown]:
-    """The findings that name the changed camera, each drive judged by the others."""
+def shown(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Shown]:
+    """The findings by these cameras that name the one that was changed, each drive judged by the others."""
     for scene in scenes:
-        system = system_of(scene, range(1, CAMERAS + 1))
+        system = system_of(scene, cameras)
         others = [clean_frames(one, system) for one in scenes if one.family != scene.family]
         own = clean_frames(scene, system).statistics_of(system.sensor_checks)
         thresholds = for_drive(thresholds_of(others, system, R)[0], system.sensor_checks, own)
-        cases = [case for case in scene.cases if case.attack]
+        cases = [case for case in scene.cases if len(case.attacked) == 1 and set(case.attacked) <= set(cameras)]
         statistics = frames_of(scene, system, cases).statistics_of(system.sensor_checks)
         z = normalised_scores(statistics, [thresholds.expected.get(check) for check in system.sensor_checks])
         verdicts = name_attacked(z, system, [frozenset()] * len(cases), thresholds.limit)
@@ -164,14 +166,14 @@ def fit(design: Floats, thrown: Flags, weight: Floats, smooth: float) -> tuple[F
     return at.detach().numpy(), float(start.item())
 
 
-def print_fit(found: Sequence[Shown], smooth: float) -> None:
+def print_fit(found: Sequence[Shown], heavy: float, smooth: float) -> None:
     """Print how many frames are on the wrong side by family left out, and the curves."""
     thrown = np.array([not one.kind.startswith(LENS) for one in found])
     families = np.array([one.family for one in found])
     often = Counter(one.kind for one in found)
     kinds = Counter(kind.startswith(LENS) for kind in often)
     weight = np.array(
-        [(HEAVY if one.kind in PAPER else 1) / often[one.kind] / kinds[one.kind.startswith(LENS)] for one in found]
+        [(heavy if one.kind in PAPER else 1) / often[one.kind] / kinds[one.kind.startswith(LENS)] for one in found]
     )
     design = weights_of_knots(found)
     left_out = np.zeros(len(found))
@@ -193,11 +195,16 @@ def print_fit(found: Sequence[Shown], smooth: float) -> None:
 
 
 def main() -> None:
-    found = list(shown(scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)))
+    parser = options_of(__doc__, frames=8, attacked=2)
+    parser.add_argument("--lights", type=Path, nargs="*", default=[], help="folders with more cameras under lights")
+    options = parser.parse_args()
+    scenes = scenes_of(options, measured)
     print("all cameras")
-    print_fit(found, SMOOTH)
+    print_fit(list(shown(scenes, ALL)), 3.0, 0.01)
+    folders = [scenes, *map(load, options.lights)]
+    found = (one for those in folders for cameras in (ALL, THREE) for one in shown(those, cameras))
     print("cameras in which light of one colour cannot be told")
-    print_fit([one for one in found if isnan(one.seen.coloured)], SMOOTHER)
+    print_fit([one for one in found if isnan(one.seen.coloured)], 10.0, 0.03)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ import shutil
 
 import pytest
 
-from auditor.cli import run
+import auditor.store
+from auditor.cli import run, summary
 from auditor.pipeline import many
 from auditor.recordings import Location
 from auditor.store import Store
@@ -56,6 +57,45 @@ def test_a_known_file_is_not_read_again_and_its_verdicts_are_shown_as_they_were(
     said = json.loads(capfd.readouterr().out)
     assert [row["name"] for row in said["recordings"]] == ["drive.mcap"]
     assert [one.judged_at for one in Store.open(folder).judgements()] == before
+
+
+def test_where_many_are_known_and_nothing_is_judged_they_are_counted_and_json_has_all(known, read, monkeypatch, capfd):
+    drive, folder = known
+    monkeypatch.setattr(summary, "_MOST_KNOWN", 0)
+    assert run(["scan", str(drive), "--store", str(folder)]) == scan(drive, folder)
+    said = capfd.readouterr()
+    printed, as_json = said.out.split("{", 1)
+    assert "frames measured before" not in said.err
+    assert "1 recording measured before" in said.err
+    assert "1 measurement keeps its verdicts from earlier" in said.err
+    assert printed.startswith("1 recording: ")
+    assert [row["name"] for row in json.loads("{" + as_json)["recordings"]] == ["drive.mcap"]
+
+
+def test_what_keeps_its_verdicts_is_not_asked_for_pictures_again(known, read, monkeypatch):
+    drive, folder = known
+
+    def picture_incidents(*_):
+        raise AssertionError("pictures of an earlier scan are made again")
+
+    monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr("auditor.pipeline.pictures.incident_pictures.picture_incidents", picture_incidents)
+    assert scan(drive, folder) in {1, 3}
+
+
+def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(known, read, monkeypatch, tmp_path):
+    drive, folder = known
+    asked = []
+    run_query = auditor.store.run_query
+    monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr(summary, "_MOST_KNOWN", 0)
+    monkeypatch.setattr(auditor.store, "run_query", lambda *of: asked.append(of[1]) or run_query(*of))
+    assert run(["scan", str(drive), "--store", str(folder)]) in {1, 3}
+    assert asked == []
+    policy = tmp_path / "policy.toml"
+    policy.write_text("fail = []")
+    assert run(["scan", str(drive), "--store", str(folder), "--policy", str(policy)]) in {1, 3}
+    assert asked == ["incidents"]
 
 
 def test_other_thresholds_judge_a_known_file_again_without_reading_it(known, read):
