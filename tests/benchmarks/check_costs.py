@@ -2,15 +2,19 @@
 
 CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images decoded) on frames of drive 0009, clean,
 under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
-on the same frames; rounds interleaved, medians. Needs AUDITOR_TEST_DATA.
+on the same frames; rounds interleaved, medians. Of the same frames with two colour cameras, clean: measuring, and what
+the LATEST checks take of it. Needs AUDITOR_TEST_DATA.
 """
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from statistics import median
 from time import process_time
 from typing import Any
+from unittest.mock import patch
 
 import cv2
 
@@ -18,12 +22,14 @@ from auditor.identification.scores import worth_localising
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
+from auditor.measurement.checks import collect, light
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import ImageGrid, cells_of_pair, cells_of_points, places_of
+from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, places_of, sums_of_pair
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
+from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
@@ -39,6 +45,12 @@ from tests.benchmarks.real_drives import frames
 ROUNDS = 3
 EVERY = 5
 KINDS = ("clean", "facula", "wall")
+LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
+    "lost returns": ((collect, "scanned_view"), (collect, "count_lost_returns")),
+    "light of one colour": ((light, "coloured_light"),),
+    "light in rows": ((Rows, "of"), (Rows, "above")),
+}
+"""The functions of each check, and where they are called from."""
 MATCHER = find_matcher("sgbm")
 
 Seconds = dict[str, list[float]]
@@ -85,7 +97,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         f"{kind}: photometric consistency, a pair",
         lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k]),
     )
-    light = timed(seconds, f"{kind}: light, a pair", lambda: _light(half_res, colours, pair, k))
+    lights = timed(seconds, f"{kind}: light, a pair", lambda: _light(half_res, colours, pair, k))
     d0 = view.disparity_px(1)
     timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_source(view, rig, 1, d0))
     points = timed(
@@ -106,11 +118,38 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         seconds,
         f"{kind}: count grids, a pair",
         lambda: (
-            cells_of_pair(places, light.comparable, light.residual, LIGHT_STEPS),
-            cells_of_pair(places, pair.comparable, pair.inconsistent),
+            sums_of_pair(places, lights.comparable, lights.residual, LIGHT_STEPS).cells,
+            sums_of_pair(places, pair.comparable, pair.inconsistent).cells,
             cells_of_points(points, view),
         ),
     )
+
+
+def of_colours(seconds: Seconds, frame: Frame, rig: Rig) -> None:
+    """Time measuring a frame with colour cameras, and apart from it what the latest checks take of a frame."""
+    _, arrays = timed(seconds, "colour: measure", lambda: measure(frame, rig, MATCHER))
+    spent: Seconds = defaultdict(list)
+    with ExitStack() as stack:
+        for check, functions in LATEST.items():
+            for place, name in functions:
+                stack.enter_context(patch.object(place, name, _clocked(spent, check, getattr(place, name))))
+        measure(frame, rig, MATCHER)
+    for pair, difference in arrays.frame_checks.lights.items():
+        if difference.coloured is not None:
+            matches = arrays.frame_checks.consistencies[pair].matches
+            places = places_of(matches, ImageGrid.of(*matches.seen.shape))
+            counted = partial(sums_of_pair, places, difference.comparable, difference.coloured, LIGHT_STEPS)
+            timed(spent, "light of one colour", counted)
+    for check in LATEST:
+        seconds[f"colour: {check}, a frame"].append(sum(spent[check]))
+    seconds["colour: latest checks, a frame"].append(sum(map(sum, spent.values())))
+
+
+def _clocked(spent: Seconds, check: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def call(*given: Any, **named: Any) -> Any:
+        return timed(spent, check, lambda: function(*given, **named))
+
+    return call
 
 
 def _light(
@@ -127,13 +166,15 @@ def main() -> None:
     seconds: Seconds = defaultdict(list)
     rig, stream = frames("0009")
     kept = list(stream)[::EVERY]
+    coloured = list(frames("0009", colour=True)[1])[::EVERY]
     watches = {kind: FaultFeatures() for kind in KINDS}
     for _ in range(ROUNDS):
-        for frame in kept:
+        for frame, in_colour in zip(kept, coloured, strict=True):
             left, right = (grey(frame.images[n].pixels) for n in (rig.n, 1))
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
             for kind, changed in kinds(frame, rig):
                 pieces(seconds, kind, changed, rig, watches[kind])
+            of_colours(seconds, in_colour, rig)
     scale_of = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
         print(f"{piece:44} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")

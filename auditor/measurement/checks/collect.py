@@ -1,18 +1,21 @@
 """All checks of one frame, pair by pair."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from auditor.measurement.checks.count_grid import (
     ImageGrid,
     PairCells,
-    PairPlaces,
-    cells_of_pair,
+    PairSums,
     cells_of_points,
     opposite,
     places_of,
+    sums_of_pair,
+    sums_of_some,
 )
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
@@ -22,7 +25,7 @@ from auditor.measurement.checks.point_distribution import isolated, isolated_rat
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.arrays import Image, Mask
+from auditor.model.arrays import Image
 from auditor.model.checks import Check, CountedPair, IsolatedShares, Pair, SensorCheck, resolves_depth
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
@@ -141,13 +144,20 @@ def collect_checks(
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
-    scanned = {k: scanned_view(view) for k, view in views.items()}
+    scanned = {k: scanned_view(views[k]) for k in dict.fromkeys(k for _, k in verified_conflicts)}
     places = {
         pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
     }
 
-    def counts(pair: Pair, mask: Mask | None = None) -> PairCounts:
-        return _counts(consistencies[pair], lights[pair], places[pair], mask)
+    sums = {
+        pair: _sums(seen, lights[pair], partial(sums_of_pair, places[pair])) for pair, seen in consistencies.items()
+    }
+    # There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
+    hidden = {pair: np.flatnonzero(mask) for pair, mask in near.items() if mask.any()}
+    without = {
+        pair: sums[pair].without(_sums(consistencies[pair], lights[pair], partial(sums_of_some, places[pair], some)))
+        for pair, some in hidden.items()
+    }
 
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
@@ -157,34 +167,41 @@ def collect_checks(
             )
             for j, k in verified_conflicts
         },
-        counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
+        counts={pair: one.counts for pair, one in (sums | without).items()},
         striped_light={(i, k): (rows[i].above(rows[k]), rows[k].above(rows[i])) for i, k in maps},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
-        unmasked={pair: counts(pair) for pair, mask in near.items() if mask.any()},
+        unmasked={pair: sums[pair].counts for pair in hidden},
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
         lights=lights,
     )
 
 
-def _counts(seen: PairConsistency, light: LightDifference, places: PairPlaces, near: Mask | None = None) -> PairCounts:
-    """The counts of a pair, without the pixels of the range mask `near` (h, w).
+class _PairSums(NamedTuple):
+    """What a pair counts before it is rounded, as PairCounts."""
 
-    There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
-    """
-    comparable, lit, residual = seen.comparable, light.comparable, light.residual
-    inconsistent, coloured = seen.inconsistent, light.coloured
-    if near is not None and near.any():
-        comparable, lit = comparable & ~near, lit & ~near
-        inconsistent, residual = inconsistent & ~near, np.where(near, np.float32(0), residual)
-        coloured = None if coloured is None else np.where(near, np.float32(0), coloured)
-    return PairCounts(
-        cells_of_pair(places, comparable, inconsistent),
-        opposite(cells_of_pair(places, lit, residual, LIGHT_STEPS)),
-        None if coloured is None else opposite(cells_of_pair(places, lit, coloured, LIGHT_STEPS)),
+    inconsistencies: PairSums
+    light: PairSums
+    coloured: PairSums | None
+
+    def without(self, some: "_PairSums") -> "_PairSums":
+        coloured = None if self.coloured is None or some.coloured is None else self.coloured.without(some.coloured)
+        return _PairSums(self.inconsistencies.without(some.inconsistencies), self.light.without(some.light), coloured)
+
+    @property
+    def counts(self) -> PairCounts:
+        coloured = None if self.coloured is None else opposite(self.coloured.cells)
+        return PairCounts(self.inconsistencies.cells, opposite(self.light.cells), coloured)
+
+
+def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., PairSums]) -> _PairSums:
+    return _PairSums(
+        summed(seen.comparable, seen.inconsistent),
+        summed(light.comparable, light.residual, LIGHT_STEPS),
+        None if light.coloured is None else summed(light.comparable, light.coloured, LIGHT_STEPS),
     )
 
 

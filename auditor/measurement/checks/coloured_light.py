@@ -20,7 +20,7 @@ _WHITE = 255
 _OFFSET = np.float32(COLOURED_LIGHT.offset)
 _EDGES = np.linspace(-COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.gain_bins + 1)
 _SMOOTH = np.ones(COLOURED_LIGHT.smoothed_bins)
-_ZERO = np.float32(0)
+_ZERO, _NO_LIMIT = np.float32(0), np.float32(np.inf)
 _PURITY = np.float32(COLOURED_LIGHT.purity)
 
 
@@ -79,10 +79,15 @@ def of_one_channel(blue: Floats32, green: Floats32, red: Floats32) -> Floats32:
     """
     lower, upper = cv2.min(blue, green), cv2.max(blue, green)
     highest, lowest, middle = cv2.max(upper, red), cv2.min(lower, red), cv2.max(lower, cv2.min(upper, red))
-    added, lacking = np.maximum(highest, _ZERO), np.maximum(-lowest, _ZERO)
-    own = added - _PURITY * (np.maximum(middle, _ZERO) + lacking)
-    others = lacking - _PURITY * (np.maximum(-middle, _ZERO) + added)
-    return np.asarray(np.clip(np.maximum(own, _ZERO) - np.maximum(others, _ZERO), -1, 1), dtype=np.float32)
+    added, lacking, others_added, others_lacking = (_positive(one) for one in (highest, -lowest, middle, -middle))
+    own = _positive(added - _PURITY * (others_added + lacking))
+    own -= _positive(lacking - _PURITY * (others_lacking + added))
+    return np.asarray(np.clip(own, -1, 1), dtype=np.float32)
+
+
+def _positive(values: cv2.typing.MatLike) -> Floats32:
+    """The values, zero where they are negative: a clip is several times as fast as `np.maximum`."""
+    return np.asarray(np.clip(values, _ZERO, _NO_LIMIT), dtype=np.float32)
 
 
 def _common_curve(samples: Sequence[tuple[Image, Image]]) -> Image:

@@ -4,7 +4,9 @@ What two cameras compare is counted in both their images: each reference pixel i
 the source. So all pairs of one camera have counts at the same places of its own image, whatever their disparities.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -14,7 +16,7 @@ from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import COUNT_GRID
-from auditor.model.arrays import Floats32, Image, Indices, Mask
+from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.measurement import Cells
 
 CELL_PX = COUNT_GRID.cell_px
@@ -30,38 +32,37 @@ _ROWS, _COLUMNS = COUNT_GRID.lidar_cells
 class ImageGrid:
     """The grid of a camera's image, (rows, columns) cells.
 
-    `place` (h, w) is the cell of each half-resolution pixel of a pair's own view, row by row, -1 outside; None where
-    the pair's view is the camera's.
+    `place` (h * w,) is the cell of each half-resolution pixel of a pair's view, row by row; the number after the last
+    cell stands for what lies outside. `of_view`: the pair's view is the camera's, so that cells are 4 x 4 pixels of it.
     """
 
     rows: int
     columns: int
-    place: Indices | None = None
+    place: Indices
+    of_view: bool = True
 
     @classmethod
     def of(cls, height: int, width: int) -> "ImageGrid":
-        """The grid of a half-resolution image of that size."""
-        return cls(-(-height // _HALF_SIDE), -(-width // _HALF_SIDE))
+        """The grid of a half-resolution image of that size; the same one each time."""
+        return _grid_of(height, width)
 
     @classmethod
     def elsewhere(cls, height: int, width: int, row: Indices, column: Indices) -> "ImageGrid":
         """The grid of a half-resolution image, for a view whose pixels (h, w) lie in that row and column of it."""
         grid = cls.of(height, width)
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        place = np.where(inside, row // _HALF_SIDE * grid.columns + column // _HALF_SIDE, -1)
-        return cls(grid.rows, grid.columns, place)
+        place = np.where(inside, row // _HALF_SIDE * grid.columns + column // _HALF_SIDE, grid.rows * grid.columns)
+        return cls(grid.rows, grid.columns, place.ravel(), of_view=False)
 
 
 @dataclass(frozen=True, eq=False)
 class PairPlaces:
     """The cells in which a pair's half-resolution pixels are counted, row by row (M,).
 
-    `source` are those of their matches in the source's image, `reference` those in the reference's; None where the
-    pair's view is the camera's. The number after the last cell stands for what lies outside.
+    `source` are those of their matches in the source's image; those in the reference's are the places of the `grid`.
     """
 
     source: Indices
-    reference: Indices | None
     grid: ImageGrid
 
 
@@ -71,6 +72,42 @@ class PairCells:
 
     source: Cells
     reference: Cells
+
+
+class _Sums(NamedTuple):
+    """By cell of an image (cells,): how many pixels are valid, and the sum of what is added up, not rounded."""
+
+    valid: NDArray[np.number]
+    total: NDArray[np.number]
+
+    def without(self, some: "_Sums") -> "_Sums":
+        return _Sums(self.valid - some.valid, self.total - some.total)
+
+    def cells(self, grid: ImageGrid) -> Cells:
+        shape = grid.rows, grid.columns
+        valid = _bytes(self.valid, *shape).astype(np.uint8)
+        return Cells(valid, _rounded(self.total.reshape(shape).astype(np.float32)))
+
+
+@dataclass(frozen=True, eq=False)
+class PairSums:
+    """What `PairCells` hold before it is rounded, so that what some of the pixels add can be taken off again.
+
+    All amounts are single-precision numbers of similar size: their sums in double precision are exact.
+    """
+
+    source: _Sums
+    reference: _Sums
+    grid: ImageGrid
+
+    def without(self, some: "PairSums") -> "PairSums":
+        """The sums of all other pixels."""
+        return replace(self, source=self.source.without(some.source), reference=self.reference.without(some.reference))
+
+    @property
+    def cells(self) -> PairCells:
+        """The sums as they are kept."""
+        return PairCells(self.source.cells(self.grid), self.reference.cells(self.grid))
 
 
 def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
@@ -98,27 +135,41 @@ def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Ce
 def places_of(matches: Matches, grid: ImageGrid) -> PairPlaces:
     """Where a pair's pixels are counted; both cameras' images have the same grid."""
     height, width = matches.column.shape
-    there = np.clip(np.rint(matches.column).astype(np.intp), 0, width - 1)
-    row = np.arange(height, dtype=np.intp)[:, None]
-    if grid.place is None:
-        return PairPlaces((row // _HALF_SIDE * grid.columns + there // _HALF_SIDE).ravel(), None, grid)
-    inside = np.where(grid.place < 0, grid.rows * grid.columns, grid.place).ravel()
-    return PairPlaces(inside[(row * width + there).ravel()], inside, grid)
+    column = np.clip(np.rint(matches.column), 0, width - 1).astype(np.intp)
+    if grid.of_view:
+        row = np.arange(height, dtype=np.intp)[:, None] // _HALF_SIDE * grid.columns
+        return PairPlaces((row + column // _HALF_SIDE).ravel(), grid)
+    row = np.arange(height, dtype=np.intp)[:, None] * width
+    return PairPlaces(grid.place[(row + column).ravel()], grid)
 
 
-def cells_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairCells:
-    """Count half-resolution pixels that are `valid` (h, w), and the sum of their `amount` (h, w), in `steps` a unit.
+def sums_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairSums:
+    """Count half-resolution pixels that are `valid` (h, w), and sum their `amount` (h, w), in `steps` a unit.
 
     `amount` is zero where it is not valid.
     """
-    some = np.flatnonzero(amount != 0)  # of what is true or false they are found sooner
-    weight = None if amount.dtype == np.bool_ else amount.ravel()[some] * np.float32(steps)
-    source = _counted(places.source, places.grid, valid, some, weight)
-    if places.reference is not None:
-        return PairCells(source, _counted(places.reference, places.grid, valid, some, weight))
-    summed = amount.view(np.uint8) if weight is None else np.asarray(amount * np.float32(steps), np.float32)
-    counts, sums = _block_sums(valid.view(np.uint8)), _block_sums(summed)
-    return PairCells(source, Cells(counts.astype(np.uint8), _rounded(sums)))
+    some = np.flatnonzero(amount if amount.dtype == np.bool_ else amount != 0)
+    weight = _weights(amount.ravel()[some], steps)
+    grid = places.grid
+    source, reference = (
+        _Sums(counted, _summed(place[some], grid, weight))
+        for place, counted in (
+            (places.source, _summed(places.source.compress(valid.ravel()), grid)),
+            (grid.place, _block_counts(valid) if grid.of_view else _summed(grid.place.compress(valid.ravel()), grid)),
+        )
+    )
+    return PairSums(source, reference, grid)
+
+
+def sums_of_some(places: PairPlaces, some: Indices, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairSums:
+    """What some (M,) of the half-resolution pixels, numbered row by row, add to `sums_of_pair`."""
+    grid, within = places.grid, valid.ravel()[some]
+    weight = _weights(amount.ravel()[some], steps)
+    source, reference = (
+        _Sums(_summed(place[within], grid), _summed(place, grid, weight))
+        for place in (places.source[some], grid.place[some])
+    )
+    return PairSums(source, reference, grid)
 
 
 def opposite(cells: PairCells) -> PairCells:
@@ -126,16 +177,17 @@ def opposite(cells: PairCells) -> PairCells:
     return PairCells(Cells(cells.source.valid, -cells.source.total), cells.reference)
 
 
-def _counted(place: Indices, grid: ImageGrid, valid: Mask, some: Indices, weight: Floats32 | None) -> Cells:
-    """Counts of what is valid, and sums of the weights of `some` (M,) pixels, ones where there are none."""
-    outside = grid.rows * grid.columns
-    counts = np.bincount(place.compress(valid.ravel()), minlength=outside + 1)[:outside]
-    sums = np.bincount(place[some], weights=weight, minlength=outside + 1)[:outside]
-    shape = grid.rows, grid.columns
-    return Cells(_bytes(counts, *shape).astype(np.uint8), _rounded(sums.reshape(shape).astype(np.float32)))
+def _weights(amounts: Mask | Floats32, steps: int) -> Floats32:
+    return np.asarray(amounts * np.float32(steps), dtype=np.float32)
 
 
-def _bytes(counts: NDArray[np.integer], rows: int, columns: int) -> NDArray[np.int8]:
+def _summed(place: Indices, grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.number]:
+    """(cells,) how many of the places (M,) are each cell's, or the sums of their weights; without what lies outside."""
+    cells = grid.rows * grid.columns
+    return np.bincount(place, weights=weight, minlength=cells + 1)[:cells]
+
+
+def _bytes(counts: NDArray[np.number], rows: int, columns: int) -> NDArray[np.int8]:
     return np.asarray(np.minimum(counts, _MOST).astype(np.int8).reshape(rows, columns))
 
 
@@ -143,10 +195,17 @@ def _rounded(sums: NDArray[np.floating]) -> NDArray[np.int8]:
     return np.asarray(np.clip(np.rint(sums), -_MOST, _MOST).astype(np.int8))
 
 
-def _block_sums(values: Image | Floats32) -> Floats32:
-    """The sums of each 4 x 4 values; beyond the right and lower edge all are zero."""
-    height, width = values.shape
+def _block_counts(mask: Mask) -> NDArray[np.number]:
+    """(cells,) how many of each 4 x 4 pixels are marked; beyond the right and lower edge none is."""
+    height, width = mask.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE
-    padded = cv2.copyMakeBorder(values, 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
-    sums = cv2.boxFilter(padded, cv2.CV_32F, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
-    return np.ascontiguousarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.float32)
+    padded = cv2.copyMakeBorder(mask.view(np.uint8), 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
+    sums = cv2.boxFilter(padded, cv2.CV_16U, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
+    return np.asarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.intp).ravel()
+
+
+@lru_cache(maxsize=8)
+def _grid_of(height: int, width: int) -> ImageGrid:
+    rows, columns = -(-height // _HALF_SIDE), -(-width // _HALF_SIDE)
+    row, column = np.indices((height, width), dtype=np.intp) // _HALF_SIDE
+    return ImageGrid(rows, columns, (row * columns + column).ravel())

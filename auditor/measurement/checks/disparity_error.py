@@ -52,7 +52,7 @@ def compare_cameras(
     )
     gate = first.textured | second.textured
     gated_over = over & gate
-    row, column = np.nonzero(gated_over)
+    row, column = np.divmod(np.flatnonzero(gated_over), gated_over.shape[1])
     counts = Counts(
         valid_px=int(np.count_nonzero(valid)),
         inconsistent_px=int(np.count_nonzero(over)),
@@ -68,11 +68,11 @@ def compare_with_lidar(view: LidarView, stereo: StereoMap, source: int) -> Compa
 
     LiDAR points nearer than the matcher's range are valid: they are inconsistent where the matcher finds them farther.
     """
-    row, column = view.row // stereo.step, view.column // stereo.step
-    d0 = view.disparity_px(source)
-    valid = stereo.valid[row, column] & (view.u_px - d0 >= 0)
-    over = valid & inconsistent(d0, stereo.disparity_px[row, column])
-    gate = stereo.textured[row, column]
+    width = stereo.disparity_px.shape[1]
+    place, d0 = view.place(stereo.step, width), view.disparity_px(source)
+    valid = stereo.valid.take(place) & (view.u_px - d0 >= 0)
+    over = valid & inconsistent(d0, stereo.disparity_px.take(place))
+    gate = stereo.textured.take(place)
     gated_over = over & gate
     counts = Counts(
         valid_px=int(np.count_nonzero(valid)),
@@ -81,4 +81,4 @@ def compare_with_lidar(view: LidarView, stereo: StereoMap, source: int) -> Compa
         gated_inconsistent_px=int(np.count_nonzero(gated_over)),
         out_of_range_px=int(np.count_nonzero(valid & (d0 > stereo.range_px - MATCHER_RANGE.margin_px))),
     )
-    return Comparison(counts, row[gated_over], column[gated_over], stereo.step)
+    return Comparison(counts, *np.divmod(place[gated_over], width), stereo.step)

@@ -47,15 +47,13 @@ def verify_conflicts(
 
     `half_res` are the half-resolution grey images of the reference and the source, `consistency` compares them.
     """
-    d0 = view.disparity_px(source)
-    row, column = view.row // stereo.step, view.column // stereo.step
-    ds = stereo.disparity_px[row, column]
-    valid = stereo.valid[row, column] & stereo.textured[row, column]
+    d0, place = view.disparity_px(source), view.place(stereo.step, stereo.disparity_px.shape[1])
+    valid = stereo.valid.take(place) & stereo.textured.take(place)
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     valid &= visible_to_source(view, rig, source, d0)
-    ncc_stereo = consistency.ncc[view.row // HALF, view.column // HALF]
+    ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     valid &= ncc_stereo > PATCH_CORRELATION.consistent
-    over = inconsistent(d0, ds)
+    over = inconsistent(d0, stereo.disparity_px.take(place))
     flagged = np.flatnonzero(valid & over)
     # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
     stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
-from auditor.measurement.disparity.half_resolution import row_grid
+from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
@@ -77,7 +77,7 @@ class LightDifference:
 
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
-    warp = _Warp(np.where(seen, column, np.float32(-1)))
+    warp = _Warp(column * seen)
     levels = warp.of(source.levels)
     coloured = None
     if reference.channels and source.channels:
@@ -93,11 +93,8 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     else:
         residual = _alike(reference.levels, levels, seen, reference.saturation, source.saturation)
     comparable = seen & ((reference.levels < reference.saturation) | (levels < source.saturation))
-    residual = np.clip(residual, -1, 1)
-    residual[~comparable] = 0
-    if coloured is not None:
-        coloured[~comparable] = 0
-    return LightDifference(residual, comparable, coloured)
+    residual = np.clip(residual, -1, 1) * comparable
+    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +102,7 @@ class _Warp:
     column: Floats32
 
     def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
-        row = row_grid(*self.column.shape)
-        return np.asarray(cv2.remap(image, self.column, row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+        return warp(image, self.column, how)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,13 +183,12 @@ def _relative(
     that sees near `infrared` sees plants brighter than colours tell.
     """
     highest, lowest = cv2.dilate(predicted, _NEARBY), cv2.erode(predicted, _NEARBY)
-    highest = cv2.max(highest, cv2.dilate(source_saturated.astype(np.uint8) * np.uint8(_WHITE), _NEARBY))
+    highest = cv2.max(highest, cv2.dilate(source_saturated.view(np.uint8) * np.uint8(_WHITE), _NEARBY))
     above = cv2.subtract(value, highest).astype(np.float32)
     if infrared:  # how dark a grey camera sees what is white in the other's colours, as the sky, is not known well
         dim = (lowest * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
         lowest = np.where(cv2.dilate(source_saturated.view(np.uint8), _NEARBY) > 0, dim, lowest)
-    below = cv2.subtract(lowest, value).astype(np.float32)
-    below[saturated] = 0
+    below = (cv2.subtract(lowest, value) * ~saturated).astype(np.float32)
     level, share = (LIGHT.infrared_level, LIGHT.infrared_share) if infrared else (LIGHT.level, LIGHT.share)
     above /= np.float32(level) + np.float32(share) * highest
     below /= np.float32(LIGHT.level) + np.float32(LIGHT.share) * lowest

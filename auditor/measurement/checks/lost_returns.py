@@ -71,8 +71,13 @@ def scanned_view(view: LidarView) -> ScannedView:
     place = _places(view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T)
     missed = np.ones((_ROWS, _COLUMNS), dtype=np.uint8)
     missed.ravel()[place[place >= 0]] = 0
-    empty = cv2.distanceTransform(missed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return ScannedView(np.asarray(empty * np.float32(_RADIANS)), _scanned_rows(missed == 0), view.span_px)
+    scanned = _scanned_rows(missed == 0)
+    empty = np.zeros(missed.shape, dtype=np.float32)
+    hit = np.flatnonzero((missed == 0).any(axis=1))
+    if hit.size:
+        rows = slice(hit[0], hit[-1] + 1)
+        empty[rows] = cv2.distanceTransform(missed[rows], cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return ScannedView(empty * np.float32(_RADIANS), scanned, view.span_px)
 
 
 def count_lost_returns(
@@ -124,7 +129,7 @@ def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, 
     surface = consistency.matches.seen[some] & textured & (ncc > LOST_RETURNS.consistent)
     farthest = camera.focal_px * view.rig.baseline_m(source, view.reference) / LOST_RETURNS.farthest_m
     surface &= (disparity > farthest) & (disparity < stereo.range_px - MATCHER_RANGE.margin_px)
-    row, column = (at * every + every // 2 for at in np.nonzero(surface))
+    row, column = (at * every + every // 2 for at in np.divmod(np.flatnonzero(surface), surface.shape[1]))
     return _Surfaces(row, column, disparity[surface], ncc[surface])
 
 

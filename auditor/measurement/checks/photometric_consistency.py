@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.half_resolution import row_grid
 from auditor.measurement.disparity.lidar import RangeMask
+from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.model.arrays import Floats32, Image, Indices, Mask
@@ -19,6 +19,7 @@ _AREA = _SIDE * _SIDE
 _NORM_FLOOR = PATCH_CORRELATION.norm_floor  # a patch without texture correlates with nothing
 _NEARBY = np.ones(PHOTOMETRIC_CONSISTENCY.nearby_px, dtype=np.uint8)
 _AROUND_OCCLUDED = np.ones(PHOTOMETRIC_CONSISTENCY.around_occluded_px, dtype=np.uint8)
+_TOGETHER = 4  # of 2 to 26 the fastest
 _OVERSAMPLING, _BESIDE_STEPS = PATCH_CORRELATION.oversampling, PATCH_CORRELATION.steps_beside
 
 
@@ -58,7 +59,10 @@ def matches_of(stereo: StereoMap) -> Matches:
     step = HALF // stereo.step
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
-    return Matches(np.where(np.isnan(column), np.float32(-1), column), _inside(valid) & ~_occluded(column))
+    unknown = np.isnan(column)
+    seen = _inside(valid) & ~_occluded(column, unknown)
+    column[unknown] = -1
+    return Matches(column, seen)
 
 
 def photometric_consistency(
@@ -70,21 +74,33 @@ def photometric_consistency(
     brighter than the sky in the infrared, and darker in colours.
     """
     matches = matches_of(stereo)
-    row = row_grid(*reference.shape)
-    warped = cv2.remap(source, matches.column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(
-        np.float32
-    )
-    still = reference.astype(np.float32)
-    mean_r, mean_w = _mean(still), _mean(warped)
-    norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
-    norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
-    ncc = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _NORM_FLOOR) * (norm_w + _NORM_FLOOR))
-    structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
+    still, warped = _Patches.of(reference), _Patches.of(warp(source, matches.column))
+    ncc = _mean(still.pixels * warped.pixels)
+    ncc -= still.mean * warped.mean
+    ncc *= _AREA
+    ncc /= (still.norm + _NORM_FLOOR) * (warped.norm + _NORM_FLOOR)
+    structured = cv2.max(still.norm, warped.norm) > PHOTOMETRIC_CONSISTENCY.textured_norm
     comparable = np.asarray(matches.seen & structured)
     no_match = cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent
     if mixed:
         no_match &= cv2.erode(ncc, _NEARBY) > PHOTOMETRIC_CONSISTENCY.inverted
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
+
+    pixels: Floats32
+    mean: Floats32
+    norm: Floats32
+
+    @classmethod
+    def of(cls, image: Image) -> "_Patches":
+        pixels = image.astype(np.float32)
+        mean, power = _mean(pixels), _mean(pixels * pixels)
+        power -= mean * mean
+        return cls(pixels, mean, np.asarray(cv2.sqrt(np.clip(power, 0, np.inf) * _AREA), dtype=np.float32))
 
 
 def _inside(valid: Mask) -> Mask:
@@ -94,12 +110,13 @@ def _inside(valid: Mask) -> Mask:
     return np.asarray(eroded, dtype=np.bool_)
 
 
-def _occluded(column: Floats32) -> Mask:
+def _occluded(column: Floats32, unknown: Mask) -> Mask:
     """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs."""
-    leftmost, reach = np.where(np.isnan(column), np.float32(np.inf), column), 1
-    while reach < column.shape[1]:  # the least of the next 2, 4, 8 ... pixels
-        leftmost[:, :-reach] = np.minimum(leftmost[:, :-reach], leftmost[:, reach:])
-        reach *= 2
+    leftmost, reach = column.copy(), 1
+    leftmost[unknown] = np.inf
+    while reach < column.shape[1]:  # the least of the next 4, 16, 64 ... pixels
+        leftmost = np.asarray(cv2.erode(leftmost, _every(reach), anchor=(0, 0)), dtype=np.float32)
+        reach *= _TOGETHER
     occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
     return np.asarray(cv2.dilate(occluded, _AROUND_OCCLUDED), dtype=np.bool_)
 
@@ -143,15 +160,23 @@ def _projection(patch: Floats32, other: Floats32) -> Floats32:
     return np.asarray(np.einsum("mrc,mrc->m", patch, other) / norm, dtype=np.float32)
 
 
-def _mean(image: cv2.typing.MatLike) -> cv2.typing.MatLike:
-    return cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE))
+def _mean(image: Floats32) -> Floats32:
+    return np.asarray(cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE)), dtype=np.float32)
 
 
 def _oversampled(image: Image) -> Image:
     """(h, 2 w): each pixel, then its mean with the next."""
-    doubled = np.repeat(image, _OVERSAMPLING, axis=1)
-    doubled[:, 1:-1:2] = (image[:, :-1] & image[:, 1:]) + ((image[:, :-1] ^ image[:, 1:]) >> 1)  # without overflow
-    return doubled
+    following = np.asarray(cv2.copyMakeBorder(image[:, 1:], 0, 0, 0, 1, cv2.BORDER_REPLICATE), dtype=np.uint8)
+    mean = (image & following) + ((image ^ following) >> 1)  # without overflow
+    return np.asarray(cv2.merge([image, mean]), dtype=np.uint8).reshape(len(image), -1)
+
+
+@cache
+def _every(step: int) -> Image:
+    """A kernel of _TOGETHER pixels in a row, `step` apart."""
+    kernel = np.zeros((1, (_TOGETHER - 1) * step + 1), dtype=np.uint8)
+    kernel[0, ::step] = 1
+    return kernel
 
 
 @cache

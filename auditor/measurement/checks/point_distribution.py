@@ -23,8 +23,7 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
     """The shares of isolated points, `mask` (M,), in a view, near the LiDAR and beyond; NaN under 200 points."""
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
-    distance = np.linalg.norm(view.point_m, axis=1)
-    near, beyond = mask & (distance < _NEAR_M), mask & (distance >= _NEAR_M) & (distance < _BEYOND_M)
+    near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
@@ -48,16 +47,16 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
     if not view.row.size:
         return np.zeros(0, dtype=np.bool_)
     side = max(ISOLATED_POINTS.cell * focal_px, 1.0)
-    step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *ISOLATED_POINTS.ranges_m)) / ISOLATED_POINTS.range_step
-    # A cell more on every side, so that all have neighbours.
-    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp) + 1
-    shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
-    place = np.ravel_multi_index(tuple(cell), shape)
-    counts = np.bincount(place, minlength=int(np.prod(shape)))
+    step = np.log(np.clip(view.range_m, *ISOLATED_POINTS.ranges_m)) / ISOLATED_POINTS.range_step
+    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp)
+    cell -= cell.min(axis=1, keepdims=True) - 1  # a cell more on every side, so that all have neighbours
+    rows, columns, steps = shape = tuple((cell.max(axis=1) + 2).tolist())
+    place = (cell[0] * columns + cell[1]) * steps + cell[2]
+    counts = np.bincount(place, minlength=rows * columns * steps)
     mask: Mask = counts[place] <= ISOLATED_POINTS.most_together
     centre = np.ravel_multi_index((1, 1, 1), shape)
     neighbours = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - centre
-    mask[mask] = counts[place[mask][:, None] + neighbours].sum(axis=1) <= ISOLATED_POINTS.most_together
+    mask[mask] = counts.take(place[mask][:, None] + neighbours).sum(axis=1) <= ISOLATED_POINTS.most_together
     return mask
 
 

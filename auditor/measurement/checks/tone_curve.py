@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.parameters import CHROMA, SATURATION, TONE_CURVE
-from auditor.model.arrays import Floats, Image, Indices, Mask
+from auditor.model.arrays import Floats, Image, Mask
 
 _LEVELS = 256
 _WHITE = 255
@@ -67,16 +67,10 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     return found
 
 
-def level_counts(image: Image) -> Indices:
-    """(256,) how many pixels of an (h, w) image have each level."""
-    return np.asarray(cv2.calcHist([image], [0], None, [_LEVELS], [0, _LEVELS]), dtype=np.intp).ravel()
-
-
 def saturation_level(image: Image) -> int:
     """The level from which on an (h, w) image saturates: below its top level where many pixels lie there."""
-    counts = level_counts(image)
-    top = int(np.flatnonzero(counts)[-1])
-    crowded = counts[max(top - 1, 0) :].sum() > SATURATION.crowded_share * image.size
+    top = int(image.max())
+    crowded = np.count_nonzero(image >= max(top - 1, 0)) > SATURATION.crowded_share * image.size
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 
@@ -96,9 +90,9 @@ def tone_curve(source: Image, target: Image) -> Image:
 
 def _medians(source: Image, target: Image) -> tuple[Floats, Floats]:
     """By bin with enough samples: the mean of the source's levels, and the median of the target's."""
-    place = (source // _WIDTH).astype(np.intp)
+    place = source // np.uint8(_WIDTH)
     counts = np.bincount(place, minlength=_BINS)
-    ordered = np.sort(place * _LEVELS + target) % _LEVELS
+    ordered = np.sort(place.astype(np.uint16) * np.uint16(_LEVELS) + target) % np.uint16(_LEVELS)
     start = np.cumsum(counts) - counts
     used = np.flatnonzero(counts >= TONE_CURVE.fewest)
     low, high = (ordered[start[used] + (counts[used] - odd) // 2] for odd in (1, 0))

@@ -8,6 +8,7 @@ from auditor.model.arrays import Image, Indices
 
 _LEVELS = 256
 _WHITE = 255
+_SHARES = np.linspace(EQUALISING.first_quantile, 1 - EQUALISING.first_quantile, EQUALISING.quantiles)
 
 
 def equalised(image: Image, like: Image) -> Image:
@@ -26,6 +27,6 @@ def equalised(image: Image, like: Image) -> Image:
 
 def _quantiles(image: Image) -> Indices:
     every = EQUALISING.step_px
-    counts = np.bincount(image[::every, ::every].ravel(), minlength=_LEVELS).cumsum()
-    shares = np.linspace(EQUALISING.first_quantile, 1 - EQUALISING.first_quantile, EQUALISING.quantiles)
-    return np.asarray(np.searchsorted(counts, shares * counts[-1]), dtype=np.intp)
+    some = np.ascontiguousarray(image[::every, ::every])
+    counts = cv2.calcHist([some], [0], None, [_LEVELS], [0, _LEVELS]).ravel().astype(np.intp).cumsum()
+    return np.asarray(np.searchsorted(counts, _SHARES * counts[-1]), dtype=np.intp)

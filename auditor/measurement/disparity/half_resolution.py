@@ -1,12 +1,8 @@
 """Images at half resolution."""
 
-from functools import lru_cache
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from auditor.model.arrays import Floats32
 
 
 def grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -23,9 +19,3 @@ def halve(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         pixels = np.asarray(cv2.copyMakeBorder(pixels, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE), np.uint8)
     size = ((width + 1) // 2, (height + 1) // 2)
     return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-@lru_cache(maxsize=8)
-def row_grid(height: int, width: int) -> Floats32:
-    """(height, width) the row of each pixel, as cv2.remap takes it; the same array each time, not to be written to."""
-    return np.ascontiguousarray(np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], (height, width)))

@@ -1,6 +1,7 @@
 """The LiDAR in a camera's view: Eq. 1 through full projection matrices; what a source camera sees; the range mask."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
-from auditor.model.arrays import Floats32, Mask, Points
+from auditor.model.arrays import Floats32, Indices, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
@@ -34,6 +35,19 @@ class LidarView:
     in_view_m: Points
     span_px: tuple[float, float]
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
+    _places: dict[tuple[int, int], Indices] = field(default_factory=dict, init=False, repr=False)
+
+    def place(self, step: int, width: int) -> Indices:
+        """(M,) the points' pixels, row by row, in an image of that width whose pixels are `step` of these wide."""
+        if (step, width) not in self._places:
+            self._places[step, width] = (self.row // step * width + self.column // step).astype(np.intp)
+        return self._places[step, width]
+
+    @cached_property
+    def range_m(self) -> Floats32:
+        """(M,) how far the points are from the LiDAR."""
+        squares = self.point_m * self.point_m
+        return np.asarray(np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2]))
 
     def disparity_px(self, source: int) -> Floats32:
         """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
@@ -59,14 +73,25 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
     in_view = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
     inside = np.flatnonzero(in_view)
-    in_view_m = points[inside]
-    inside = inside[np.argsort(-depth[inside])]  # far to near: of several points in a pixel the last, nearest stays
-    pixel = row[inside] * camera.width_px + column[inside]
-    owner = np.full(camera.height_px * camera.width_px, -1, dtype=np.int32)
-    owner[pixel] = inside
-    kept = owner[np.flatnonzero(owner >= 0)]
+    in_view_m = points.take(inside, axis=0)
+    kept = _nearest(camera, column[inside], row[inside], depth[inside], inside)
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
-    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig, in_view_m, _span(u))
+    return LidarView(
+        reference, column[kept], row[kept], u[kept], points.take(kept, axis=0), inside.size, rig, in_view_m, _span(u)
+    )
+
+
+def _nearest(
+    camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32, points: Indices
+) -> Indices:
+    """Of (M,) points in view the nearest of each pixel, pixel by pixel, row by row."""
+    pixel = row * camera.width_px + column
+    order = np.argsort(-depth)  # far to near: of several points in a pixel the last, nearest stays
+    owner = np.empty(camera.height_px * camera.width_px, dtype=np.intp)
+    owned = np.zeros(owner.size, dtype=np.bool_)
+    owner[pixel[order]] = points[order]
+    owned[pixel] = True
+    return owner[np.flatnonzero(owned)]
 
 
 def _span(u_px: Floats32) -> tuple[float, float]:
@@ -80,9 +105,12 @@ def _span(u_px: Floats32) -> tuple[float, float]:
 
 def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32) -> Mask:
     """(M,) mask of the points with no much nearer neighbour: the LiDAR sits above and looks over near edges."""
+    if not row.size:
+        return np.zeros(0, dtype=np.bool_)
     disparity = np.float32(camera.focal_px * LIDAR_PROJECTION.baseline_m) / depth
-    pixel = row * camera.width_px + column
-    dense = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
+    top, bottom = int(row.min()), int(row.max())  # above them there is nothing
+    pixel = (row - top) * camera.width_px + column
+    dense = np.zeros((bottom + 1 - top, camera.width_px), dtype=np.float32)
     dense.ravel()[pixel] = disparity
     nearest = np.asarray(cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8)))
     return np.asarray(nearest.ravel()[pixel] - disparity <= LIDAR_PROJECTION.nearer_by_px)
@@ -116,12 +144,13 @@ def visible_to_source(view: LidarView, rig: Rig, source: int, d0_px: Floats32) -
     inside = (column >= 0) & (column < width)
     column = np.clip(column, 0, width - 1)
     nearness = np.where(inside, d0_px * scale, 0).astype(np.float32)
+    place = row * width + column
     nearest = np.zeros((height, width), dtype=np.float32)
-    np.maximum.at(nearest, (row, column), nearness)
+    np.maximum.at(nearest.ravel(), place, nearness)
     nearest = np.asarray(
         cv2.dilate(nearest, np.ones(LIDAR_PROJECTION.source_window_px, dtype=np.uint8)), dtype=np.float32
     )
-    return np.asarray(inside & (nearest[row, column] - nearness <= LIDAR_PROJECTION.nearer_by_px))
+    return np.asarray(inside & (nearest.ravel()[place] - nearness <= LIDAR_PROJECTION.nearer_by_px))
 
 
 class RangeMask(NamedTuple):

@@ -95,9 +95,10 @@ def _stereo_map(matcher: Matcher, disparity: Floats32, reference_texture: Mask, 
     u = np.arange(width, dtype=np.float32)
     match = u - disparity / np.float32(step)
     valid = match >= 0  # False where the disparity is NaN
-    column = np.where(valid, match, np.float32(0)).astype(np.intp)
-    column += np.arange(height, dtype=np.intp)[:, None] * width
-    texture = _on_grid(source_texture, step, height, width).ravel()[column]
+    match[~valid] = 0
+    place = match.astype(np.int32)
+    place += np.arange(height, dtype=np.int32)[:, None] * width
+    texture = _on_grid(source_texture, step, height, width).take(place)
     texture |= _on_grid(reference_texture, step, height, width)
     return StereoMap(disparity, valid, texture, step, matcher.range_px)
 
