@@ -76,6 +76,18 @@ def test_days_of_two_levels_in_one_of_the_sensors_give_no_more_alarms():
     assert alarms <= 1, "half of the evenings, where the days of all sensors are taken for alike"
 
 
+def test_few_days_of_two_levels_give_hardly_more_alarms():
+    rng, alarms = np.random.default_rng(8), 0
+    for _ in range(40):
+        some = []
+        for vehicle in range(12):
+            day = np.flatnonzero(rng.random(60) < 0.14)
+            level = 1.0 * (rng.random(len(day)) < 0.2) + NOISE * rng.normal(size=len(day))
+            some.append(series("coloured_light", (3,), f"car{vehicle}", level, day=day))
+        alarms += bool(named(some))
+    assert alarms <= 4, "twice as many, where each vehicle's own days say how rough days are"
+
+
 def test_a_camera_that_turns_is_named_alone_before_its_frames_are_raised():
     px = 0.02 * 12.6  # of 0.02 degrees at a focal length of 722 px
     rng, first = np.random.default_rng(3), DAYS - 5

@@ -30,6 +30,7 @@ class Drifting:
         unit="shares of a fleet's days, whose levels are made normal",
         source=BY_HAND,
     )
+    parts: int = parameter(5, unit="parts of the vehicles, each of which has the tails of the others", source=BY_HAND)
     most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
     days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)
     extreme: float = parameter(2.0, unit="deviations that an odd day may differ from it", source=BY_HAND)

@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from itertools import groupby
+from itertools import chain, groupby
 from math import erfc, exp, sqrt
 from operator import attrgetter
 from statistics import NormalDist
@@ -189,7 +189,8 @@ def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
     """The series of a check with the deviation of a day, which they learn from each other.
 
     Sensors differ: days that have two levels in one of them are rough, and those of the others are not. So the tails
-    are those of the check or of the same sensors in the vehicles, whichever are longer; and so is the deviation.
+    are those of the check or of the same sensors in the other vehicles, whichever are longer; and so is the deviation,
+    of all vehicles.
     """
     tiny = float(np.finfo(np.float64).tiny)
     typical = _typical(series)
@@ -203,10 +204,10 @@ def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
         for one in series
     ]
     standard = {one.levels.name: one.own / deviation for one, deviation in zip(series, deviations, strict=True)}
-    tails = {sensors: _tails([standard[one.levels.name] for one in some]) for sensors, some in alike.items()}
+    of_others = dict(chain.from_iterable(_tails_of_others(some, standard) for some in alike.values()))
     of_all = _tails(list(standard.values()))
     scores = [
-        _drawn_in(_as_normal(values, of_all, tails.get(name.sensors, of_all)), DRIFT.extreme)
+        _drawn_in(_as_normal(values, of_all, of_others.get(name, of_all)), DRIFT.extreme)
         for name, values in standard.items()
     ]
     wider = _widening(scores)
@@ -223,6 +224,24 @@ def _typical(series: Sequence[_Adjusted]) -> float:
 def _tails(standard: Sequence[Floats]) -> Floats:
     """The quantiles of `DRIFT.tails` in the middle one of these series: one that drifts does not move them."""
     return np.asarray(np.median([np.quantile(values, DRIFT.tails) for values in standard], axis=0))
+
+
+def _tails_of_others(
+    series: Sequence[_Adjusted], standard: Mapping[SeriesName, Floats]
+) -> Iterator[tuple[SeriesName, Floats]]:
+    """By series the quantiles of all days of the others together, in so many parts of the vehicles.
+
+    Days of few levels that hardly ever differ have no tails of their own where there are few of them.
+    """
+    values = [standard[one.levels.name] for one in series]
+    parts = range(min(DRIFT.parts, len(series)))
+    tails = [
+        np.quantile(
+            np.concatenate([one for place, one in enumerate(values) if place % len(parts) != part]), DRIFT.tails
+        )
+        for part in parts
+    ]
+    return ((one.levels.name, tails[place % len(parts)]) for place, one in enumerate(series))
 
 
 def _as_normal(values: Floats, *tails: Floats) -> Floats:
