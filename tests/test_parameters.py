@@ -93,13 +93,14 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
-    "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
+    "measurement/checks/count_grid.py": ((127, 8), "the largest number of a signed byte; sizes of images kept in memory"),
+    "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
-    "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),
+    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
     "measurement/disparity/matchers/model_description.py": (
         (
