@@ -93,7 +93,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
-    "measurement/checks/count_grid.py": ((127, 8), "the largest number of a signed byte; sizes of images kept in memory"),
+    "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
     "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
