@@ -49,6 +49,9 @@ OF_OTHER_RIGS = {"rig_geometry", "common_view", "lens_reach", "rectification", "
 LEFT_OUT = OF_FAULTS_AND_REGIONS | OF_OTHER_RIGS | {"half_resolution", "region_mask"}
 """Measuring parameters that no check of these drives needs, or (half_resolution) that are built into the program."""
 
+OF_CURVES = {"likelihood", "thrown_light", "uncoloured_light"}
+"""Judging parameters that are points of curves: fitted together, none of them means anything by itself."""
+
 OF_MATCHER = {"sgbm", "equalising"}
 FAILED = "failed"
 ATTACKS = {"R 75 mild": "R 75", "paper's facula": "facula", "wall 1 m": "wall"}
@@ -281,7 +284,7 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
 def keep_judged(drives: Path, streets: Path, kept: Path) -> None:
     """Try the judging parameters on kept scenes."""
     groups = groups_by_name("identification")
-    tried = {name: group for name, group in groups.items() if name not in COUNTED_WHEN_MEASURED}
+    tried = {name: group for name, group in groups.items() if name not in COUNTED_WHEN_MEASURED | OF_CURVES}
     keep_all(kept, lambda _: judged(drives, streets), tried)
 
 
