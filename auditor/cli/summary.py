@@ -29,7 +29,7 @@ _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "f
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
-_MOST_KNOWN = 50
+MOST_KNOWN = 50
 """So many known recordings are named each, and shown where nothing was judged now; of more the number is said."""
 _SINGLE_FRAMES = "SELECT name, measurement_id FROM single_frames"
 
@@ -45,7 +45,7 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)
     measured = {}
-    few = len(batch.tasks) <= _MOST_KNOWN
+    few = len(batch.tasks) <= MOST_KNOWN
     with progress(len(batch.tasks), "measuring") as (advanced, finished):
         for outcome in measure_all(batch, advanced):
             if outcome.error is not None:
@@ -120,7 +120,7 @@ def show_audit(
     rows: list[dict[str, Any]] = []
     decided: list[Decided] = []
     if store is not None:
-        asked = store if judged is None else _asked(store, judged, most=_MOST_KNOWN if form == "table" else None)
+        asked = store if judged is None else _asked(store, judged, most=MOST_KNOWN if form == "table" else None)
         answers = run_sqls(
             asked, {"summary": query("summary"), "incidents": query("incidents"), "single_frames": _SINGLE_FRAMES}
         )
