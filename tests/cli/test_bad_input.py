@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from tests.making.small_drives import DAY_NS, START_NS, write_drive
+from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=12)
+    return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=8, positions_m=THREE_CAMERAS)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_what_is_no_recording_is_named_and_the_others_go_on(
 def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(store: Path, tmp_path: Path, capfd) -> None:
     cut = tmp_path / "cut.mcap"
     calibrated, whole = (
-        write_drive(tmp_path / f"whole{day}.mcap", count=count, start_ns=START_NS + day * DAY_NS)
+        write_drive(tmp_path / f"whole{day}.mcap", count, positions_m=THREE_CAMERAS, start_ns=START_NS + day * DAY_NS)
         for day, count in ((1, 10), (2, 20))
     )
     assert run(["calibrate", str(calibrated), "--store", str(store)]) == 0
@@ -213,7 +213,9 @@ def test_attacking_a_sensor_that_is_not_there_writes_nothing(clean: Path, tmp_pa
 def test_a_full_disk_is_one_line_and_leaves_finished_tables_whole(clean: Path, store: Path, tmp_path: Path) -> None:
     """A file-size limit stands in for the full disk: writing past it fails in the same place."""
     before = {path: path.read_bytes() for path in store.rglob("*.parquet")}
-    another = write_drive(tmp_path / "another.mcap", count=12, seed=5, start_ns=START_NS + DAY_NS)
+    another = write_drive(
+        tmp_path / "another.mcap", count=8, positions_m=THREE_CAMERAS, seed=5, start_ns=START_NS + DAY_NS
+    )
     program = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)); "
@@ -274,10 +276,9 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     sent: signal.Signals, jobs: str, code: int, says: str, clean: Path, store: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "signalled.py").write_text(SIGNALLED)
-    long = [
-        str(write_drive(tmp_path / f"long{day}.mcap", count=12, start_ns=START_NS + day * DAY_NS)) for day in (1, 2)
-    ]
-    scanning = ["scan", *long, "--store", str(store), "--jobs", jobs]
+    drive = {"count": 8, "positions_m": THREE_CAMERAS}
+    long = [str(write_drive(tmp_path / f"long{day}.mcap", **drive, start_ns=START_NS + day * DAY_NS)) for day in (1, 2)]
+    scanning = ["scan", *long, "--pictures", "none", "--store", str(store), "--jobs", jobs]
     signalled = [sys.executable, str(tmp_path / "signalled.py"), str(store / "frames"), str(int(sent)), *scanning]
     with subprocess.Popen(signalled, stderr=subprocess.PIPE, text=True, start_new_session=True) as started:
         _, errors = started.communicate()
@@ -290,7 +291,7 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     assert not _lives(started.pid), "no worker is left"
     again = subprocess.run([sys.executable, "-m", "auditor", *scanning], capture_output=True, text=True, check=False)
     assert again.returncode in (0, 1), again.stderr
-    assert "12 frames" in again.stderr
+    assert "8 frames" in again.stderr
 
 
 def _lives(session: int) -> bool:

@@ -57,11 +57,11 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
 
 
 def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_was(
-    drive: Path, weights: Path, tmp_path: Path
+    weights: Path, tmp_path: Path
 ) -> None:
     arguments = (
         "evaluate",
-        drive,
+        write_drive(tmp_path / "pair.mcap", 2, positions_m=(0.6, 0.0)),
         "--store",
         tmp_path / "evaluation",
         "--format",
@@ -69,7 +69,7 @@ def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_w
         "--jobs",
         1,
         "--attack-every",
-        3,
+        2,
     )
     sgbm = run(*arguments)
     assert sgbm.exception is None, sgbm.stderr

@@ -23,8 +23,8 @@ LENSES = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), NO_LENS, NO_LENS)
 ATTACKED = {1: range(4), 2: range(6, 10), 3: range(12, 16), LIDAR: range(18, 22)}
 
 
-def street(trip: int) -> SyntheticDrive:
-    drive = make_drive(3, 22, width_px=414, height_px=126, trip=trip, start_ns=START_NS + trip * DAY_NS)
+def street(trip: int, frames: int) -> SyntheticDrive:
+    drive = make_drive(3, frames, width_px=414, height_px=126, trip=trip, start_ns=START_NS + trip * DAY_NS)
     return replace(drive, vehicle=replace(drive.vehicle, rig=moved(perturbed(drive.rig, LENSES, 1), OFFSETS_M)))
 
 
@@ -38,8 +38,8 @@ def attacked(drive: SyntheticDrive) -> Iterator[Frame]:
 
 def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     store, clean, tested = (str(tmp_path / name) for name in ("audit", "clean.mcap", "attacked.mcap"))
-    write_mcap(Path(clean), street(0).rig, street(0).frames())
-    write_mcap(Path(tested), street(1).rig, attacked(street(1)))
+    for path, drive in ((clean, street(0, 12)), (tested, street(1, 22))):
+        write_mcap(Path(path), drive.rig, attacked(drive) if path == tested else drive.frames())
     assert run(["inspect", clean]) == 0
     printed = " ".join(capfd.readouterr().out.split())
     assert "up to 1 attacked sensor at once can be identified" in printed

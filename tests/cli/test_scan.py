@@ -12,6 +12,8 @@ from auditor.store import Store
 from tests.making.small_drives import START_NS, write_drive
 
 MINUTE_NS = 60 * 10**9
+UNSHOWN = ("--pictures", "none")
+"""For pictures of incidents a recording is read again, in a process of its own."""
 RATES = {"robust": "1%", "paper": "0"}
 
 
@@ -55,7 +57,7 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     how = ["-r", RATES[method], "--store", str(store), "--method", method]
     assert run(["calibrate", str(fleet / "clean.mcap"), *how]) == 0
     recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
-    assert run(["scan", *recordings, *how, "--jobs", "1"]) == 1
+    assert run(["scan", *recordings, *how, *UNSHOWN, "--jobs", "1"]) == 1
     rows = summary(store, capfd)
     assert {row["method"] for row in rows.values()} == {method}
     assert rows["clean.mcap"]["clean"] == 30
@@ -82,7 +84,7 @@ def test_a_clean_scan_exits_with_0_in_every_format(fleet: Path, store: Path, cap
     for form in ("table", "json", "csv", "parquet"):
         assert run(["scan", str(fleet / "clean.mcap"), "--store", str(store), "--format", form]) == 0
     capfd.readouterr()
-    assert run(["scan", str(fleet / "attacked.db3"), "--store", str(store), "--format", "json"]) == 1
+    assert run(["scan", str(fleet / "attacked.db3"), *UNSHOWN, "--store", str(store), "--format", "json"]) == 1
     said = json.loads(capfd.readouterr().out)
     assert list(said) == ["recordings", "incidents", "not_audited"]
     assert [row["name"] for row in said["recordings"]] == ["attacked.db3"]
@@ -102,7 +104,7 @@ def test_recordings_are_scanned_side_by_side_with_the_same_result(fleet: Path, m
 def test_without_thresholds_the_prior_judges_and_says_so_and_the_paper_s_method_calls_nothing_clean(
     fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    scan = ["scan", str(fleet / "clean.mcap"), "--store", str(store), "--jobs", "1"]
+    scan = ["scan", str(fleet / "clean.mcap"), *UNSHOWN, "--store", str(store), "--jobs", "1"]
     assert run(scan) in {0, 1}
     shown = capfd.readouterr()
     assert "clean.mcap: judged by the prior alone" in shown.err
@@ -183,7 +185,7 @@ def test_a_store_judged_by_both_methods_answers_by_the_latest(
     fleet: Path, store: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
-    assert run(["scan", str(fleet / "attacked.db3"), "--store", str(store)]) == 1
+    assert run(["scan", str(fleet / "attacked.db3"), *UNSHOWN, "--store", str(store)]) == 1
     assert run(["judge", str(store), "-r", "0", "--method", "paper"]) == 1
     assert {row["method"] for row in summary(store, capfd).values()} == {"paper"}
     page = tmp_path / "page.html"
@@ -200,7 +202,7 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
 ) -> None:
     run(["calibrate", str(fleet / "clean.mcap"), str(fleet / "quiet.bag"), "--store", str(store)])
     capfd.readouterr()
-    scan = ["scan", str(fleet / "attacked.db3"), "--store", str(store), "--incidents-per-hour"]
+    scan = ["scan", str(fleet / "attacked.db3"), *UNSHOWN, "--store", str(store), "--incidents-per-hour"]
     assert run([*scan, "1"]) == 1
     assert "too few clean frames for that incident rate: its limit is extrapolated" in capfd.readouterr().err
     sql = "SELECT incidents_per_hour, score_threshold FROM judgements"
@@ -239,7 +241,7 @@ def test_three_sensors_detect_but_name_none(method: str, tmp_path: Path, capfd: 
         how |= {"start_ns": START_NS + MINUTE_NS, "attacked": {sensor: range(4, 8)}}
         attacked = write_drive(tmp_path / f"{name}_attacked.mcap", **how)
         run(["calibrate", str(clean), "--store", str(store)])
-        scan = ["scan", str(clean), str(attacked), "--store", str(store), "--jobs", "1", "--method", method]
+        scan = ["scan", str(clean), str(attacked), *UNSHOWN, "--store", str(store), "--jobs", "1", "--method", method]
         assert run([*scan, "-r", RATES[method]]) == 1
         row = summary(store, capfd)[attacked.name]
         assert (row["unidentified"] + row["suspect"], row["attacked"], row["clean"]) == (4, 0, 8)

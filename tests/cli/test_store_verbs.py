@@ -10,10 +10,9 @@ import pytest
 from auditor.cli import run
 from auditor.errors import RecordingError
 from auditor.store import Store
-from tests.making.small_drives import START_NS, write_drive
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
-CAMERAS = (0.6, 0.45, 0.3, 0.0)
 FRAMES = 16
 ATTACKED = {2: range(3, 9)}
 
@@ -22,8 +21,8 @@ ATTACKED = {2: range(3, 9)}
 def night(tmp_path_factory):
     """A store with thresholds, and an attacked drive."""
     folder = tmp_path_factory.mktemp("night")
-    clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=CAMERAS, start_ns=START_NS - MINUTE_NS)
-    drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=CAMERAS, attacked=ATTACKED)
+    clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, start_ns=START_NS - MINUTE_NS)
+    drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked=ATTACKED)
     assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == 0
     assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1"]) == 1
     return folder
@@ -35,7 +34,7 @@ def audit(night, tmp_path):
     return shutil.copytree(night / "audit", tmp_path / "audit")
 
 
-def scan(store, *paths, how=()):
+def scan(store, *paths, how=("--pictures", "none")):
     return run(["scan", *map(str, paths), "--store", str(store), "--jobs", "1", *how])
 
 
@@ -70,7 +69,7 @@ def test_a_growing_file_gives_one_incident(night, tmp_path, capfd):
 
 
 def test_a_copy_in_another_format_is_counted_once_and_both_are_listed(audit, tmp_path, capfd):
-    copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=CAMERAS, attacked=ATTACKED)
+    copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked=ATTACKED)
     assert scan(audit, copy) == 1
     assert len(incidents(capfd, audit)) == 1
     known = listed(capfd, audit)
@@ -84,7 +83,7 @@ def test_a_copy_in_another_format_is_counted_once_and_both_are_listed(audit, tmp
 
 
 def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tmp_path, capfd):
-    twin = write_drive(tmp_path / "twin.mcap", FRAMES, seed=1, positions_m=CAMERAS)
+    twin = write_drive(tmp_path / "twin.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS)
     assert scan(audit, twin) == 3
     [line] = [line for line in capfd.readouterr().err.splitlines() if "conflict" in line]
     assert line.startswith("twin.mcap: conflict with drive.mcap")
@@ -125,7 +124,7 @@ def test_measuring_again_replaces_the_measurement_and_its_judgements(audit, nigh
     frames = store.path("frames", known.measurement_id).read_bytes()
     assert scan(audit, night / "drive.mcap") == 1
     assert store.path("measurements", known.measurement_id).read_bytes() == before
-    assert scan(audit, night / "drive.mcap", how=["--measure-again"]) == 1
+    assert scan(audit, night / "drive.mcap", how=["--measure-again", "--pictures", "all"]) == 1
     assert store.path("measurements", known.measurement_id).read_bytes() != before
     assert store.path("frames", known.measurement_id).read_bytes() == frames
     assert [one.r for one in store.judgements() if one.measurement_id == known.measurement_id] == [Decimal("0.01")]
@@ -171,7 +170,7 @@ def test_an_unknown_name_removes_nothing(audit, capfd, name):
 
 
 def test_a_name_of_two_recordings_is_refused_with_their_ids(audit, tmp_path, capfd):
-    other = write_drive(tmp_path / "drive.mcap", 4, seed=3, positions_m=CAMERAS, start_ns=START_NS + MINUTE_NS)
+    other = write_drive(tmp_path / "drive.mcap", 4, seed=3, positions_m=THREE_CAMERAS, start_ns=START_NS + MINUTE_NS)
     scan(audit, other)
     capfd.readouterr()
     assert run(["store", "remove", "drive.mcap", "--store", str(audit), "--yes"]) == 2
@@ -202,7 +201,7 @@ def test_a_store_is_listed_in_every_format(audit, capfd, form):
 
 
 def test_a_superseded_recording_is_not_calibrated_on(audit, tmp_path, capfd):
-    copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=CAMERAS, start_ns=START_NS - MINUTE_NS)
+    copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=THREE_CAMERAS, start_ns=START_NS - MINUTE_NS)
     assert scan(audit, copy) == 0
     capfd.readouterr()
     assert run(["calibrate", str(audit), "--store", str(tmp_path / "other")]) == 0

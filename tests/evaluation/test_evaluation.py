@@ -3,7 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations, islice, pairwise
 
 import cv2
 import numpy as np
@@ -36,6 +36,7 @@ FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)
 ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
 FRAMES = 5
 CHUNK = 2
+SHORTER = 4
 
 
 class CountingMatcher:
@@ -190,10 +191,16 @@ def drive(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def evaluated(drive, tmp_path_factory):
+def shorter(tmp_path_factory):
+    """A drive that is just long enough for the longer delay."""
+    return write_drive(tmp_path_factory.mktemp("shorter") / "clean.mcap", SHORTER, positions_m=(0.6, 0.3, 0.0))
+
+
+@pytest.fixture(scope="module")
+def evaluated(shorter, tmp_path_factory):
     """A store with all cases of all frames, only to be read, and the result of evaluating."""
     store = tmp_path_factory.mktemp("evaluated")
-    return store, run(drive, store)
+    return store, run(shorter, store)
 
 
 @pytest.fixture
@@ -201,32 +208,46 @@ def short_chunks(monkeypatch):
     monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
 
 
+def few_in_short_chunks(patched):
+    """A third of each experiment's cases, in short chunks; intervals end with them, as long ones do with long chunks."""
+
+    def few(experiment):
+        together = min(experiment.together, CHUNK)
+        return replace(
+            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 3)
+        )
+
+    chosen = tuple(few(one) for one in experiments_of(()))
+    patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    patched.setattr(runner, "experiments_of", lambda _: chosen)
+
+
 @pytest.fixture
-def short_intervals(monkeypatch):
-    """Intervals end with short chunks, as long ones do with long chunks."""
-    monkeypatch.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
+def few_cases(monkeypatch):
+    few_in_short_chunks(monkeypatch)
 
 
 @pytest.fixture(scope="module")
 def in_chunks(drive, tmp_path_factory):
-    """A store with the cases of every other frame, in short chunks, and the result of evaluating."""
+    """A store with few cases of every other frame, in short chunks, and the result of evaluating."""
     store = tmp_path_factory.mktemp("chunks")
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
-        patched.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
-        return store, run(drive, store, attack_every=2)
+        few_in_short_chunks(patched)
+        done = run(drive, store, attack_every=2)
+    assert {"delay", "facula", "wall"} <= {case["attack"] for case in content(store)}
+    return store, done
 
 
-def test_every_case_of_every_frame_is_measured_and_none_again(drive, evaluated):
+def test_every_case_of_every_frame_is_measured_and_none_again(shorter, evaluated):
     store, done = evaluated
-    delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
+    delayed = 3 * sum(max(SHORTER - delay, 0) for delay in (1, 3, 10))
     ladders = 3 * (7 + 7 + 6 + 6 + 4) + 2 * 6 + 4
-    once = FRAMES * (1 + 3 * 13 + 5 + 44 + 9 + 2 * 7 + 2 * 5)
-    assert (done.frames, done.cases) == (FRAMES, once + delayed + ladders)
-    assert not run(drive, store).fresh
+    once = SHORTER * (1 + 3 * 13 + 5 + 44 + 9 + 2 * 7 + 2 * 5)
+    assert (done.frames, done.cases) == (SHORTER, once + delayed + ladders)
+    assert not run(shorter, store).fresh
 
 
-@pytest.mark.usefixtures("short_chunks", "short_intervals")
+@pytest.mark.usefixtures("few_cases")
 def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
     drive, in_chunks, tmp_path, monkeypatch
 ):
@@ -250,7 +271,7 @@ def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
     assert content(tmp_path / "killed") == content(store)
 
 
-@pytest.mark.usefixtures("short_chunks", "short_intervals")
+@pytest.mark.usefixtures("few_cases")
 def test_shares_of_a_recording_make_the_whole(drive, in_chunks, tmp_path):
     done = [run(drive, tmp_path / "shared", attack_every=2, share=share, of=2) for share in (0, 1)]
     assert [one.frames for one in done] == [CHUNK + 1, CHUNK]
@@ -319,6 +340,7 @@ def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
         run(path, tmp_path / "audit")
 
 
+@pytest.mark.usefixtures("few_cases")
 def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, monkeypatch):
     path = write_drive(tmp_path / "drive.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
     find = sources.rigs_through
@@ -352,19 +374,19 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
     assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
 
 
-def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
-    arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
-    arguments += ["--attack-every", str(FRAMES)]
+def test_the_command_measures_once_and_prints_the_summary(shorter, tmp_path):
+    arguments = ["evaluate", str(shorter), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
+    arguments += ["--attack-every", str(SHORTER)]
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
     assert {(row["method"], row["left_out"], row["drives"]) for row in rows} == {
         ("paper", "nothing", 1),
         ("robust", "nothing", 1),
-        ("robust", "block", 0),  # five frames are one block
+        ("robust", "block", 0),  # four frames are one block
         ("robust", "recording", 0),
     }
-    assert all(row["clean_frames"] == FRAMES and 0 <= row["not_clean"] <= 1 for row in rows)
+    assert all(row["clean_frames"] == SHORTER and 0 <= row["not_clean"] <= 1 for row in rows)
     assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "misnamed"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr
@@ -384,7 +406,7 @@ def test_the_command_needs_recordings_or_streets():
 def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(evaluated):
     sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
     rows = [tuple(row.values()) for row in run_sql(Store.open(evaluated[0]), sql).to_pylist()]
-    assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
+    assert rows == [(f, float(d)) for f in range(SHORTER) for d in (1, 3) if d <= f]
 
 
 def test_cases_that_are_not_random_come_with_the_first_draw_only():
@@ -414,20 +436,20 @@ def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_chunk
     assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
 
 
-def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, evaluated, tmp_path):
+def test_laser_patterns_are_laid_over_every_camera_and_measured_once(shorter, evaluated, tmp_path):
     picture = tmp_path / "laser.png"
     light = np.zeros((60, 160, 3), dtype=np.uint8)
     light[20:40] = 255
     picture.write_bytes(cv2.imencode(".png", light)[1].tobytes())
     shutil.copytree(evaluated[0], tmp_path / "audit")
-    added = run(drive, tmp_path / "audit", patterns=(picture,))
-    assert added.cases == FRAMES * 3
-    assert not run(drive, tmp_path / "audit", patterns=(picture,)).fresh
+    added = run(shorter, tmp_path / "audit", patterns=(picture,))
+    assert added.cases == SHORTER * 3
+    assert not run(shorter, tmp_path / "audit", patterns=(picture,)).fresh
     rows = run_query(Store.open(tmp_path / "audit"), "evaluation_further", {"r": "0"}).to_pylist()
     patterns = [row for row in rows if row["attack"] == "pattern"]
     assert {row["variant"] for row in patterns} == {"/".join(picture.parts[-3:])}
     assert [row["attacked"] for row in patterns] == [[1], [2], [3]]
-    assert all(row["detected"] == row["cases"] == FRAMES for row in patterns)
+    assert all(row["detected"] == row["cases"] == SHORTER for row in patterns)
 
 
 def test_a_file_that_is_not_a_picture_is_refused_as_a_pattern(tmp_path):

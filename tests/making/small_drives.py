@@ -15,6 +15,8 @@ PERIOD_NS = 10**8
 DAY_NS = 86_400 * 10**9
 """Drives of one vehicle that differ begin days apart: at the same stamps they are in conflict."""
 FOUR_CAMERAS = (0.6, 0.45, 0.3, 0.0)
+THREE_CAMERAS = (0.6, 0.3, 0.0)
+"""Beside a LiDAR they name one attacked sensor, and take half the time to measure."""
 WRITERS = {".mcap": write_mcap, ".bag": write_bag, ".db3": write_db3}
 
 

@@ -41,7 +41,7 @@ def told(made):
     """(left_out, system, experiment, case, verdict): the definition, spelled out."""
     _, cases = made
     everything = [(e, recording, case) for (e, recording), of_it in cases.items() for case in of_it]
-    found = []
+    found, thresholds_by = [], {}
     for here in {(recording, case.frame // BLOCK) for _, recording, case in everything}:
         mine = [(e, case) for e, recording, case in everything if (recording, case.frame // BLOCK) == here]
         kept = {
@@ -52,7 +52,10 @@ def told(made):
         for left_out, keeps in kept.items():
             for sensors in (*SMALL, *LARGE):
                 system = system_of(sensors)
-                thresholds = learnt(cases, keeps, system, R, here[0])
+                learnt_from = left_out, sensors, here if left_out == "block" else here[0]
+                if learnt_from not in thresholds_by:
+                    thresholds_by[learnt_from] = learnt(cases, keeps, system, R, here[0])
+                thresholds = thresholds_by[learnt_from]
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, sensors)]
                 verdicts = judged_alone([case.statistics for _, case in chosen], system, thresholds)
                 found += [(left_out, sensors, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
