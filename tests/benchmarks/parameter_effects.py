@@ -23,7 +23,6 @@ from datetime import UTC, datetime
 from decimal import Decimal
 from hashlib import sha256
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -108,13 +107,13 @@ def variants(groups: Iterable[object]) -> Iterator[Variant]:
 
 def parameters_of(room: str) -> ModuleType:
     """A room's module of parameters, without the room, whose modules read them when they are imported."""
-    name = f"auditor.{room}.parameters"
+    package, name = f"auditor.{room}", f"auditor.{room}.parameters"
     if name not in sys.modules:
-        spec = spec_from_file_location(name, Path(auditor.__file__).parent / room / "parameters.py")
-        assert spec
-        assert spec.loader
-        sys.modules[name] = module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
+        bare = ModuleType(package)  # a stand-in, from which the module can import the room's other parameters
+        bare.__path__ = [str(Path(auditor.__file__).parent / room)]
+        sys.modules[package] = bare
+        import_module(name)
+        del sys.modules[package]
     return sys.modules[name]
 
 
