@@ -9,13 +9,14 @@ other blocks of ten.
 
 import argparse
 from collections import defaultdict
-from dataclasses import replace
 
 import numpy as np
 
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.attacks import Attack, Attacks
 from auditor.identification.algorithm2 import identify
 from auditor.lab.attacks.paper import draw_facula, draw_wall
-from auditor.measurement import measure, use_one_thread
+from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.frames import Frame
 from auditor.model.measurement import Statistic
@@ -30,20 +31,20 @@ MATCHER = find_matcher("sgbm")
 Errors = dict[Triple, float | None]
 
 
-def attacked(frame: Frame, rig: Rig, sensor: int, strength: str, rng: np.random.Generator) -> Frame:
-    """The frame with one drawn attack on one sensor."""
+def drawn(frame: Frame, sensor: int, strength: str, rng: np.random.Generator) -> Attack:
+    """One attack on one sensor of the frame."""
     if sensor == LIDAR:
-        assert frame.cloud is not None
-        return replace(frame, cloud=draw_wall(rng).apply(frame.cloud, rig))
-    image = frame.images[sensor]
-    facula = draw_facula(rng, image.pixels.shape[1], image.pixels.shape[0], strength)
-    return replace(frame, images={**frame.images, sensor: facula.apply(image)})
+        return draw_wall(rng)
+    height, width = frame.images[sensor].pixels.shape[:2]
+    return draw_facula(rng, width, height, strength)
 
 
-def disparity_errors(frame: Frame, rig: Rig) -> Errors:
-    """The gated E of every triple."""
-    counts = measure(frame, rig, MATCHER)[0].counts
-    return {t: c.disparity_error(Statistic.GATED) if c else None for t, c in zip(rig.triples, counts, strict=False)}
+def disparity_errors(frame: AttackedFrame, attacks: Attacks) -> Errors:
+    """The gated E of every triple, as measuring the frame under these attacks gives it."""
+    counts = frame.counts(attacks)
+    return {
+        t: c.disparity_error(Statistic.GATED) if c else None for t, c in zip(frame.rig.triples, counts, strict=False)
+    }
 
 
 def named(E: Errors, theta: dict[Triple, float], rig: Rig) -> tuple[int, ...]:
@@ -77,12 +78,13 @@ def main() -> None:
         rig, stream = frames(number)
         for frame in stream:
             key = (f"{number}/{frame.number // BLOCK}", frame.number)
-            clean[key] = disparity_errors(frame, rig)
+            measured = AttackedFrame(frame, rig, MATCHER)
+            clean[key] = disparity_errors(measured, {})
             rng = np.random.default_rng([options.seed, int(number), frame.number])
             for _ in range(DRAWS):
                 for sensor in rig.sensors:
-                    changed = attacked(frame, rig, sensor, options.strength, rng)
-                    cases[key].append((sensor, disparity_errors(changed, rig)))
+                    attacks = {sensor: drawn(frame, sensor, options.strength, rng)}
+                    cases[key].append((sensor, disparity_errors(measured, attacks)))
     for mode in ("in sample", "left out"):
         hits, false_alarms = defaultdict(list), 0
         for key, attacks in cases.items():

@@ -17,7 +17,7 @@ from typing import Any
 from auditor.identification.cross_validation import robust_thresholds
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.measurement import FaultFeatures, measure
+from auditor.measurement import FaultFeatures, FrameArrays, measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import SensorCheck, rig_sensor_checks
 from auditor.model.frames import CameraImage, Frame
@@ -67,12 +67,13 @@ def one_frame() -> dict[str, dict[str, Table]]:
     """By case and subject: the counts of each triple, each sensor check's statistic, sums of cells, fault features."""
     rig, stream = frames("0009", all_cameras=True)
     before, frame = islice(stream, FRAME_NUMBER - 1, FRAME_NUMBER + 1)
-    return {name: _figures(before, _changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
+    _, of_before = measure(before, rig, find_matcher("sgbm"))
+    return {name: _figures(of_before, _changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
 
 
-def _figures(before: Frame, frame: Frame, rig: Rig) -> dict[str, Table]:
+def _figures(before: FrameArrays, frame: Frame, rig: Rig) -> dict[str, Table]:
     matcher, watch = find_matcher("sgbm"), FaultFeatures()
-    watch.update(measure(before, rig, matcher)[1])
+    watch.update(before)
     measured, evidence = measure(frame, rig, matcher)
     return {
         "counts": {

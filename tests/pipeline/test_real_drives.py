@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
@@ -21,6 +22,7 @@ DEPTH_FRAMES = (5, 25, 45, 65, 85)
 ANNOTATED_PER_METRE = 256
 ATTACKED_EVERY = 4
 VERDICTS = "SELECT frame, kind FROM verdicts"
+UNSHOWN = ("--pictures", "none")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +31,7 @@ def converted(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     folder = tmp_path_factory.mktemp("converted")
     source, drive = real_data / "kitti_raw_2011_09_26_drive_0009", str(folder / "0009.mcap")
     assert run(["convert", str(source), drive]) == 0
-    assert run(["scan", drive, "--measure-only", "--store", str(folder / "audit")]) == 3
+    assert run(["scan", drive, "--measure-only", *UNSHOWN, "--store", str(folder / "audit")]) == 3
     return folder
 
 
@@ -44,7 +46,7 @@ def test_a_drive_calibrated_on_its_first_half_is_audited_whole(
 ) -> None:
     recording = str(converted / "0009.mcap")
     assert run(["calibrate", recording, "--frames", "0:20", "-r", "0", "--store", str(store)]) == 0
-    code = run(["scan", recording, "-r", "0", "--store", str(store)])
+    code = run(["scan", recording, "-r", "0", *UNSHOWN, "--store", str(store)])
     capfd.readouterr()
     assert run(["query", "--store", str(store), "--format", "json", "--sql", VERDICTS]) == 0
     raised = [row["frame"] for row in json.loads(capfd.readouterr().out) if row["kind"] != "clean"]
@@ -59,7 +61,7 @@ def test_four_cameras_name_the_attacked_one_and_the_page_tells_it(
     clean, attacked = converted / "0009.mcap", tmp_path / "attacked.mcap"
     assert run(["attack", str(clean), str(attacked), "--on", "S_2", "--from", "1", "--to", "3"]) == 0
     assert run(["calibrate", str(clean), "--store", str(store)]) == 0
-    assert run(["scan", str(attacked), "-r", "0.01", "--store", str(store)]) == 1
+    assert run(["scan", str(attacked), "-r", "0.01", *UNSHOWN, "--store", str(store)]) == 1
     capfd.readouterr()
     assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
     incidents = json.loads(capfd.readouterr().out)
@@ -78,11 +80,12 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
     clean: dict[int, identification.Errors] = {}
     cases = []
     for frame in islice(stream, 0, None, 2):
-        clean[frame.number] = identification.disparity_errors(frame, rig)
+        measured = AttackedFrame(frame, rig, identification.MATCHER)
+        clean[frame.number] = identification.disparity_errors(measured, {})
         rng = np.random.default_rng(frame.number)
         for sensor in rig.sensors if frame.number % ATTACKED_EVERY == 0 else ():
-            changed = identification.attacked(frame, rig, sensor, "opaque", rng)
-            cases.append((frame.number, sensor, identification.disparity_errors(changed, rig)))
+            attacks = {sensor: identification.drawn(frame, sensor, "opaque", rng)}
+            cases.append((frame.number, sensor, identification.disparity_errors(measured, attacks)))
     named = {mode: defaultdict(int) for mode in ("in sample", "left out")}
     for number, sensor, E in cases:
         for mode, counts in named.items():
