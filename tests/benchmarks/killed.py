@@ -27,8 +27,7 @@ from auditor.store.maintenance.verify import verify
 from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force, histories
 from tests.making.fleets import add_drive
-from tests.making.small_drives import START_NS, write_drive
-from tests.store.kept import THREE_CAMERAS
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 _MINUTE_NS = 60 * 10**9
 

@@ -19,8 +19,7 @@ from auditor.pipeline import workers
 from auditor.pipeline.many import MeasureSettings, find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from tests.making.small_drives import START_NS, write_drive
-from tests.store.kept import THREE_CAMERAS
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 WARM, COLD = "auditor.pipeline.warm", "auditor.pipeline.measure"
 _APART_NS = 60 * 10**9

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 MINE = b"the only copy of a drive"
 
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=12)
+    return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=12, positions_m=THREE_CAMERAS)
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,8 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def scan_of(path: Path, clean: Path) -> list[str]:
     """A scan by the thresholds of the clean drive into a store of its own: there it conflicts with no other drive."""
     [thresholds] = (clean.parent / "audit" / "calibrations").glob("*.parquet")
-    return ["scan", str(path), "--store", str(path.parent / path.stem), "--calibration", str(thresholds)]
+    store = str(path.parent / path.stem)
+    return ["scan", str(path), "--pictures", "none", "--store", store, "--calibration", str(thresholds)]
 
 
 @pytest.fixture

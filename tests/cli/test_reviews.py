@@ -15,7 +15,7 @@ from auditor.store import Store, rows_of, run_query, run_sql
 from auditor.store.log.chains import entries
 from auditor.store.maintenance.verify import verify
 from auditor.store.reviews import ReviewVerdict, false_alarms, review_incident
-from tests.making.small_drives import START_NS, write_drive
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 14
 ATTACKED = {2: range(3, 9)}
@@ -27,10 +27,10 @@ TODAY = datetime.now(UTC).date()
 def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with thresholds, and an attacked drive with one incident."""
     folder = tmp_path_factory.mktemp("night")
-    clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, start_ns=START_NS - MINUTE_NS)
-    drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, attacked=ATTACKED)
+    clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, start_ns=START_NS - MINUTE_NS)
+    drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked=ATTACKED)
     assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == 0
-    assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1"]) == 1
+    assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1", "--pictures", "none"]) == 1
     return folder
 
 

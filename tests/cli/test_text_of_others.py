@@ -20,7 +20,7 @@ from auditor.cli import run
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_sql
 from tests.making.scenes import plane_rig
-from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive
+from tests.making.small_drives import THREE_CAMERAS, drive_frames, write_drive
 
 FORGED = "\nauditor: all clean"
 EVIL = f"=1{FORGED}\r\x1b[2J\x1b]0;title\x07\x9b31m\u202e\u2028|<b>&\0"
@@ -33,7 +33,7 @@ UNSAFE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording whose name, topics and sensors are hostile, and which is attacked; a store with what was found."""
     folder = tmp_path_factory.mktemp("evil")
-    rig = plane_rig(FOUR_CAMERAS, True)
+    rig = plane_rig(THREE_CAMERAS, True)
     cameras = tuple(replace(c, name=f"{c.name}{EVIL}", topic=f"{c.topic}{EVIL}") for c in rig.cameras)
     evil = replace(rig, cameras=cameras, lidar=replace(rig.lidar, topic=f"{rig.lidar.topic}{EVIL}"))
     write_mcap(folder / "clean.mcap", evil, drive_frames(evil, 12))
@@ -101,7 +101,7 @@ def test_every_verb_shows_hostile_names_on_one_line(folder, tmp_path, capfdbinar
 @pytest.mark.parametrize("ending", [".mcap", ".bag", ".db3"])
 def test_a_file_name_that_is_no_utf_8_is_audited_stored_and_asked_for(ending, tmp_path, capfd):
     store = tmp_path / "audit"
-    drive = write_drive(tmp_path / f"drive{ending}", count=8)
+    drive = write_drive(tmp_path / f"drive{ending}", count=8, positions_m=THREE_CAMERAS)
     odd = drive.rename(tmp_path / os.fsdecode(b"\xff" + ending.encode()))
     assert run(["calibrate", str(odd), "--store", str(store)]) == 0
     assert run(["scan", str(odd), "--store", str(store), "--jobs", "1"]) == 0

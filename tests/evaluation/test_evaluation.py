@@ -209,7 +209,7 @@ def short_chunks(monkeypatch):
 
 
 def few_in_short_chunks(patched):
-    """A third of each experiment's cases, in short chunks; intervals end with them, as long ones do with long chunks."""
+    """A third of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
 
     def few(experiment):
         together = min(experiment.together, CHUNK)
@@ -374,19 +374,20 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
     assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
 
 
-def test_the_command_measures_once_and_prints_the_summary(shorter, tmp_path):
-    arguments = ["evaluate", str(shorter), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
-    arguments += ["--attack-every", str(SHORTER)]
+def test_the_command_measures_once_and_prints_the_summary(tmp_path):
+    drive = write_drive(tmp_path / "short.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
+    arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
+    arguments += ["--attack-every", "2"]
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
     assert {(row["method"], row["left_out"], row["drives"]) for row in rows} == {
         ("paper", "nothing", 1),
         ("robust", "nothing", 1),
-        ("robust", "block", 0),  # four frames are one block
+        ("robust", "block", 0),  # two frames are one block
         ("robust", "recording", 0),
     }
-    assert all(row["clean_frames"] == SHORTER and 0 <= row["not_clean"] <= 1 for row in rows)
+    assert all(row["clean_frames"] == 2 and 0 <= row["not_clean"] <= 1 for row in rows)
     assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "misnamed"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr

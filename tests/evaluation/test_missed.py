@@ -22,10 +22,9 @@ from auditor.store.maintenance.removal import remove_recordings
 from auditor.store.maintenance.verify import verify
 from tests.making.pages import Page
 from tests.making.scenes import plane_rig
-from tests.making.small_drives import drive_frames, write_drive
+from tests.making.small_drives import THREE_CAMERAS, drive_frames, write_drive
 
 FRAMES = 3
-THREE_CAMERAS = (0.6, 0.3, 0.0)
 WEAK = {radius: Facula(30.0, radius, u_px=100.0, v_px=60.0) for radius in (3.0, 5.0)}
 OPAQUE = Facula(2000.0, 60.0, u_px=160.0, v_px=60.0)
 SECTOR = HiddenSector(1.0, 10.0)

@@ -287,7 +287,7 @@ ALL_Z = st.one_of(st.floats(-4, 12), st.just(float("nan")))
 
 
 @given(st.data(), st.sampled_from([THREE, FOUR, WITH_FALLBACK]), st.sets(st.integers(0, 4), max_size=3))
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 def test_a_frame_is_a_finding_where_its_score_exceeds_the_limit_and_names_only_what_is_there(data, system, absent):
     count = len(system.sensor_checks)
     z = np.array([data.draw(st.lists(ALL_Z, min_size=count, max_size=count))])

@@ -127,7 +127,7 @@ def test_frames_under_attack_in_a_calibration_widen_the_deviation_within_to_so_m
 @given(
     st.lists(st.lists(st.one_of(st.floats(-4, 4), st.just(NAN)), max_size=12), max_size=5),
 )
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 def test_what_is_expected_is_finite_and_never_certain(drives):
     found = expected(PRIOR, [np.array(values, dtype=np.float64) for values in drives])
     assert math.isfinite(found.mean)
@@ -160,13 +160,13 @@ def test_constant_frames_and_hardly_any_are_worth_one(values):
 
 
 @given(st.lists(st.floats(-5, 5, allow_subnormal=False), min_size=4, max_size=60))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 def test_frames_are_worth_one_at_least_and_their_number_at_most(values):
     assert 1 <= effective_size(np.array(values)) <= len(values)
 
 
 @given(st.floats(1e-5, 0.99), st.floats(1e-5, 0.99), st.integers(1, 200), st.integers(1, 200))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 def test_the_limit_falls_with_r_and_rises_with_the_checks(r, other, checks, more):
     assert joint_limit(min(r, other), checks) >= joint_limit(max(r, other), checks)
     assert joint_limit(r, min(checks, more)) <= joint_limit(r, max(checks, more))

@@ -73,14 +73,19 @@ def browse(page, folder):
     return [line for line in done.stderr.splitlines() if "CONSOLE" in line], addresses, done.stdout
 
 
-def measured_width(page, folder, width_px):
-    """How wide a page is on a screen of that width, as a browser measures it; its own policy is taken out for that."""
-    text = re.sub(r"<meta http-equiv=[^>]*>", "", page.read_text("utf-8"))
-    ask = "<script>onload=()=>parent.postMessage(document.documentElement.scrollWidth,'*')</script></body>"
-    (folder / "page.html").write_text(text.replace("</body>", ask), "utf-8")
+def measured_widths(pages, folder, width_px):
+    """How wide pages are on a screen of that width, as one browser measures them; their own policy is taken out."""
+    for number, page in enumerate(pages):
+        text = re.sub(r"<meta http-equiv=[^>]*>", "", page.read_text("utf-8"))
+        told = f"'{number}:'+document.documentElement.scrollWidth"
+        ask = f"<script>onload=()=>parent.postMessage({told},'*')</script></body>"
+        (folder / f"page{number}.html").write_text(text.replace("</body>", ask), "utf-8")
     # a window is never narrower than 500 px: a frame is
-    frame = f"<iframe width={width_px} height=800 style='border:0' src=page.html></iframe>"
-    told = "<script>onmessage=e=>document.title='wide '+e.data</script>"
-    (folder / "frame.html").write_text(f"{told}{frame}", "utf-8")
+    frame = "<iframe width={} height=800 style='border:0' src=page{}.html></iframe>"
+    frames = "".join(frame.format(width_px, number) for number in range(len(pages)))
+    told = "<script>document.title='wide';onmessage=e=>document.title+=' '+e.data</script>"
+    (folder / "frame.html").write_text(f"{told}{frames}", "utf-8")
     _, _, document = browse(folder / "frame.html", folder)
-    return int(re.search(r"<title>wide (\d+)</title>", document)[1])
+    [measured] = re.findall(r"<title>wide ([^<]*)</title>", document)
+    widths = dict(one.split(":") for one in measured.split())
+    return [int(widths[str(number)]) for number in range(len(pages))]

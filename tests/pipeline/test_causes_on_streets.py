@@ -1,6 +1,6 @@
 """Synthetic streets from images to verdicts: what a tilt, a camera that lags, rain and a wall are called."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +16,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause, Verdict, VerdictKind
 from tests.benchmarks.lasting_faults import on, taken
 from tests.benchmarks.measured_series import judged, learn, measured
+from tests.making.matched_once import matched_once
 
 FRAMES = 4
 # Two vehicles, each with a street of its own; the LiDAR of the second lies well beside its calibration.
@@ -33,6 +34,13 @@ class Street:
     def verdicts(self, frames: Iterable[Frame]) -> list[Verdict]:
         """The verdicts on frames as they were changed."""
         return judged(measured(frames, self.rig), self.thresholds, self.rig)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _matched_once() -> Iterator[None]:
+    """Whatever befalls the LiDAR, the cameras see the same."""
+    with matched_once():
+        yield
 
 
 @pytest.fixture(scope="module")

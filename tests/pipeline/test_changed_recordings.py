@@ -8,7 +8,7 @@ import pytest
 from auditor.errors import RecordingError
 from auditor.pipeline import measure
 from auditor.store import Store
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 FRAMES = 4
 
@@ -16,8 +16,10 @@ FRAMES = 4
 @pytest.fixture
 def drives(tmp_path):
     """A recording that is clean, and one of the same moments that is attacked."""
-    clean = write_drive(tmp_path / "drive.mcap", FRAMES, seed=1)
-    attacked = write_drive(tmp_path / "attacked.mcap", FRAMES, seed=1, attacked={2: range(FRAMES)})
+    clean = write_drive(tmp_path / "drive.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS)
+    attacked = write_drive(
+        tmp_path / "attacked.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked={2: range(FRAMES)}
+    )
     return clean, attacked
 
 

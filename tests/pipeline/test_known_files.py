@@ -12,9 +12,7 @@ from auditor.pipeline import many
 from auditor.recordings import Location
 from auditor.store import Store
 from auditor.store.maintenance.removal import remove_measurement
-from tests.making.small_drives import write_drive
-
-THREE_CAMERAS = (0.6, 0.3, 0.0)
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 
 @pytest.fixture(scope="module")

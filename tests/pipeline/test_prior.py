@@ -16,7 +16,7 @@ from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
 from auditor.store.maintenance.check import check
 from auditor.store.versions.history import put_first_in_force
-from tests.making.small_drives import DAY_NS, START_NS, write_drive
+from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 12
 R = Decimal("0.01")
@@ -28,9 +28,14 @@ ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; cal
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("recordings")
     how = {
-        "clean": {},
-        "attacked": {"start_ns": START_NS + DAY_NS, "seed": 3, "attacked": {2: range(4, 8)}},
-        "another kind": {"start_ns": START_NS + 2 * DAY_NS, "seed": 5, "positions_m": (0.8, 0.5, 0.2, 0.0)},
+        "clean": {"positions_m": THREE_CAMERAS},
+        "attacked": {
+            "start_ns": START_NS + DAY_NS,
+            "seed": 3,
+            "positions_m": THREE_CAMERAS,
+            "attacked": {2: range(4, 8)},
+        },
+        "another kind": {"start_ns": START_NS + 2 * DAY_NS, "seed": 5, "positions_m": (0.9, 0.5, 0.0)},
     }
     return {name: write_drive(folder / f"{name}.mcap", FRAMES, **of) for name, of in how.items()}
 

@@ -13,8 +13,7 @@ from auditor.errors import LimitError, RecordingError
 from auditor.pipeline.many import MeasureSettings, find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
-from tests.making.small_drives import write_drive
-from tests.store.kept import THREE_CAMERAS
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 
 def square(item: int, progress: Progress) -> int:

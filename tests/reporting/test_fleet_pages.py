@@ -14,7 +14,7 @@ from auditor.reporting.incident.one import Incidents
 from auditor.store.reviews import ReviewVerdict, review_incident
 from auditor.store.store import Store
 from tests.making.accessibility import complaints, contrasts
-from tests.making.pages import BROWSER, HOSTILE, Page, browse, measured_width
+from tests.making.pages import BROWSER, HOSTILE, Page, browse, measured_widths
 from tests.making.report_stores import add_recording, make_rig, new_store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -150,8 +150,8 @@ def test_colours_of_text_are_told_from_their_grounds(dark):
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the page in")
 def test_no_page_is_wider_than_a_phone(pages, tmp_path):
-    for path in every(pages):
-        assert measured_width(path, tmp_path, 390) <= 390, path
+    widths = measured_widths(every(pages), tmp_path, 390)
+    assert [path for path, width in zip(every(pages), widths, strict=True) if width > 390] == []
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the page in")

@@ -13,10 +13,9 @@ from typing import Any
 from auditor.cli import run
 from auditor.store import Store, run_query, run_sql
 from auditor.store.schema import SCHEMA_VERSION
-from tests.making.small_drives import START_NS, write_drive
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 KEPT = Path(__file__).parent / "kept_stores"
-THREE_CAMERAS = (0.6, 0.3, 0.0)
 
 Answers = Mapping[str, list[dict[str, Any]]]
 

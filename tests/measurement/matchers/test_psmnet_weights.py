@@ -249,7 +249,7 @@ def saved(zipped: bool) -> bytes:
     return file.getvalue()
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_a_damaged_checkpoint_is_always_a_clear_error(tmp_path_factory, data) -> None:
     content = bytearray(data.draw(st.sampled_from([saved(True), saved(False)])))

@@ -142,7 +142,7 @@ def test_a_cut_point_cloud_is_damaged_not_used(data: st.DataObject) -> None:
         decoder().xyz_m(cut)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=70, deadline=None, derandomize=True)
 @given(st.data())
 def test_noise_in_a_point_cloud_raises_only_our_own_error(data: st.DataObject) -> None:
     noisy = bytearray(plain().data)

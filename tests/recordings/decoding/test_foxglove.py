@@ -216,7 +216,7 @@ def test_json_that_is_not_a_raw_image_raises_only_our_own_error(data: bytes) -> 
         decoder(image).pixels(image, colour=False)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.data())
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_noise_raises_only_our_own_error(encoding: str, data: st.DataObject) -> None:

@@ -157,7 +157,7 @@ def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pyt
             read(message)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.data())
 def test_noise_in_a_video_raises_only_our_own_error(data: st.DataObject) -> None:
     packets = [bytearray(packet) for packet in PACKETS[:4]]

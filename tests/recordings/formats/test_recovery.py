@@ -251,7 +251,7 @@ def test_messages_before_a_cut_of_a_db3_are_read_and_the_cut_is_reported(
     assert set(before) <= set(found)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.data())
 def test_noise_in_a_db3_raises_only_our_own_error(
     db3: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
