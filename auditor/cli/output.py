@@ -84,7 +84,7 @@ def print_rows(
     console.width = 10_000  # so that a table is measured, not squeezed
 
     def fits(some: Sequence[str]) -> bool:
-        return console.measure(_table(rows, some, title)).maximum <= room
+        return console.measure(_table(_widest(rows, some), some, title)).maximum <= room
 
     if not rows:
         if fits(columns):
@@ -110,6 +110,13 @@ def print_rows(
             console.print(_table(rows, group, "" if number else title))
     else:
         _print_below(console, rows, columns, title)
+
+
+def _widest(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> list[Mapping[str, Any]]:
+    """A row as wide as all of them: of each column the widest cell. Measuring all takes longer than asking for them."""
+    from rich.cells import cell_len  # noqa: PLC0415
+
+    return [{column: max((shown(row[column]) for row in rows), key=cell_len) for column in columns}] if rows else []
 
 
 def _without(columns: Sequence[str], some: Sequence[str]) -> list[str]:
@@ -160,6 +167,7 @@ def _table(
     rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str, wrapped: Sequence[str] = ()
 ) -> "TableOnScreen":
     from rich import box  # noqa: PLC0415
+    from rich.cells import cell_len  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
@@ -170,13 +178,20 @@ def _table(
         pad_edge=False,
         collapse_padding=True,
     )
+    columns_of_cells: list[list[str]] = []
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
         justify: JustifyMethod = "right" if numeric and rows else "left"
-        least = min(_LEAST_WRAPPED, max(len(shown(row[column])) for row in rows)) if column in wrapped else None
-        table.add_column(Text(column), justify=justify, no_wrap=column not in wrapped, min_width=least)
-    for row in rows:
-        table.add_row(*(Text(shown(row[column])) for column in columns))
+        cells = [shown(row[column]) for row in rows]
+        width = max(map(cell_len, [column, *cells]))  # given, it is not measured cell by cell
+        if column in wrapped:
+            least = min(_LEAST_WRAPPED, max(map(len, cells)))
+            table.add_column(Text(column), justify=justify, min_width=least)
+        else:
+            table.add_column(Text(column), justify=justify, no_wrap=True, width=width)
+        columns_of_cells.append(cells)
+    for texts in zip(*columns_of_cells, strict=True):
+        table.add_row(*map(Text, texts))
     return table
 
 

@@ -67,6 +67,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         connection = on_error.enter_context(duckdb.connect(config=_SHUT))
         connection.register_filesystem(files)
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
+        connection.execute("SET parquet_metadata_cache = true")  # each view over a file would read its footer again
         if limits is not None:
             connection.execute("SET memory_limit = ?", [f"{limits.memory_bytes}B"])
         connection.execute("\n".join(macro for name, macro in all_macros().items() if name in needed))

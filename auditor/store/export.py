@@ -193,7 +193,7 @@ def _each(change: Callable[[Any], str], values: Iterable[Any]) -> pa.Array:
 def _texts(encoded: Sequence[bytes | None]) -> pa.Array:
     """Texts in UTF-8 as an array. `pa.array` imports pandas where that is installed, half of the time of a query."""
     ends = np.cumsum([0, *(len(text or b"") for text in encoded)], dtype=np.int64)
-    there = np.packbits([text is not None for text in encoded], bitorder="little")
+    there = np.packbits(np.array([text is not None for text in encoded], dtype=np.bool_), bitorder="little")
     content = b"".join(text or b"" for text in encoded)
     buffers = [pa.py_buffer(there), pa.py_buffer(ends), pa.py_buffer(content)]
     return pa.Array.from_buffers(pa.large_string(), len(encoded), buffers)
