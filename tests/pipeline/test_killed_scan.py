@@ -35,7 +35,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
 
 
 def scan(store: Path, drives: list[Path]) -> list[str]:
-    return ["scan", *map(str, drives), "-r", "0", "--store", str(store), "--jobs", "1"]
+    return ["scan", *map(str, drives), "-r", "0.001", "--store", str(store), "--jobs", "1"]
 
 
 def tables(store: Path) -> dict[str, bytes]:

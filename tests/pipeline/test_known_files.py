@@ -59,7 +59,7 @@ def test_a_known_file_is_not_read_again_and_its_verdicts_are_shown_as_they_were(
 
 def test_where_many_are_known_and_nothing_is_judged_they_are_counted_and_json_has_all(known, read, monkeypatch, capfd):
     drive, folder = known
-    monkeypatch.setattr(summary, "_MOST_KNOWN", 0)
+    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
     assert run(["scan", str(drive), "--store", str(folder)]) == scan(drive, folder)
     said = capfd.readouterr()
     printed, as_json = said.out.split("{", 1)
@@ -70,13 +70,14 @@ def test_where_many_are_known_and_nothing_is_judged_they_are_counted_and_json_ha
     assert [row["name"] for row in json.loads("{" + as_json)["recordings"]] == ["drive.mcap"]
 
 
-def test_what_keeps_its_verdicts_is_not_asked_for_pictures_again(known, read, monkeypatch):
+def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_again(known, read, monkeypatch):
     drive, folder = known
 
     def picture_incidents(*_):
         raise AssertionError("pictures of an earlier scan are made again")
 
     monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
     monkeypatch.setattr("auditor.pipeline.pictures.incident_pictures.picture_incidents", picture_incidents)
     assert scan(drive, folder) in {1, 3}
 
@@ -86,7 +87,7 @@ def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(kn
     asked = []
     run_query = auditor.store.run_query
     monkeypatch.setattr(many.Judged, "found", True)
-    monkeypatch.setattr(summary, "_MOST_KNOWN", 0)
+    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
     monkeypatch.setattr(auditor.store, "run_query", lambda *of: asked.append(of[1]) or run_query(*of))
     assert run(["scan", str(drive), "--store", str(folder)]) in {1, 3}
     assert asked == []
