@@ -116,7 +116,10 @@ def _widest(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> list[M
     """A row as wide as all of them: of each column the widest cell. Measuring all takes longer than asking for them."""
     from rich.cells import cell_len  # noqa: PLC0415
 
-    return [{column: max((shown(row[column]) for row in rows), key=cell_len) for column in columns}] if rows else []
+    def width(value: object) -> int:
+        return cell_len(shown(value))
+
+    return [{column: max((row[column] for row in rows), key=width) for column in columns}] if rows else []
 
 
 def _without(columns: Sequence[str], some: Sequence[str]) -> list[str]:

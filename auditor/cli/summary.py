@@ -55,10 +55,13 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
             elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
-                told = few or outcome.result.fresh
-                finished(*([f"{outcome.item}: {outcome.result.frames} frames {how}"] if told else []))
+                if few or outcome.result.fresh:
+                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                else:
+                    finished()
     results = [measured[task] for task in batch.tasks if task in measured]
-    if before := 0 if few else sum(not one.fresh for one in results):
+    before = sum(not one.fresh for one in results)
+    if before and not few:
         say(f"{_count(before)} measured before")
     remarks: Remarks = {}
     for one in results:
