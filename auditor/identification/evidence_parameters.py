@@ -9,6 +9,7 @@ _TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 
 _CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
 _AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
 _PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
+_BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -36,6 +37,24 @@ class Incidents:
     fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
     fewest_worth: float = parameter(
         0.8, unit="independent frames that the findings of an incident are worth", source="three frames at 10 Hz"
+    )
+    background_s: float = parameter(
+        2.0, unit="s before a frame, in which a check shows what a stretch of road is like", source=_BACKGROUND
+    )
+    background_until_s: float = parameter(
+        0.3, unit="s before a frame, until which it does: an attack begins suddenly", source=_BACKGROUND
+    )
+    background_frames: int = parameter(
+        5, unit="frames that this takes at least", source="a strobe of one frame in five"
+    )
+    over_background: float = parameter(
+        1.5, unit="z above what a fifth of these frames showed, where clean tails begin", source=_BACKGROUND
+    )
+    least_background: float = parameter(
+        0.25, unit="z above the limit, where they begin on any road for checks of light", source=_BACKGROUND
+    )
+    most_background: float = parameter(
+        1.75, unit="z above the limit, where they begin at most: slow ramps are attacks", source=_BACKGROUND
     )
     explained_share: float = parameter(
         0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS

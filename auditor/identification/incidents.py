@@ -5,8 +5,9 @@
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
-5. Most clean frames that are raised are explained by a fault as well. So evidence that a fault explains counts for a
-   share, and an attack is an incident by the frames that no fault explains (`Excursion.peak`).
+5. Clean frames that are raised come in rows, where a stretch of road is hard: what exceeds its background alone speaks
+   for an incident (`background`). Most of them are explained by a fault as well: such evidence counts for a share, and
+   an attack is an incident by the frames that no fault explains (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 """
@@ -31,7 +32,8 @@ _S_PER_HOUR = 3600
 class Excursion:
     """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
 
-    `peak` is the largest value of the sum of the evidence that no fault explains, or a share of the largest of all.
+    `peak` is the largest value of the sum of the evidence beyond the background that no fault explains, or a share of
+    the largest of all that is beyond it.
     """
 
     rises: tuple[int, ...]
@@ -50,11 +52,13 @@ class Event:
 class Evidence:
     """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
 
-    `unexplained` (F,) is what it adds where no fault explains it as well. `worth` (F,) is how many independent frames
+    `beyond` (F,) is what it adds beyond the background of its stretch of road, and `unexplained` (F,) of that what no
+    fault explains as well. `worth` (F,) is how many independent frames
     it is worth, and `periods_s` (F,) are the usual times between two frames of its run; NaN where there is only one.
     """
 
     added: Floats
+    beyond: Floats
     unexplained: Floats
     ratios: Floats
     worth: Floats
@@ -63,21 +67,34 @@ class Evidence:
 
 
 def evidence_of(
-    scores: Floats, checks: int, stamps_ns: Integers, runs: Integers, explained: Flags | None = None
+    scores: Floats,
+    checks: int,
+    stamps_ns: Integers,
+    runs: Integers,
+    *,
+    beyond: Floats | None = None,
+    explained: Flags | None = None,
 ) -> Evidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
-    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `explained` (F,) says which
-    frames a fault explains as well as an attack; none where it is not given.
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `beyond` (F,) is the
+    largest z less the background, the same where not given. `explained` (F,) says which frames a fault explains as well
+    as an attack; none where it is not given.
     """
-    ratios = log_ratios(scores, checks)
-    duty = INCIDENTS.duty
-    intermittent = np.log(duty * np.exp(np.minimum(ratios, INCIDENTS.most_of_a_frame)) + 1 - duty)
     periods = periods_of(stamps_ns, runs)
     worth = frame_worth(periods)
-    added = np.nan_to_num(intermittent) * worth
-    unexplained = added if explained is None else np.where(explained, 0.0, added)
-    return Evidence(added, unexplained, ratios, worth, runs, periods)
+    ratios = log_ratios(scores, checks)
+    added = _added(ratios, worth)
+    own = added if beyond is None else _added(log_ratios(beyond, checks), worth)
+    unexplained = own if explained is None else np.where(explained, 0.0, own)
+    return Evidence(added, own, unexplained, ratios, worth, runs, periods)
+
+
+def _added(ratios: Floats, worth: Floats) -> Floats:
+    """(F,) what frames add to the sum, of these log-likelihood ratios and worth so many independent ones."""
+    duty = INCIDENTS.duty
+    intermittent = np.log(duty * np.exp(np.minimum(ratios, INCIDENTS.most_of_a_frame)) + 1 - duty)
+    return np.asarray(np.nan_to_num(intermittent) * worth)
 
 
 def log_ratios(scores: Floats, checks: int) -> Floats:
@@ -116,8 +133,9 @@ def excursions(evidence: Evidence) -> Iterator[Excursion]:
     """The excursions of the sum from zero, in order; it begins anew with each run."""
     for run in _places(evidence.runs):
         own = slice(run.start, run.stop)
-        added, unexplained = evidence.added[own].tolist(), evidence.unexplained[own].tolist()
-        yield from _of_run(run, list(zip(added, unexplained, strict=True)), _quiet_frames(evidence, run.start))
+        parts = (evidence.added[own], evidence.beyond[own], evidence.unexplained[own])
+        frames = zip(*(part.tolist() for part in parts), strict=True)
+        yield from _of_run(run, list(frames), _quiet_frames(evidence, run.start))
 
 
 def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
@@ -197,21 +215,21 @@ def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
 
 
-def _of_run(run: range, added: Sequence[tuple[float, float]], quiet: int) -> Iterator[Excursion]:
+def _of_run(run: range, added: Sequence[tuple[float, float, float]], quiet: int) -> Iterator[Excursion]:
     """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run.
 
-    `added` are what each frame adds, and what of it no fault explains.
+    `added` are what each frame adds, what of it is beyond the background, and what of that no fault explains.
     """
-    total = unexplained = peak = 0.0
+    total = beyond = unexplained = peak = 0.0
     rises: list[int] = []
-    for place, (more, own) in zip(run, added, strict=True):
+    for place, (more, over, own) in zip(run, added, strict=True):
         if rises and (total + more <= 0 or (more <= 0 and place - rises[-1] > quiet)):
             yield Excursion(tuple(rises), peak)
-            total, unexplained, peak, rises = 0.0, 0.0, 0.0, []
+            total, beyond, unexplained, peak, rises = 0.0, 0.0, 0.0, 0.0, []
         elif rises or more > 0:
             total += more
-            unexplained = max(unexplained + own, 0.0)
-            peak = max(peak, unexplained, INCIDENTS.explained_share * total)
+            beyond, unexplained = max(beyond + over, 0.0), max(unexplained + own, 0.0)
+            peak = max(peak, unexplained, INCIDENTS.explained_share * beyond)
             if more > 0:
                 rises.append(place)
     if rises:

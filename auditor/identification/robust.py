@@ -15,10 +15,11 @@ from itertools import chain
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.background import BACKGROUND_CHECKS, background, levels_before
 from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, peaks_of
+from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, log_ratios, peaks_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
@@ -150,10 +151,26 @@ class _Judge:
         """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
         checks, series = self._system.judged_together, self._series
         of_faults = joint_limit(INCIDENTS.tail_rate, checks) + self._faults
+        scores = np.maximum(self._scores, of_faults)
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
         explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
-        return evidence_of(np.maximum(self._scores, of_faults), checks, series.stamps_ns, series.runs, explained)
+        beyond = scores.copy()
+        rising = np.flatnonzero(log_ratios(scores, checks) > 0)  # what the others take away is theirs on any road
+        if rising.size:
+            clear = self._z[rising] - self._background(rising)
+            own = attack_scores(clear, self._system, [self._unused[place] for place in rising])
+            beyond[rising] = np.maximum(own, of_faults[rising])
+        return evidence_of(scores, checks, series.stamps_ns, series.runs, beyond=beyond, explained=explained)
+
+    def _background(self, places: Integers) -> Floats:
+        """(P, M) by how much the limit of each check is raised, in the frames at P places, by what it showed before."""
+        columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
+        raised = np.zeros((len(places), len(columns)))
+        limit = joint_limit(INCIDENTS.tail_rate, self._system.judged_together)
+        before = levels_before(self._z[:, columns], self._series.stamps_ns, self._series.runs, places)
+        raised[:, columns] = background(before, limit)
+        return raised
 
     def verdicts(self, places: Collection[int]) -> dict[int, Verdict]:
         """The verdicts on the frames at these places, each by itself."""

@@ -1,8 +1,9 @@
-"""The sequential test: evidence of frames, its excursions from zero, events, and the limit."""
+"""The sequential test: evidence of frames, their background, excursions from zero, events, and the limit."""
 
 import numpy as np
 import pytest
 
+from auditor.identification.background import background, levels_before
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
@@ -40,13 +41,14 @@ def found(hz, scores, limit=None, per_hour=None):
     return events(evidence_at(hz, scores), scores > LIMIT, limit, per_hour)
 
 
-def added(*values, runs=None, period=1.0, unexplained=None, worth=1.0):
+def added(*values, runs=None, period=1.0, beyond=None, unexplained=None, worth=1.0):
     """Evidence that adds these values, at one frame a second."""
     frames = len(values)
     runs = np.zeros(frames, dtype=np.int64) if runs is None else np.array(runs)
-    own = np.array(values if unexplained is None else unexplained, dtype=np.float64)
-    values = np.array(values, dtype=np.float64)
-    return Evidence(values, own, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
+    over = values if beyond is None else beyond
+    own = over if unexplained is None else unexplained
+    parts = (np.array(part, dtype=np.float64) for part in (values, over, own))
+    return Evidence(*parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
 
 
 def test_the_ratio_compares_a_flat_density_with_the_tail_of_clean_frames():
@@ -110,10 +112,27 @@ def test_quiet_frames_between_lower_the_sum_that_no_fault_explains_but_never_bel
     assert one.peak == pytest.approx(2)
 
 
+def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_what_is_beyond_the_background():
+    (one,) = excursions(added(2, 2, 2, -1, 2, beyond=[2, -1, -1, -1, 1.5]))
+    assert (one.rises, one.peak) == ((0, 1, 2, 4), 2.0)
+    (one,) = excursions(added(2, 2, 2, beyond=[2, 2, 2], unexplained=[0, 0, 0]))
+    assert one.peak == pytest.approx(6 * INCIDENTS.explained_share)
+    (one,) = excursions(added(2, 2, 2, beyond=[2, -0.5, -0.5], unexplained=[0, 0, 0]))
+    assert one.peak == pytest.approx(2 * INCIDENTS.explained_share)
+
+
+def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
+    scores, stamps = np.array([RAISED, RAISED, CLEAN]), stamps_at(10, 3)
+    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), beyond=np.array([RAISED, CLEAN, CLEAN]))
+    assert found.beyond[0] == found.added[0] > 0
+    assert found.beyond[1] < 0 < found.added[1]
+    assert found.unexplained.tolist() == found.beyond.tolist()
+
+
 def test_what_a_fault_explains_adds_to_the_evidence_of_a_fault_only():
     scores, stamps = np.array([STRONG, STRONG, CLEAN]), stamps_at(10, 3)
     explained = np.array([True, False, False])
-    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), explained)
+    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), explained=explained)
     assert found.unexplained.tolist() == [0.0, *found.added[1:].tolist()]
     assert found.added.tolist() == evidence_of(scores, CHECKS, stamps, runs_of(stamps)).unexplained.tolist()
 
@@ -203,3 +222,60 @@ def test_clean_frames_as_the_ratio_takes_them_have_no_more_incidents_than_allowe
         count = sum(not one.single for one in found(1, scores, incident_limit(per_hour)))
         allowed = per_hour * hours
         assert count <= allowed + 2 * np.sqrt(allowed), count
+
+
+def levels(z, hz=10, runs=None, places=None):
+    z = np.asarray(z, dtype=np.float64)
+    z = z[:, None] if z.ndim == 1 else z
+    runs = np.zeros(len(z), dtype=np.int64) if runs is None else np.asarray(runs)
+    places = np.arange(len(z)) if places is None else np.asarray(places)
+    return levels_before(z, stamps_at(hz, len(z)), runs, places)
+
+
+def test_the_level_is_what_a_fifth_of_the_frames_of_two_seconds_showed():
+    z = np.full(40, -2.0)
+    z[12:15] = 1.0
+    assert levels(z, places=[25]) == -2.0
+    z[15] = 0.5  # the fourth of the eighteen frames from 2 s to 0.3 s before
+    assert levels(z, places=[25]) == 0.5
+    assert levels(z, places=[35]) == -2.0
+
+
+def test_the_last_frames_before_a_frame_are_no_background_so_that_what_begins_suddenly_has_none():
+    z = np.full(40, -2.0)
+    z[20:] = 5.0
+    begun = levels(z)[:, 0]
+    assert begun[20:26].tolist() == [-2.0] * 6
+    assert begun[26] == 5.0  # four frames of it are 0.3 s old
+
+
+def test_each_check_has_its_own_level_and_each_run_its_own_frames():
+    z = np.full((60, 2), -2.0)
+    z[:30, 1] = 3.0
+    assert levels(z, places=[29]).tolist() == [[-2.0, 3.0]]
+    runs = [0] * 30 + [1] * 30
+    assert levels(z, runs=runs, places=[30, 31, 45]).tolist() == [[-np.inf] * 2, [-np.inf] * 2, [-2.0, -2.0]]
+
+
+def test_frames_without_a_measurement_and_lone_frames_show_nothing():
+    z = np.full(40, np.nan)
+    assert levels(z, places=[39]) == -np.inf
+    z[30:34] = 1.0
+    assert levels(z, places=[39]) == 1.0
+    assert levels([5.0], places=[0]) == -np.inf
+
+
+@pytest.mark.parametrize(("hz", "frames"), [(0.5, 1), (1, 1), (2, 1), (5, 2), (10, 4), (20, 7)])
+def test_slow_recordings_look_at_five_frames_and_fast_ones_at_as_much_time(hz, frames):
+    z = np.full(100, -2.0)
+    gap = max(round(INCIDENTS.background_until_s * hz), 1)
+    z[80 - gap - frames + 1 : 80 - gap + 1] = 2.0
+    assert levels(z, hz=hz, places=[80]) == 2.0
+    z[80 - gap] = -2.0
+    assert levels(z, hz=hz, places=[80]) == -2.0
+
+
+def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_than_a_bound():
+    least, most, over = INCIDENTS.least_background, INCIDENTS.most_background, INCIDENTS.over_background
+    raised = background(np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0]), LIMIT)
+    assert raised.tolist() == pytest.approx([least, least, 1.0, most])
