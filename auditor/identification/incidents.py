@@ -6,13 +6,14 @@
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
 5. Clean frames that are raised come in rows, where a stretch of road is hard: what exceeds its background alone speaks
-   for an incident (`background`). Most of them are explained by a fault as well: such evidence counts for a share, and
-   an attack is an incident by the frames that no fault explains (`Excursion.peak`).
+   for an incident (`background`), and it has to be evidence of one and the same sensor. Most of them are explained by a
+   fault as well: such evidence counts for a share, and an attack is an incident by the frames that no fault explains
+   (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, log
@@ -32,8 +33,8 @@ _S_PER_HOUR = 3600
 class Excursion:
     """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
 
-    `peak` is the largest value of the sum of the evidence beyond the background that no fault explains, or a share of
-    the largest of all that is beyond it.
+    `peak` is of the sensor whose sum is the largest: of the evidence beyond the background that no fault explains, or
+    a share of all that is beyond it.
     """
 
     rises: tuple[int, ...]
@@ -52,9 +53,9 @@ class Event:
 class Evidence:
     """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
 
-    `beyond` (F,) is what it adds beyond the background of its stretch of road, and `unexplained` (F,) of that what no
-    fault explains as well. `worth` (F,) is how many independent frames
-    it is worth, and `periods_s` (F,) are the usual times between two frames of its run; NaN where there is only one.
+    `beyond` (F, S) is what each sensor adds beyond the background of its stretch of road, and `unexplained` (F, S) of
+    that what no fault explains as well. `worth` (F,) is how many independent frames it is worth, and `periods_s` (F,)
+    are the usual times between two frames of its run; NaN where there is only one.
     """
 
     added: Floats
@@ -77,28 +78,28 @@ def evidence_of(
 ) -> Evidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
-    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `beyond` (F,) is the
-    largest z less the background, the same where not given. `explained` (F,) says which frames a fault explains as well
-    as an attack; none where it is not given.
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `beyond` (F, S) is the
+    largest z of each of S sensors less the background; where it is not given one sensor has all scores. `explained`
+    (F,) says which frames a fault explains as well as an attack; none where it is not given.
     """
     periods = periods_of(stamps_ns, runs)
     worth = frame_worth(periods)
     ratios = log_ratios(scores, checks)
     added = _added(ratios, worth)
-    own = added if beyond is None else _added(log_ratios(beyond, checks), worth)
-    unexplained = own if explained is None else np.where(explained, 0.0, own)
+    own = added[:, None] if beyond is None else _added(log_ratios(beyond, checks), worth[:, None])
+    unexplained = own if explained is None else np.where(explained[:, None], 0.0, own)
     return Evidence(added, own, unexplained, ratios, worth, runs, periods)
 
 
 def _added(ratios: Floats, worth: Floats) -> Floats:
-    """(F,) what frames add to the sum, of these log-likelihood ratios and worth so many independent ones."""
+    """What frames add to a sum, of such log-likelihood ratios and worth so many independent ones."""
     duty = INCIDENTS.duty
     intermittent = np.log(duty * np.exp(np.minimum(ratios, INCIDENTS.most_of_a_frame)) + 1 - duty)
     return np.asarray(np.nan_to_num(intermittent) * worth)
 
 
 def log_ratios(scores: Floats, checks: int) -> Floats:
-    """(F,) log-likelihood ratios, attacked against clean, of the largest z of so many checks; NaN where not measured.
+    """Log-likelihood ratios, attacked against clean, of the largest z of so many checks; NaN where not measured.
 
     Under attack any score between 0 and the largest is as likely. On clean roads it exceeds the joint limit at a rate,
     and beyond that limit each further deviation is less likely by a factor.
@@ -133,9 +134,8 @@ def excursions(evidence: Evidence) -> Iterator[Excursion]:
     """The excursions of the sum from zero, in order; it begins anew with each run."""
     for run in _places(evidence.runs):
         own = slice(run.start, run.stop)
-        parts = (evidence.added[own], evidence.beyond[own], evidence.unexplained[own])
-        frames = zip(*(part.tolist() for part in parts), strict=True)
-        yield from _of_run(run, list(frames), _quiet_frames(evidence, run.start))
+        frames = zip(evidence.added[own].tolist(), evidence.beyond[own], evidence.unexplained[own], strict=True)
+        yield from _of_run(run, frames, _quiet_frames(evidence, run.start))
 
 
 def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
@@ -215,21 +215,22 @@ def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
 
 
-def _of_run(run: range, added: Sequence[tuple[float, float, float]], quiet: int) -> Iterator[Excursion]:
+def _of_run(run: range, added: Iterable[tuple[float, Floats, Floats]], quiet: int) -> Iterator[Excursion]:
     """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run.
 
-    `added` are what each frame adds, what of it is beyond the background, and what of that no fault explains.
+    `added` are what each frame adds, what of it is beyond the background by sensor, and what of that no fault explains.
     """
-    total = beyond = unexplained = peak = 0.0
-    rises: list[int] = []
+    total, peak, rises = 0.0, 0.0, list[int]()
+    beyond = unexplained = np.zeros(1)
     for place, (more, over, own) in zip(run, added, strict=True):
         if rises and (total + more <= 0 or (more <= 0 and place - rises[-1] > quiet)):
             yield Excursion(tuple(rises), peak)
-            total, beyond, unexplained, peak, rises = 0.0, 0.0, 0.0, 0.0, []
+            total, peak, rises = 0.0, 0.0, []
+            beyond = unexplained = np.zeros(1)
         elif rises or more > 0:
             total += more
-            beyond, unexplained = max(beyond + over, 0.0), max(unexplained + own, 0.0)
-            peak = max(peak, unexplained, INCIDENTS.explained_share * beyond)
+            beyond, unexplained = np.maximum(beyond + over, 0.0), np.maximum(unexplained + own, 0.0)
+            peak = max(peak, float(unexplained.max()), INCIDENTS.explained_share * float(beyond.max()))
             if more > 0:
                 rises.append(place)
     if rises:

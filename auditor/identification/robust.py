@@ -20,7 +20,7 @@ from auditor.identification.causes.faults import fault_hypotheses, frozen, is_fi
 from auditor.identification.causes.light_causes import seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, log_ratios, peaks_of
-from auditor.identification.naming import attack_scores, name_attacked
+from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import runs_of
@@ -155,12 +155,12 @@ class _Judge:
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
         explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
-        beyond = scores.copy()
-        rising = np.flatnonzero(log_ratios(scores, checks) > 0)  # what the others take away is theirs on any road
+        beyond = np.repeat(scores[:, None], len(self._system.sensors), axis=1)
+        rising = np.flatnonzero(log_ratios(scores, checks) > 0)  # what the others take away they do on any road
         if rising.size:
             clear = self._z[rising] - self._background(rising)
-            own = attack_scores(clear, self._system, [self._unused[place] for place in rising])
-            beyond[rising] = np.maximum(own, of_faults[rising])
+            own = sensor_scores(clear, self._system, [self._unused[place] for place in rising])
+            beyond[rising] = np.maximum(own, of_faults[rising, None])
         return evidence_of(scores, checks, series.stamps_ns, series.runs, beyond=beyond, explained=explained)
 
     def _background(self, places: Integers) -> Floats:

@@ -47,8 +47,9 @@ def added(*values, runs=None, period=1.0, beyond=None, unexplained=None, worth=1
     runs = np.zeros(frames, dtype=np.int64) if runs is None else np.array(runs)
     over = values if beyond is None else beyond
     own = over if unexplained is None else unexplained
-    parts = (np.array(part, dtype=np.float64) for part in (values, over, own))
-    return Evidence(*parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
+    parts = (np.array(part, dtype=np.float64).reshape(frames, -1) for part in (over, own))
+    values = np.array(values, dtype=np.float64)
+    return Evidence(values, *parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
 
 
 def test_the_ratio_compares_a_flat_density_with_the_tail_of_clean_frames():
@@ -121,9 +122,14 @@ def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_what_is_bey
     assert one.peak == pytest.approx(2 * INCIDENTS.explained_share)
 
 
+def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
+    (one,) = excursions(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
+    assert (one.rises, one.peak) == ((0, 1, 2), 3.0)
+
+
 def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
     scores, stamps = np.array([RAISED, RAISED, CLEAN]), stamps_at(10, 3)
-    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), beyond=np.array([RAISED, CLEAN, CLEAN]))
+    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), beyond=np.array([[RAISED], [CLEAN], [CLEAN]]))
     assert found.beyond[0] == found.added[0] > 0
     assert found.beyond[1] < 0 < found.added[1]
     assert found.unexplained.tolist() == found.beyond.tolist()
@@ -133,8 +139,8 @@ def test_what_a_fault_explains_adds_to_the_evidence_of_a_fault_only():
     scores, stamps = np.array([STRONG, STRONG, CLEAN]), stamps_at(10, 3)
     explained = np.array([True, False, False])
     found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), explained=explained)
-    assert found.unexplained.tolist() == [0.0, *found.added[1:].tolist()]
-    assert found.added.tolist() == evidence_of(scores, CHECKS, stamps, runs_of(stamps)).unexplained.tolist()
+    assert found.unexplained.ravel().tolist() == [0.0, *found.added[1:].tolist()]
+    assert found.added.tolist() == evidence_of(scores, CHECKS, stamps, runs_of(stamps)).unexplained.ravel().tolist()
 
 
 def test_an_incident_needs_findings_worth_most_of_an_independent_frame_and_two_at_least():
