@@ -85,7 +85,7 @@ def sensor_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
     """(F, S) the largest z of the checks of each sensor that count in each frame; -inf where none was measured."""
     scores = np.full((len(z), len(system.sensors)), -np.inf)
     for absent, frames in _frames_by_missing(missing).items():
-        columns = system.detecting(absent).tolist()
+        columns = system.counting(absent).tolist()
         for place, sensor in enumerate(system.sensors):
             own = [column for column in columns if sensor in system.sensor_checks[column].nameable]
             scores[frames, place] = np.nanmax(z[np.ix_(frames, own)], axis=1, initial=-np.inf)
