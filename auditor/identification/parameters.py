@@ -275,7 +275,9 @@ class LightOfCauses:
     shown_a_second: float = parameter(
         0.5, unit="taken from the logarithm of the ratio for each second nearby that shows as much", source=_LASTING
     )
-    gone_a_second: float = parameter(0.5, unit="added to it for each second nearby that does not", source=_LASTING)
+    for_gone: float = parameter(
+        1.5, unit="added to it where no frame nearby shows as much, in proportion where some do", source=_LASTING
+    )
     coloured_a_second: float = parameter(
         0.3, unit="z of light of one colour more, for each second nearby that shows as much", source=_LASTING
     )

@@ -22,17 +22,15 @@ class Nearby(NamedTuple):
     span_s: float
 
     def lasting(self, column: int, z: float) -> tuple[float, float]:
-        """For how many seconds of these a check shows what it shows in the frame, whose score is `z`, and for how many
-        not; NaN where no other frame was measured.
+        """What a check shows nearby, whose score in the frame is `z`: for how many seconds as much, in which share not.
 
-        Half of its z is as much: it comes and goes by what the light falls on.
+        Half of its z is as much: it comes and goes by what the light falls on. NaN where no other frame was measured.
         """
         known = self.z[~np.isnan(self.z[:, column]), column]
         if len(known) < 2:
             return nan, nan
-        others = np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1
-        shown_s = others / (len(known) - 1) * self.span_s
-        return shown_s, self.span_s - shown_s
+        shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
+        return shown * self.span_s, 1 - shown
 
 
 class Seen(NamedTuple):
@@ -40,8 +38,9 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` and
-    `gone_s` are the seconds nearby in which its strongest check shows as much, and does not; NaN where none are known.
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are the
+    seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it does
+    not; NaN where no other frame is known.
     """
 
     added: float
@@ -53,7 +52,7 @@ class Seen(NamedTuple):
     coloured: float = nan
     striped: float = nan
     shown_s: float = nan
-    gone_s: float = nan
+    gone: float = nan
 
     @property
     def thrown(self) -> bool:
@@ -98,7 +97,7 @@ class Seen(NamedTuple):
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
-            ratio += LIGHT_OF_CAUSES.gone_a_second * self.gone_s - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
+            ratio += LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
         chance = 1 / (1 + exp(ratio))
         return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
 
