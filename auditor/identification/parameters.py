@@ -65,6 +65,7 @@ class WindowedMean:
 
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.1, 1.25 and 1.4 tried on streets 5000 to 5041 (docs/decisions.md)"
+_LASTING = "benchmarks benign, attack_kinds and held_light: 0.3 to 1 a second tried (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
@@ -265,6 +266,20 @@ class LightOfCauses:
     )
     blind: float = parameter(
         6.0, unit="z of inconsistency, from which on a camera sees next to nothing", source=_BENIGN
+    )
+    takes_colours: float = parameter(
+        1.5, unit="times the added light that is removed, from which on dirt has taken colours away", source=_BENIGN
+    )
+    nearby_s: float = parameter(3.0, unit="s around a frame, in which a fault of a lens stays", source=_LASTING)
+    as_much: float = parameter(0.5, unit="share of a z, from which on a frame nearby shows as much", source=_LASTING)
+    shown_a_second: float = parameter(
+        0.5, unit="taken from the logarithm of the ratio for each second nearby that shows as much", source=_LASTING
+    )
+    for_gone: float = parameter(
+        1.5, unit="added to it where no frame nearby shows as much, in proportion where some do", source=_LASTING
+    )
+    coloured_a_second: float = parameter(
+        0.3, unit="z of light of one colour more, for each second nearby that shows as much", source=_LASTING
     )
 
 

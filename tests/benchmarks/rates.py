@@ -9,7 +9,7 @@ scenes of other families (real drives: from the other real drives), or by the pr
 import argparse
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -112,7 +112,7 @@ def brightness_of(cases: Sequence[Case], system: System) -> dict[tuple[str, int]
 
 
 def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
-    """The verdicts on a scene: clean frames in their order, attacked frames each by itself in the drive of these."""
+    """The verdicts on a scene: clean frames in their order, attacked frames each alone among these."""
     cases = [case for case in scene.cases if set(case.attacked) <= set(system.sensors)]
     clean = [case for case in cases if not case.attack]
     own = frames_of(scene, system, clean)
@@ -130,18 +130,22 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     verdicts = judge_frames(series, system, thresholds)
     places = {case.frame: place for place, case in enumerate(clean)}
     attacked = [case for case in cases if case.attack]
-    if attacked:
-        alone = frames_of(scene, system, attacked).statistics_of(system.sensor_checks)
-        # Each attacked frame is a run of its own; faults are those of the clean frame at its place.
-        number = np.arange(len(attacked))
-        at = [places[case.frame] for case in attacked]
-        scores = {cause: values[at] for cause, values in own.strengths.items()}
-        here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
-        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, brightness_of(attacked, system))
-        verdicts += judge_frames(lone, system, thresholds)
+    for case in attacked:
+        place = places[case.frame]
+        verdicts += judge_frames(_with(series, system, scene, case, place), system, thresholds, only=[place])
     ordered = [*clean, *attacked]
     papers = _paper(ordered, scene, system, theta)
     return [Judged(scene, *one) for one in zip(ordered, verdicts, papers, strict=True)]
+
+
+def _with(series: FrameSeries, system: System, scene: Scene, case: Case, place: int) -> FrameSeries:
+    """The series with a case at a place; faults are those of the frame that it replaces."""
+    statistics = series.statistics.copy()
+    statistics[place] = frames_of(scene, system, [case]).statistics_of(system.sensor_checks)[0]
+    brightness = {key: values.copy() for key, values in series.brightness.items()}
+    for key, values in brightness_of([case], system).items():
+        brightness[key][place] = values[0]
+    return replace(series, statistics=statistics, brightness=brightness)
 
 
 def _paper(cases: Sequence[Case], scene: Scene, system: System, theta: Thresholds | None) -> list[Verdict | None]:

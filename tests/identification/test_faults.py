@@ -11,7 +11,7 @@ from auditor.identification.causes.faults import (
     faults_of,
     weigh,
 )
-from auditor.identification.causes.light_causes import Seen, of_lens, seen_of
+from auditor.identification.causes.light_causes import Nearby, Seen, of_lens, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
@@ -384,14 +384,43 @@ def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_
     assert weighed.causes == (late, *of_lens({1: DIRT}), glare)
 
 
-def test_light_of_one_colour_is_no_dirt_and_no_exposure():
-    assert of_lens({2: DIRT._replace(coloured=2.4)}) == of_lens({2: DIRT})
-    assert of_lens({2: DIRT._replace(coloured=2.5), 3: DIRT}) == of_lens({3: DIRT})
+def test_light_of_one_colour_is_no_drop_and_no_exposure():
+    assert of_lens({2: DROP._replace(coloured=2.4)}) == of_lens({2: DROP})
+    assert of_lens({2: DROP._replace(coloured=2.5), 3: DROP}) == of_lens({3: DROP})
     toned = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
     seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
     lit = seen._replace(coloured=6.0)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
+
+
+def test_dirt_that_removes_more_light_than_it_adds_may_take_away_colours():
+    assert of_lens({1: DIRT._replace(coloured=4.0, darker=1.5)})
+    assert not of_lens({1: DIRT._replace(coloured=4.0, darker=1.49)})
+    assert not of_lens({1: Seen(5.0, 0.0, 3.0, darker=NAN, coloured=4.0)}), "which of them is more is not known"
+
+
+def test_what_stays_on_a_camera_is_likelier_of_its_lens_and_what_comes_and_goes_is_not():
+    lone = DROP.chance_of_lens
+    flash = DROP._replace(shown_s=0.0, gone=1.0).chance_of_lens
+    steady = DROP._replace(shown_s=3.0, gone=0.0).chance_of_lens
+    assert flash < lone < steady
+    assert np.log(1 / flash - 1) - np.log(1 / lone - 1) == pytest.approx(1.5)
+    assert np.log(1 / lone - 1) - np.log(1 / steady - 1) == pytest.approx(1.5)
+    held_still = FACULA._replace(shown_s=3.0, gone=0.0)
+    assert not of_lens({1: held_still}), "a facula of the paper's kind is one however long it is held"
+
+
+def test_the_longer_light_of_one_colour_stays_the_more_of_it_has_to_be_seen():
+    ghost = DROP._replace(coloured=3.39, shown_s=3.0, gone=0.0)
+    assert of_lens({1: ghost})
+    assert not of_lens({1: ghost._replace(coloured=3.4)})
+
+
+def test_how_long_a_check_shows_as_much_as_in_a_frame_is_counted_among_the_frames_nearby():
+    z = np.array([[4.0, NAN], [2.0, NAN], [1.9, NAN], [NAN, NAN], [4.4, 3.0]])
+    assert Nearby(z, span_s=3.0).lasting(0, 4.0) == (2.0, pytest.approx(1 / 3)), "two of three others have half as much"
+    assert np.isnan(Nearby(z, span_s=3.0).lasting(1, 3.0)).all(), "no other frame is known"
 
 
 def test_light_in_rows_is_no_dirt_and_no_exposure():
@@ -446,10 +475,21 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
             [("removed_light", 1), ("added_light", 2), ("lidar_conflict", 0)],
         )
     )
-    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {
-        1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12, 0, 0)
-    }
-    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12, 0, 0)
+    [(sensor, shown)] = seen_of(alone, z, statistics, SYSTEM, LIGHT).items()
+    assert (sensor, shown[:8]) == (1, (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12, 0, 0))
+    assert np.isnan(shown[8:]).all(), "nothing is known of the frames nearby"
+    clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, 0 * z]), span_s=0.3))
+    assert clean[1][8:] == pytest.approx((0.1, 2 / 3))
+    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1][:8] == (
+        6.0,
+        7.0,
+        8.0,
+        pytest.approx(0.72 / 0.62),
+        640,
+        12,
+        0,
+        0,
+    )
     assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4:6]).all(), "it was measured before light was kept"
     without_3 = replace(alone, out_of_system=(3,))
     assert seen_of(without_3, z, statistics, SYSTEM, {})[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"

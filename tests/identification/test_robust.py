@@ -218,3 +218,19 @@ def test_clean_frames_are_a_series_with_their_missing_and_frozen_sensors():
     assert (series.statistics[:, 0] == 0.3).all()
     assert np.isnan(series.statistics[:, 1:]).all()
     assert set(series.fault_scores) == {(Cause.LATE, 1)}
+
+
+def weak_and_grey(hit):
+    """Light that S_1 has in these frames, and takes away beside it: as a lens might as well as an attacker."""
+    added, removed = (
+        series_of(hit, check=check, z=z) for check, z in ((Check.ADDED_LIGHT, 5.0), (Check.REMOVED_LIGHT, 1.5))
+    )
+    return replace(added, statistics=np.maximum(added.statistics, removed.statistics))
+
+
+def test_light_that_stays_is_of_a_lens_where_the_same_light_in_one_frame_is_thrown_in():
+    kinds = [
+        {judge_frames(weak_and_grey(hit), SYSTEM, THRESHOLDS)[place].kind for place in hit}
+        for hit in ((10,), range(FRAMES))
+    ]
+    assert kinds == [{VerdictKind.ATTACKED}, {VerdictKind.SUSPECT}]

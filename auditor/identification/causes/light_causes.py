@@ -15,12 +15,32 @@ from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
 
+class Nearby(NamedTuple):
+    """The frames of a run around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
+
+    z: Floats
+    span_s: float
+
+    def lasting(self, column: int, z: float) -> tuple[float, float]:
+        """What a check shows nearby, whose score in the frame is `z`: for how many seconds as much, in which share not.
+
+        Half of its z is as much: it comes and goes by what the light falls on. NaN where no other frame was measured.
+        """
+        known = self.z[~np.isnan(self.z[:, column]), column]
+        if len(known) < 2:
+            return nan, nan
+        shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
+        return shown * self.span_s, 1 - shown
+
+
 class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured.
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are the
+    seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it does
+    not; NaN where no other frame is known.
     """
 
     added: float
@@ -31,11 +51,19 @@ class Seen(NamedTuple):
     saturated_px: float = nan
     coloured: float = nan
     striped: float = nan
+    shown_s: float = nan
+    gone: float = nan
 
     @property
     def thrown(self) -> bool:
-        """Whether light of one colour was added, or light in rows: no dirt or exposure does."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured or self.striped >= LIGHT_OF_CAUSES.least_striped
+        """Whether light of one colour was added, or light in rows: no dirt or exposure does.
+
+        Dirt that takes colours away removes more light than it adds. A ghost of the sun has a weak colour and stays.
+        """
+        of = LIGHT_OF_CAUSES
+        stays = 0.0 if isnan(self.shown_s) else of.coloured_a_second * self.shown_s
+        coloured = self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
+        return coloured or self.striped >= of.least_striped
 
     @property
     def unchanged(self) -> bool:
@@ -54,7 +82,8 @@ class Seen(NamedTuple):
         """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
 
         What is not known says nothing; but where light of one colour cannot be told, weak and even light may be what
-        a laser leaves of it, and other curves hold. Where there is hardly any light, dirt is likely enough: the curves
+        a laser leaves of it, and other curves hold. A lens's fault stays for minutes, thrown light seldom so long, and
+        what is there for one frame is on no lens. Where there is hardly any light, dirt is likely enough: the curves
         compare it with thrown light, which there is none of, and clean cameras disagree beside the sky and leaves.
         """
         of = UNCOLOURED_LIGHT if isnan(self.coloured) else THROWN_LIGHT
@@ -67,16 +96,24 @@ class Seen(NamedTuple):
             (float(np.log1p(self.saturated_px)), of.saturated_at, of.of_saturated),
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
+        if not isnan(self.shown_s):
+            ratio += LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
         chance = 1 / (1 + exp(ratio))
         return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
 
 
 def seen_of(
-    verdict: Verdict, z: Floats, statistics: Floats, system: System, brightness: Mapping[tuple[str, int], float]
+    verdict: Verdict,
+    z: Floats,
+    statistics: Floats,
+    system: System,
+    brightness: Mapping[tuple[str, int], float],
+    nearby: Nearby | None = None,
 ) -> dict[int, Seen]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
-    `brightness` is what is known of BRIGHTNESS by name and camera.
+    `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are
+    known.
     """
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
     found = {}
@@ -94,7 +131,9 @@ def seen_of(
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
             own_z = z[added], z[removed], z[inconsistent]
-            found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped)
+            strongest = max(own.values(), key=lambda column: np.nan_to_num(z[column], nan=-np.inf))
+            lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
+            found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped, *lasting)
     return found
 
 
