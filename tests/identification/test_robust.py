@@ -85,7 +85,7 @@ def test_the_evidence_of_an_incident_must_exceed_the_score():
         assert verdicts[8].kind is VerdictKind.ATTACKED
 
 
-def hovering(z, *, check, steady=2.5, begin=40, end=60):
+def hovering(z, *, check, steady=2.9, begin=40, end=60):
     """Frames at 10 Hz in which a check of S_1 shows a level just below the limit, and from `begin` on more."""
     frames = 80
     at = columns_of(0 if check is Check.LIDAR_CONFLICT else 1, check)
@@ -101,11 +101,11 @@ def incident_of(series):
 
 
 def test_what_is_hardly_more_than_the_check_showed_before_is_no_incident_however_long_it_lasts():
-    hard = hovering(3.6, check=Check.ADDED_LIGHT)
+    hard = hovering(4.2, check=Check.ADDED_LIGHT)
     verdicts = judge_frames(hard, SYSTEM, THRESHOLDS)
     assert {verdicts[f].kind for f in range(40, 60)} == {VerdictKind.ATTACKED}
     assert not [v for v in verdicts if v.in_incident]
-    sudden = incident_of(hovering(3.6, check=Check.ADDED_LIGHT, steady=-1.0))
+    sudden = incident_of(hovering(4.2, check=Check.ADDED_LIGHT, steady=-1.0))
     assert sudden == list(range(40, 60)), "to its last frame, though it is its own background after two seconds"
 
 
@@ -114,7 +114,7 @@ def test_what_is_much_more_than_the_check_showed_before_is_an_incident():
 
 
 def test_a_check_whose_clean_frames_do_not_come_in_rows_has_no_background():
-    assert incident_of(hovering(3.9, check=Check.LIDAR_CONFLICT))
+    assert incident_of(hovering(4.2, check=Check.LIDAR_CONFLICT))
 
 
 @pytest.mark.parametrize("every", [2, 3, 5])
