@@ -63,8 +63,8 @@ def run(description: str, happenings: Happenings, *, successive: bool = False) -
         chosen = slice(SUCCESSIVE) if successive else slice(None, None, EVERY[name])
         makers[name] = lambda name=name, path=path, chosen=chosen: real(name, options.drives / path, happenings, chosen)
     for seed in range(options.first, options.first + options.streets):
-        source = Street(seed, options.frames, options.cameras)
-        makers[str(source)] = lambda source=source: street(source, happenings)
+        source = Street(seed, (options.frames - 1) * options.apart + 1, options.cameras)
+        makers[str(source)] = lambda source=source: street(source, happenings, options.apart)
     drives = [kept_drive(options.into / f"{name}.series", make) for name, make in makers.items()]
     rows: dict[tuple[bool, str], Counter[str]] = defaultdict(Counter)
     scenes = [scene for folder in options.learn for scene in load(folder)]
@@ -81,6 +81,7 @@ def _options(description: str) -> argparse.Namespace:
     parser.add_argument("--streets", type=int, default=0)
     parser.add_argument("--first", type=int, default=4000)
     parser.add_argument("--frames", type=int, default=4)
+    parser.add_argument("--apart", type=int, default=1, help="tenths of a second between the frames of a street")
     parser.add_argument("--cameras", type=int, default=4)
     parser.add_argument("--learn", type=Path, nargs="*", default=[], help="folders of clean scenes")
     parser.add_argument("--prior", action="store_true", help="learn from nothing")
@@ -96,13 +97,13 @@ def real(name: str, path: Path, happenings: Happenings, chosen: slice) -> Drive:
         return measured_drive(name, name, drive.rig, happenings(kept, drive.rig, 1, each=True))
 
 
-def street(source: Street, happenings: Happenings) -> Drive:
-    """A street, and drives of its vehicle elsewhere."""
+def street(source: Street, happenings: Happenings, apart: int) -> Drive:
+    """A street, every so many of its frames, and drives of its vehicle elsewhere of as many."""
     with source.open(colour=True) as [drive]:
-        kept = [frame for frame in drive.frames if isinstance(frame, Frame)]
+        kept = [frame for frame in drive.frames if isinstance(frame, Frame)][::apart]
         happened = happenings(kept, drive.rig, source.seed, each=False)
         found = measured_drive(str(source), source.family, drive.rig, happened)
-    return replace(found, elsewhere=tuple(elsewhere(source.seed, source.frames, source.cameras)))
+    return replace(found, elsewhere=tuple(elsewhere(source.seed, len(kept), source.cameras)))
 
 
 def calibrated_by(drive: Drive, drives: Sequence[Drive], learnt: Sequence[Scene]) -> list[Watched]:

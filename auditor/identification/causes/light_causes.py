@@ -38,9 +38,9 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are the
-    seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it does
-    not; NaN where no other frame is known.
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are
+    the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
+    does not; NaN where no other frame is known.
     """
 
     added: float
