@@ -21,7 +21,7 @@ sys.dont_write_bytecode = False
 # Hundreds of tests wait for processes of one small recording: most of that is the tenth of a second between two looks.
 CONSTS.sleep_unit = 0.01
 
-# Where there is room, what tests write stays in memory: a disk takes 7 ms to keep a file, and a store has many. A run
+# Where there is room, what tests write stays in memory: a disk takes 3 ms to keep a file, and a store has many. A run
 # without failures leaves nothing there (`tmp_path_retention_policy`).
 _MEMORY, _ROOM_BYTES = Path("/dev/shm"), 8 * 2**30
 if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free >= _ROOM_BYTES:
