@@ -135,7 +135,7 @@ def png(width: int, height: int, colour_type: int = 0, depth: int = 8) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     row = 1 + width * {0: 1, 2: 3, 6: 4}[colour_type] * depth // 8
-    packer, rows = zlib.compressobj(9), bytearray()
+    packer, rows = zlib.compressobj(1), bytearray()
     for _ in range(height):
         rows += packer.compress(bytes(row))
     rows += packer.flush()
