@@ -1,15 +1,31 @@
 """Where the real recorded data lies, for the tests that need it."""
 
 import os
+import shutil
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from pebble import CONSTS
 
 # Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
 # for each other there.
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
     os.environ.setdefault(_threads, "1")
+
+# What Python compiles it keeps, whatever the shell says: the processes that tests start would each compile the program.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
+# Hundreds of tests wait for processes of one small recording: most of that is the tenth of a second between two looks.
+CONSTS.sleep_unit = 0.01
+
+# Where there is room, what tests write stays in memory: a disk takes 3 ms to keep a file, and a store has many. A run
+# without failures leaves nothing there (`tmp_path_retention_policy`).
+_MEMORY, _ROOM_BYTES = Path("/dev/shm"), 8 * 2**30
+if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free >= _ROOM_BYTES:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY))
 
 # However busy the machine, no example fails for the time that it took.
 settings.register_profile("without time limits", deadline=None, suppress_health_check=[HealthCheck.too_slow])

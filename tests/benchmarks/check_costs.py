@@ -2,10 +2,12 @@
 
 CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images decoded) on frames of drive 0009, clean,
 under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
-on the same frames; rounds interleaved, medians. Of the same frames with two colour cameras, clean: measuring, and what
-the LATEST checks take of it. Needs AUDITOR_TEST_DATA.
+on the same frames; rounds interleaved, medians. Of the clean frames, and of the same with two colour cameras: measuring
+with three matchings, and with two, without the pair of the fallback. Of those in colour what the LATEST checks take.
+With --measuring that of clean frames alone. Needs AUDITOR_TEST_DATA.
 """
 
+import argparse
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -54,6 +56,12 @@ LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
 MATCHER = find_matcher("sgbm")
 
 Seconds = dict[str, list[float]]
+
+
+class TwoMatchings(Rig):
+    """LiDAR and three cameras, of which only those pairs are matched that the rig cannot be judged without."""
+
+    fallback = None
 
 
 def kinds(frame: Frame, rig: Rig) -> Iterator[tuple[str, Frame]]:
@@ -125,9 +133,16 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     )
 
 
+def measuring(seconds: Seconds, kind: str, frame: Frame, rig: Rig) -> None:
+    """Time measuring a frame with three matchings and with two."""
+    timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
+    two = TwoMatchings(rig.lidar, rig.cameras)
+    timed(seconds, f"{kind}: measure, two matchings", lambda: measure(frame, two, MATCHER))
+
+
 def of_colours(seconds: Seconds, frame: Frame, rig: Rig) -> None:
-    """Time measuring a frame with colour cameras, and apart from it what the latest checks take of a frame."""
-    _, arrays = timed(seconds, "colour: measure", lambda: measure(frame, rig, MATCHER))
+    """Time what the latest checks take of measuring a frame with colour cameras."""
+    _, arrays = measure(frame, rig, MATCHER)
     spent: Seconds = defaultdict(list)
     with ExitStack() as stack:
         for check, functions in LATEST.items():
@@ -161,6 +176,9 @@ def _light(
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--measuring", action="store_true", help="measure whole clean frames alone, not the pieces")
+    options = parser.parse_args()
     use_one_thread()
     bare = cv2.StereoSGBM.create(0, 128, 5, 200, 800, mode=cv2.STEREO_SGBM_MODE_SGBM)
     seconds: Seconds = defaultdict(list)
@@ -172,13 +190,17 @@ def main() -> None:
         for frame, in_colour in zip(kept, coloured, strict=True):
             left, right = (grey(frame.images[n].pixels) for n in (rig.n, 1))
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
+            measuring(seconds, "clean", frame, rig)
+            measuring(seconds, "colour", in_colour, rig)
+            if options.measuring:
+                continue
             for kind, changed in kinds(frame, rig):
                 pieces(seconds, kind, changed, rig, watches[kind])
             of_colours(seconds, in_colour, rig)
     scale_of = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
         print(f"{piece:44} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
-    for kind in KINDS:
+    for kind in () if options.measuring else KINDS:
         whole = ("measure", "fault features", "regions", "statistics")
         total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
         print(f"{kind + ': everything':44} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")

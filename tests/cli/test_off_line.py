@@ -38,7 +38,7 @@ def attacked(drive: SyntheticDrive) -> Iterator[Frame]:
 
 def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     store, clean, tested = (str(tmp_path / name) for name in ("audit", "clean.mcap", "attacked.mcap"))
-    for path, drive in ((clean, street(0, 12)), (tested, street(1, 22))):
+    for path, drive in ((clean, street(0, 8)), (tested, street(1, 22))):
         write_mcap(Path(path), drive.rig, attacked(drive) if path == tested else drive.frames())
     assert run(["inspect", clean]) == 0
     printed = " ".join(capfd.readouterr().out.split())

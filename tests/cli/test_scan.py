@@ -9,7 +9,7 @@ import pytest
 from auditor.cli import run
 from auditor.identification.incidents import incident_limit
 from auditor.store import Store
-from tests.making.small_drives import START_NS, write_drive
+from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
 UNSHOWN = ("--pictures", "none")
@@ -92,11 +92,18 @@ def test_a_clean_scan_exits_with_0_in_every_format(fleet: Path, store: Path, cap
     assert said["not_audited"] == []
 
 
-def test_recordings_are_scanned_side_by_side_with_the_same_result(fleet: Path, measured: Path, tmp_path: Path) -> None:
-    recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
-    assert run(["scan", *recordings, "--measure-only", "--store", str(tmp_path), "--jobs", "2"]) == 3
+def test_recordings_are_scanned_side_by_side_with_the_same_result(tmp_path: Path) -> None:
+    names = ("one.mcap", "two.bag", "three.db3")
+    recordings = [
+        str(write_drive(tmp_path / name, 6, positions_m=THREE_CAMERAS, start_ns=START_NS + number * MINUTE_NS))
+        for number, name in enumerate(names)
+    ]
+    for jobs in ("1", "2"):
+        scan = ["scan", *recordings, "--measure-only", "--store", str(tmp_path / jobs), "--jobs", jobs]
+        assert run(scan) == 3
+    stores = tmp_path / "1", tmp_path / "2"
     for table in ("frames", "cells", "fault_features", "regions"):
-        one, two = ({p.name: p.read_bytes() for p in (store / table).iterdir()} for store in (measured, tmp_path))
+        one, two = ({p.name: p.read_bytes() for p in (store / table).iterdir()} for store in stores)
         assert len(one) == 3
         assert one == two, table
 
@@ -286,16 +293,17 @@ def test_the_program_runs_as_a_command(fleet: Path, store: Path) -> None:
 
 
 def test_a_scan_killed_before_it_kept_the_recording_itself_is_completed(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     store = tmp_path / "audit"
-    run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+    clean = write_drive(tmp_path / "clean.mcap", 12, positions_m=THREE_CAMERAS)
+    run(["calibrate", str(clean), "--store", str(store)])
     kept = [path for table in ("recordings", "labels") for path in (store / table).glob("*.parquet")]
     assert len(kept) == 2
     for path in kept:
         path.unlink()
-    assert run(["scan", str(fleet / "clean.mcap"), "--store", str(store)]) == 0
+    assert run(["scan", str(clean), "--store", str(store)]) == 0
     assert "measured before" in capfd.readouterr().err
     assert all(path.is_file() for path in kept)
     assert [(known.name, known.format) for known in Store.open(store).recordings()] == [("clean.mcap", "mcap")]
-    assert summary(store, capfd)["clean.mcap"]["clean"] == 30
+    assert summary(store, capfd)["clean.mcap"]["clean"] == 12

@@ -36,7 +36,7 @@ FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)
 ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
 FRAMES = 5
 CHUNK = 2
-SHORTER = 4
+SHORTER = 2
 
 
 class CountingMatcher:
@@ -192,7 +192,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shorter(tmp_path_factory):
-    """A drive that is just long enough for the longer delay."""
+    """A drive that is just long enough for a delay."""
     return write_drive(tmp_path_factory.mktemp("shorter") / "clean.mcap", SHORTER, positions_m=(0.6, 0.3, 0.0))
 
 
@@ -404,10 +404,12 @@ def test_the_command_needs_recordings_or_streets():
     assert "name clean recordings, or give --synthetic" in str(refused.exception)
 
 
-def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(evaluated):
+@pytest.mark.usefixtures("short_chunks", "nothing_measured")
+def test_a_delayed_sensor_shows_earlier_frames_across_chunks(drive, tmp_path):
+    run(drive, tmp_path / "audit")
     sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
-    rows = [tuple(row.values()) for row in run_sql(Store.open(evaluated[0]), sql).to_pylist()]
-    assert rows == [(f, float(d)) for f in range(SHORTER) for d in (1, 3) if d <= f]
+    rows = [tuple(row.values()) for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
 
 
 def test_cases_that_are_not_random_come_with_the_first_draw_only():

@@ -20,7 +20,7 @@ from auditor.store import Store, run_sql
 from auditor.store.versions.history import put_first_in_force
 from tests.making.thinned_clouds import every_other_ring
 
-FRAMES = 6
+FRAMES = 4
 R = Decimal("0.01")
 
 

@@ -25,7 +25,7 @@ from tests.making.small_drives import drive_frames
 
 R = Decimal("0.01")
 RIG = plane_rig((1.04, 0.74, 0.4, 0.0))
-FRAMES = 14
+FRAMES, CLEAN = 14, 8
 REMOVED = [(0,), (1,), (3,), (4,), (0, 2), (0, 4), (1, 2), (3, 4)]
 
 
@@ -49,7 +49,7 @@ def drives(tmp_path_factory):
     folder = tmp_path_factory.mktemp("drives")
     attacked = {4: range(2, 5), 0: range(6, 9), 2: range(10, 13)}
     for name, hit in (("clean", None), ("quiet", None), ("attacked", attacked)):
-        frames = drive_frames(RIG, FRAMES, seed=len(name), attacked=hit)
+        frames = drive_frames(RIG, FRAMES if hit else CLEAN, seed=len(name), attacked=hit)
         write_mcap(folder / f"{name}.mcap", RIG, with_something_near(frames))
     return folder
 

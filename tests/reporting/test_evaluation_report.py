@@ -11,7 +11,7 @@ from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS
 from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
-from auditor.reporting.evaluation.render import percent, render_evaluation, render_evaluation_report
+from auditor.reporting.evaluation.render import percent, render_evaluation
 from auditor.store.queries import run_query
 from tests.making.evaluated_stores import evaluated
 from tests.making.pages import BROWSER, HOSTILE, Page, browse
@@ -191,9 +191,10 @@ def test_the_command_writes_the_page_and_refuses_a_recording(store, tmp_path):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the page in")
-def test_the_page_opens_in_a_browser_without_a_message_or_a_request(store, tmp_path):
-    page = render_evaluation_report(store, out=tmp_path / "page.html")
-    console, addresses, dom = browse(page, tmp_path)
+def test_the_page_opens_in_a_browser_without_a_message_or_a_request(page, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(render_evaluation(page), "utf-8")
+    console, addresses, dom = browse(path, tmp_path)
     assert "What the audit cannot see" in dom
     assert console == []
     assert addresses == []

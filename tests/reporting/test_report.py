@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,8 +10,10 @@ from auditor.model.measurement import Region, Solid, Statistic
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import Cause, VerdictKind
 from auditor.reporting.incident.loading import load_page
+from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.incident.render import render, render_incident_report
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration
+from auditor.store.store import Store
 from auditor.store.tables import read_rows, write_rows
 from tests.making import stores as making
 from tests.making.clean_frames import clean_frames
@@ -28,14 +30,39 @@ def page_of(store, tmp_path, recording=None):
     return Page(render_incident_report(store, out=tmp_path / "page.html", recording=recording).read_text("utf-8"))
 
 
-def test_the_headline_says_who_when_how_long_and_in_how_many_frames(store, tmp_path):
-    add_recording(store, attacks=[((1,), 10, 19)])
+@dataclass(frozen=True)
+class Told:
+    """A store of one recording, only to be read, what its page is made from, and the page."""
+
+    store: Store
+    page: IncidentPage
+    shown: Page
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """Makes the store and the page of a recording, once for all tests of the same one."""
+    made = {}
+
+    def make(**recording):
+        key = repr(sorted(recording.items()))
+        if key not in made:
+            store = new_store(tmp_path_factory.mktemp("told"))
+            add_recording(store, **recording)
+            page = load_page(store)
+            made[key] = Told(store, page, Page(render(page)))
+        return made[key]
+
+    return make
+
+
+def test_the_headline_says_who_when_how_long_and_in_how_many_frames(told):
     headline = "Camera S1 (right) was attacked for 0.9 s in 10 frames, from 2011-09-26 13:02:26.904 UTC."
-    assert headline in page_of(store, tmp_path).words
+    assert headline in told(attacks=[((1,), 10, 19)]).shown.words
 
 
-def test_the_page_is_one_file_that_refers_to_nothing_outside(store, tmp_path):
-    add_recording(store, attacks=[((1,), 10, 19)], pictured=[12])
+def test_the_page_is_one_file_that_refers_to_nothing_outside(told, tmp_path):
+    store = told(attacks=[((1,), 10, 19)], pictured=[3, 12, 17]).store
     page = page_of(store, tmp_path)
     assert {tag for tag, _ in page.elements}.isdisjoint({"script", "link", "iframe", "object", "base", "form"})
     for tag, attributes in page.elements:
@@ -46,9 +73,9 @@ def test_the_page_is_one_file_that_refers_to_nothing_outside(store, tmp_path):
     assert (tmp_path / "page.html").stat().st_size < 300_000
 
 
-@pytest.mark.parametrize(("pictures", "frames"), [("none", []), ("incidents", ["17"]), ("all", ["12", "15", "17"])])
-def test_the_page_shows_no_picture_the_strongest_or_all_of_an_incident(store, tmp_path, pictures, frames):
-    add_recording(store, attacks=[((1,), 10, 19)], pictured=[5, 12, 15, 17])
+@pytest.mark.parametrize(("pictures", "frames"), [("none", []), ("incidents", ["17"]), ("all", ["12", "17"])])
+def test_the_page_shows_no_picture_the_strongest_or_all_of_an_incident(told, pictures, frames):
+    store = told(attacks=[((1,), 10, 19)], pictured=[3, 12, 17]).store
     (part,) = load_page(store, pictures=Pictures(pictures)).recordings
     assert sorted({str(view.frame) for view in part.incidents[0].views}) == frames
 
@@ -65,8 +92,9 @@ def test_hostile_text_of_a_recording_is_shown_and_never_markup(store, tmp_path):
 
 def test_a_text_without_end_is_cut(store, tmp_path):
     add_recording(store, "x" * 5000)
-    assert "x" * 59 + "…" in page_of(store, tmp_path).text
-    assert "x" * 61 not in page_of(store, tmp_path).text
+    text = page_of(store, tmp_path).text
+    assert "x" * 59 + "…" in text
+    assert "x" * 61 not in text
 
 
 def test_an_attack_that_nobody_can_be_named_for_says_so(store, tmp_path):
@@ -81,9 +109,8 @@ def test_an_attack_that_nobody_can_be_named_for_says_so(store, tmp_path):
     assert "(here N = 3, so none)" in words
 
 
-def test_a_clean_audit_says_so_with_its_coverage(store, tmp_path):
-    add_recording(store)
-    words = page_of(store, tmp_path).words
+def test_a_clean_audit_says_so_with_its_coverage(told):
+    words = told().shown.words
     assert "No attack was found in 40 audited frames (100.0 % of all frames)." in words
     assert "What this audit cannot see" in words
     assert "Only" not in words.split("Incidents")[0]
@@ -173,9 +200,8 @@ def test_the_longest_incident_with_a_name_leads_the_page(store):
     )  # two of four speak against the reference: known limit
 
 
-def test_ground_truth_is_compared_frame_by_frame(store, tmp_path):
-    add_recording(store, attacks=[((1,), 5, 9)])
-    words = page_of(store, tmp_path).words
+def test_ground_truth_is_compared_frame_by_frame(told):
+    words = told(attacks=[((1,), 5, 9)]).shown.words
     assert "Of 5 labelled frames, 5 were attributed to exactly the sensors that the label names" in words
     assert "of 35 other frames, 0 raised a finding." in words
     assert "A = 510" in words
@@ -188,9 +214,8 @@ def test_a_recording_without_labels_has_no_ground_truth(store, tmp_path):
     assert "Ground truth" not in words
 
 
-def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(store, tmp_path):
-    add_recording(store, attacks=[((1,), 10, 19)], pictured=[3, 12, 17])
-    page = page_of(store, tmp_path)
+def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(told):
+    page = told(attacks=[((1,), 10, 19)], pictured=[3, 12, 17]).shown
     images = [attributes for tag, attributes in page.elements if tag == "img"]
     assert [image["src"].partition(";")[0] for image in images] == [
         "data:image/jpeg",
@@ -219,9 +244,8 @@ def test_the_damaged_portion_is_drawn_where_it_lies_and_told(store, tmp_path):
     assert "Damaged: 850 LiDAR points, 12 % of those in view, in a box 2.5 x 1.5 x 0.1 m" in page.words
 
 
-def test_without_pictures_there_is_none(store, tmp_path):
-    add_recording(store, attacks=[((1,), 10, 19)])
-    assert not [tag for tag, _ in page_of(store, tmp_path).elements if tag == "img"]
+def test_without_pictures_there_is_none(told):
+    assert not [tag for tag, _ in told(attacks=[((1,), 10, 19)]).shown.elements if tag == "img"]
 
 
 def test_sensors_are_listed_with_their_states_and_medians(store):
@@ -232,10 +256,9 @@ def test_sensors_are_listed_with_their_states_and_medians(store):
     assert (sensors[1].textureless_share, sensors[3].unmatched_share) == (0.2, None)
 
 
-def test_the_mass_balance_and_a_balance_that_fails_are_shown(store, tmp_path):
-    add_recording(store)
-    assert "All topics 568 160 400 0 8" in page_of(store, tmp_path).words
-    page = load_page(store)
+def test_the_mass_balance_and_a_balance_that_fails_are_shown(told):
+    assert "All topics 568 160 400 0 8" in told().shown.words
+    page = told().page
     (recording,) = page.recordings
     broken = replace(recording.balance[0], read=1)
     page = replace(page, recordings=(replace(recording, balance=(broken, *recording.balance[1:])),))
@@ -257,13 +280,12 @@ def test_what_was_not_read_is_told_beside_the_coverage(store, tmp_path):
     assert "/side camera left out 9 no camera info" in words
 
 
-def test_provenance_names_everything_that_decided_the_verdicts(store, tmp_path):
-    measurement_id = add_recording(store)
-    words = page_of(store, tmp_path).words
-    (recording,) = load_page(store).recordings
+def test_provenance_names_everything_that_decided_the_verdicts(told):
+    words = told().shown.words
+    (recording,) = told().page.recordings
     for text in (
         recording.recording_id,
-        measurement_id,
+        *told().store.ids("measurements"),
         recording.provenance.rig_id,
         recording.provenance.calibration_id,
         "range_px = 128",
@@ -274,13 +296,13 @@ def test_provenance_names_everything_that_decided_the_verdicts(store, tmp_path):
         assert text in words
 
 
-def test_several_recordings_are_listed_and_their_incidents_numbered_through(store, tmp_path):
+def test_several_recordings_are_listed_and_their_incidents_numbered_through(store):
     add_recording(store, "a.mcap", attacks=[((1,), 5, 9)])
     add_recording(store, "b.mcap")
     add_recording(store, "c.mcap", attacks=[((2,), 5, 12)])
     page = load_page(store)
     assert [[one.number for one in recording.incidents] for recording in page.recordings] == [[1], [], [2]]
-    words = page_of(store, tmp_path).words
+    words = Page(render(page)).words
     assert "Camera S2 (middle) was attacked" in words.split("Incidents")[0]
     assert "This is the longest of 2 incidents in 3 recordings" in words
     assert words.count("Settings and provenance") == 3
@@ -294,9 +316,8 @@ def test_none_of_several_as_long_is_called_the_longest(store, tmp_path):
     assert "10 frames in incidents Frames audited" in words
 
 
-def test_frames_in_incidents_and_those_raised_alone_are_told_apart(store):
-    add_recording(store, attacks=[((1,), 5, 9)])
-    page = load_page(store)
+def test_frames_in_incidents_and_those_raised_alone_are_told_apart(told):
+    page = told(attacks=[((1,), 5, 9)]).page
     (recording,) = page.recordings
     page = replace(page, recordings=(replace(recording, in_incidents=4),))
     words = Page(render(page)).words
@@ -312,12 +333,12 @@ def test_vehicles_have_a_column_where_some_are_known(store, tmp_path):
     assert "Recording Vehicle From Duration" in page_of(store, tmp_path).words
 
 
-def test_of_many_incidents_some_are_only_listed(store, tmp_path):
-    add_recording(store, frames=90, attacks=[((1,), first, first) for first in range(2, 90, 6)])
-    (recording,) = load_page(store).recordings
+def test_of_many_incidents_some_are_only_listed(told):
+    many = told(frames=90, attacks=[((1,), first, first) for first in range(2, 90, 6)])
+    (recording,) = many.page.recordings
     assert len(recording.incidents) == 15
     assert sum(1 for one in recording.incidents if one.figure is not None) == 6
-    assert "9 incidents of this recording are in the table above but not drawn." in page_of(store, tmp_path).words
+    assert "9 incidents of this recording are in the table above but not drawn." in many.shown.words
 
 
 @pytest.mark.parametrize("by", ["b.mcap", "id"])
@@ -328,10 +349,9 @@ def test_one_recording_is_found_by_name_or_by_the_start_of_its_id(store, tmp_pat
     assert [one.name for one in load_page(store, wanted).recordings] == ["b.mcap"]
 
 
-def test_an_unknown_recording_is_refused(store, tmp_path):
-    add_recording(store)
+def test_an_unknown_recording_is_refused(told, tmp_path):
     with pytest.raises(StoreError, match=r"no recording has the name or id 'other'"):
-        page_of(store, tmp_path, "other")
+        page_of(told().store, tmp_path, "other")
 
 
 def test_an_empty_store_is_told_what_to_do(store, tmp_path):
@@ -339,11 +359,10 @@ def test_an_empty_store_is_told_what_to_do(store, tmp_path):
         page_of(store, tmp_path)
 
 
-def test_a_page_that_cannot_be_written_leaves_the_old_one_and_says_so(store, tmp_path):
-    add_recording(store)
+def test_a_page_that_cannot_be_written_leaves_the_old_one_and_says_so(told, tmp_path):
     (tmp_path / "file").write_text("old")
     with pytest.raises(StoreError):
-        render_incident_report(store, out=tmp_path / "file" / "page.html")
+        render_incident_report(told().store, out=tmp_path / "file" / "page.html")
     assert (tmp_path / "file").read_text() == "old"
 
 

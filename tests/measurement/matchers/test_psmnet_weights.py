@@ -2,6 +2,7 @@ import argparse
 import io
 import os
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -48,13 +49,21 @@ def training_checkpoint() -> dict[str, object]:
     }
 
 
+CONTENTS = {
+    "plain": lambda: STATE,
+    "prefixed": lambda: PREFIXED,
+    "in a dictionary": lambda: {"state_dict": PREFIXED},
+    "beside what training leaves": training_checkpoint,
+}
+
+
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
-@pytest.mark.parametrize("content", [STATE, PREFIXED, {"state_dict": PREFIXED}, training_checkpoint()])
+@pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS)
 def test_checkpoints_load_in_both_formats_with_and_without_prefix_and_extras(
-    tmp_path: Path, content: object, zipped: bool
+    tmp_path: Path, content: Callable[[], object], zipped: bool
 ) -> None:
     path = tmp_path / "weights.tar"
-    torch.save(content, path, _use_new_zipfile_serialization=zipped)
+    torch.save(content(), path, _use_new_zipfile_serialization=zipped)
     weights = load_weights(path)
     assert list(weights.state) == list(STATE)
     assert all(torch.equal(weights.state[name], STATE[name]) for name in STATE)
