@@ -1,6 +1,6 @@
 """Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
@@ -102,24 +102,35 @@ def calibrate(
     stored cells. Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted
     otherwise than today.
     """
-    later: list[tuple[str, Callable[[], CleanFrames]]] = []
+    kind, procedure = kind_and_procedure(measurements)
+    once = {known: store for store, known in measurements}
+    clean = read_later(
+        (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames, recount=recount))
+        for known, store in once.items()
+    )
+    refuse_nothing_measured(any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()))
+    return make_calibration(kind, procedure, clean)
+
+
+def kind_and_procedure(measurements: Sequence[tuple[Store, str]]) -> tuple[RigKind, Procedure]:
+    """What all of some measurements have in common, those of the first. Raises ThresholdsError, see `calibrate`."""
     kinds: list[RigKind] = []
     procedures: list[Procedure] = []
-    for known, store in {known: store for store, known in measurements}.items():
+    for store, known in measurements:
         measurement = store.measurement(known)
         refuse_earlier_counting(store, known)
-        rig = store.rig(measurement.rig_id)
-        kinds.append(rig.kind)
+        kinds.append(store.rig(measurement.rig_id).kind)
         procedures.append(measurement.procedure)
         _refuse_mixture(kinds, procedures)
-        read = partial(clean_frames_of, store, known, frames, recount=recount)
-        later.append((measurement.recording_id, read))
-    clean = read_later(later)
-    if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
+    return kinds[0], procedures[0]
+
+
+def refuse_nothing_measured(measured: bool) -> None:  # noqa: FBT001 - it is what is looked at
+    """Raises ThresholdsError where no disparity error was measured."""
+    if not measured:
         raise ThresholdsError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
         )
-    return make_calibration(kinds[0], procedures[0], clean)
 
 
 def clean_frames_of(

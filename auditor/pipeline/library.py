@@ -20,6 +20,7 @@ from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.asking import PathLike, opened
+from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.judge import Criteria
@@ -29,7 +30,6 @@ from auditor.pipeline.many import (
     Judged,
     JudgeSettings,
     MeasureSettings,
-    calibrate_on,
     choose_clean,
     find_batch,
     limits_by_size,
@@ -164,10 +164,10 @@ def calibrate(
         relate(kept)
         given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(given, stores)
-        calibration = calibrate_on(clean, frames)
-        keep_calibrated(kept, calibration, clean, _USUAL_R, frames=frames)
+        made = make(clean, _USUAL_R, frames, jobs=settings.jobs)
+        keep_calibrated(kept, made)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
-    return Calibrated(calibration, clean.left_out, (*batch.errors, *failed))
+    return Calibrated(made.calibration, clean.left_out, (*batch.errors, *failed))
 
 
 def scan(

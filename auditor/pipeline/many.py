@@ -5,14 +5,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
+from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
-    calibrate,
     counted_earlier,
     fitting_calibration,
     judge_measurement,
@@ -188,15 +187,6 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     ]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
-
-
-def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recount: bool = False) -> Calibration:
-    """The calibration that clean measurements give, see `judge.calibrate`. Raises ThresholdsError."""
-    if not clean.chosen:
-        raise ThresholdsError(
-            "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
-        )
-    return calibrate(clean.chosen, frames, recount=recount)
 
 
 def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
