@@ -65,9 +65,10 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
     print_rows(shown, _PAPER_COLUMNS)
 
 
-def show_left_out(kept: "Kept", r: Decimal, form: str, names: Mapping[str, str]) -> None:
-    """How many frames of each clean recording are not clean by thresholds of the others; `names` are by id."""
+def show_left_out(kept: "Kept", r: Decimal, form: str) -> None:
+    """How many frames of each clean recording are not clean by thresholds of the others."""
     robust, paper = kept.left_out, kept.left_out_by_paper
+    names = {one.recording_id: one.name for one in kept.version.included}
     if not paper:
         say(f"one clean recording: no other can judge it; by the prior alone {_share(robust)} at r = {r}")
         _warn_of_incidents(robust, names, "the prior")

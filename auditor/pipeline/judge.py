@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,12 @@ from auditor.model.calibration import (
     RobustThresholds,
     Thresholds,
     prior_calibration,
-    read_later,
 )
 from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
-from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.measurement import COUNTING_VERSION, Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.rig_kind import RigKind, Similarity
+from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method, Verdict
 from auditor.store import (
     FrameStatistics,
@@ -46,7 +45,6 @@ from auditor.store import (
     Store,
     StoredJudgement,
     StoredMeasurement,
-    make_calibration,
 )
 
 Rows = list[tuple[int, int, Verdict]]
@@ -93,50 +91,13 @@ def system_of(rig: Rig) -> System:
     return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
-def calibrate(
-    measurements: Sequence[tuple[Store, str]], frames: range | None = None, *, recount: bool = False
-) -> Calibration:
-    """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
-
-    `frames` restricts it to these frame numbers of each measurement, `recount` computes their statistics again from the
-    stored cells. Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted
-    otherwise than today.
-    """
-    kind, procedure = kind_and_procedure(measurements)
-    once = {known: store for store, known in measurements}
-    clean = read_later(
-        (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames, recount=recount))
-        for known, store in once.items()
-    )
-    refuse_nothing_measured(any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()))
-    return make_calibration(kind, procedure, clean)
-
-
-def kind_and_procedure(measurements: Sequence[tuple[Store, str]]) -> tuple[RigKind, Procedure]:
-    """What all of some measurements have in common, those of the first. Raises ThresholdsError, see `calibrate`."""
-    kinds: list[RigKind] = []
-    procedures: list[Procedure] = []
-    for store, known in measurements:
-        measurement = store.measurement(known)
-        refuse_earlier_counting(store, known)
-        kinds.append(store.rig(measurement.rig_id).kind)
-        procedures.append(measurement.procedure)
-        _refuse_mixture(kinds, procedures)
-    return kinds[0], procedures[0]
-
-
-def refuse_nothing_measured(measured: bool) -> None:  # noqa: FBT001 - it is what is looked at
-    """Raises ThresholdsError where no disparity error was measured."""
-    if not measured:
-        raise ThresholdsError(
-            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
-        )
-
-
 def clean_frames_of(
     store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
 ) -> CleanFrames:
-    """What a calibration keeps of a measurement, see `calibrate`."""
+    """What a calibration keeps of a measurement.
+
+    `frames` restricts it to these frame numbers, `recount` computes the statistics again from the stored cells.
+    """
     stored = store.measurement(measurement)
     return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
 
@@ -229,16 +190,6 @@ def refuse_earlier_counting(store: Store, measurement: str) -> None:
             where=f"measurement {measurement}",
             remedy="measure again with auditor scan --measure-again",
         )
-
-
-def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
-    """Compare the last with the first."""
-    remedy = "calibrate each of them on its own"
-    if not kinds[0].matches(kinds[-1]):
-        raise ThresholdsError(f"two rig kinds in one calibration: {kinds[0]}, and {kinds[-1]}", remedy=remedy)
-    if procedures[0] != procedures[-1]:
-        matchers = f"{procedures[0].matcher}, and {procedures[-1].matcher}"
-        raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
 
 
 def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:

@@ -219,14 +219,14 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
                 if outcome.result.fresh:
                     relate(store)
                 judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
-                _picture(store, judged, batch.settings)
+                _picture(store, judged, batch)
                 yield Scanned(str(outcome.item), outcome.result, judged)
 
 
-def _picture(store: Store, judged: Sequence[Judged], settings: MeasureSettings) -> None:
+def _picture(store: Store, judged: Sequence[Judged], batch: Batch) -> None:
     """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
-    found = [one.measurement_id for one in judged if one.found and one.fresh]
-    for _ in picture_incidents(store, found, settings.pictures, settings.limits):
+    found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]
+    for _ in picture_incidents(store, found, batch.settings.pictures, batch.settings.limits):
         pass
 
 

@@ -119,7 +119,7 @@ def command(
         show_robust(made, form)
     else:
         show_paper(made.calibration, kept, r, form)
-    show_left_out(known, r, form, dict(_name(store, known) for store, known in clean.chosen))
+    show_left_out(known, r, form)
     _say_in_force(known, store)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
@@ -147,12 +147,6 @@ def _tell_relations(store: "Store", recording_ids: Collection[str], tally: Tally
         for conflict in conflicts_of(store, recording):
             say(f"{recording.name}: {conflict}")
             tally.incomplete = True
-
-
-def _name(store: "Store", measurement: str) -> tuple[str, str]:
-    """The id of a measurement's recording, and what the user calls it."""
-    recording_id = store.measurement(measurement).recording_id
-    return recording_id, store.recording(recording_id).name
 
 
 def _check_rate(made: "MadeCalibration", method: str, *, strict: bool) -> None:

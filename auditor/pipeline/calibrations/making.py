@@ -5,7 +5,7 @@ the others and to be written. Where all have few frames they are read once, and 
 several processes at once; what they give is the same for any number of them.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
@@ -28,18 +28,19 @@ from auditor.identification.cross_validation import (
 from auditor.identification.scores import CleanDrives, DriveSums, largest_asked_for
 from auditor.identification.systems import System
 from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames, RobustThresholds, read_later
-from auditor.model.measurement import Statistic
+from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple
-from auditor.pipeline.judge import clean_frames_of, kind_and_procedure, refuse_nothing_measured, system_of
+from auditor.model.rig_kind import RigKind
+from auditor.pipeline.judge import clean_frames_of, refuse_earlier_counting, system_of
 from auditor.pipeline.many import CleanMeasurements
 from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Content, Store, content_of, make_calibration
 
-MOST_GIVEN_BACK = 10_000
-"""Frames of the recordings that a process judges and gives back at once; one recording at least."""
+MOST_GIVEN_BACK = 25_000
+"""Frames of the recordings that a process judges and gives back at once, about 1 kB each; one recording at least."""
 
-_WAITING = 4
-"""Parts a process that may wait to be written."""
+_BEGUN = 2
+"""Parts a process that are begun at once: some are judged while others are written."""
 
 Result = TypeVar("Result")
 ByOthers = tuple[RobustThresholds, Mapping[Triple, float]]
@@ -148,7 +149,7 @@ class MadeCalibration:
             yield from map(partial(_judged, asked.system), clean, by_others)
             return
         parts = (_Part(part, asked, tuple(islice(by_others, len(part)))) for part in _parts_of(self.clean.chosen))
-        while waiting := list(islice(parts, _WAITING * self.jobs)):
+        while waiting := list(islice(parts, _BEGUN * self.jobs)):
             for judged in _in_order(_judge_part, waiting, self.jobs):
                 yield from judged
 
@@ -156,9 +157,12 @@ class MadeCalibration:
 def make(
     clean: CleanMeasurements, r: Decimal, frames: range | None = None, *, recount: bool = False, jobs: int = 1
 ) -> MadeCalibration:
-    """The calibration that clean measurements give, see `judge.calibrate`; many are read by so many processes.
+    """The calibration that clean measurements of one rig kind and procedure give, each once; see the module.
 
-    `r` is the rate that its recordings are judged at. Raises ThresholdsError.
+    `r` is the rate that its recordings are judged at. `frames` restricts it to these frame numbers of each measurement,
+    `recount` computes their statistics again from the stored cells. `jobs` processes read many of them.
+    Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted otherwise than
+    today.
     """
     if not clean.chosen:
         raise ThresholdsError(
@@ -166,7 +170,7 @@ def make(
         )
     measurements = tuple((store, known) for known, store in {known: store for store, known in clean.chosen}.items())
     clean = replace(clean, chosen=measurements)
-    kind, procedure = kind_and_procedure(measurements)
+    _refuse_mixture(measurements)
     asked = _asked_of(measurements, r, frames, recount=recount)
     recordings = tuple(
         (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames, recount=recount))
@@ -184,9 +188,31 @@ def make(
         parts = [_Part(tuple(located[first : first + share]), asked) for first in range(0, len(located), share)]
         for found in _in_order(_sum_up, parts, jobs):
             sums.join(found)
-    refuse_nothing_measured(any(sums.samples.values()))
-    calibration = make_calibration(kind, procedure, kept, sums.contents)
+    if not any(sums.samples.values()):
+        raise ThresholdsError(
+            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
+        )
+    calibration = make_calibration(*_kind_and_procedure(*measurements[0]), kept, sums.contents)
     return MadeCalibration(calibration, clean, asked, sums.samples, CleanDrives(sums.drives), sums.errors, jobs)
+
+
+def _kind_and_procedure(store: Store, measurement: str) -> tuple[RigKind, Procedure]:
+    stored = store.measurement(measurement)
+    return store.rig(stored.rig_id).kind, stored.procedure
+
+
+def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
+    """Raises ThresholdsError for the first that is of another kind or procedure than the first of all."""
+    first, first_procedure = _kind_and_procedure(*measurements[0])
+    remedy = "calibrate each of them on its own"
+    for store, known in measurements:
+        refuse_earlier_counting(store, known)
+        kind, procedure = _kind_and_procedure(store, known)
+        if not first.matches(kind):
+            raise ThresholdsError(f"two rig kinds in one calibration: {first}, and {kind}", remedy=remedy)
+        if first_procedure != procedure:
+            matchers = f"{first_procedure.matcher}, and {procedure.matcher}"
+            raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
 
 
 def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool) -> Asked:
@@ -243,8 +269,10 @@ def _judged(system: System, clean: CleanFrames, by_others: ByOthers) -> JudgedBy
 def _in_order(task: Callable[[_Part, Progress], Result], parts: Sequence[_Part], jobs: int) -> Iterator[Result]:
     """The results of parts in their order, of so many processes. Raises what one of them raises."""
     found: dict[_Part, Result] = {}
+    left = deque(parts)
     for outcome in run_all(task, parts, jobs, lambda *_: None):
         if outcome.error is not None:
             raise outcome.error
         found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
-    yield from (found.pop(part) for part in parts)
+        while left and left[0] in found:
+            yield found.pop(left.popleft())

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from auditor import __version__
 from auditor.errors import AuditorError, SettingError
 from auditor.identification.cross_validation import LeftOut, clean_hours
 from auditor.identification.parameters import judging_digest
-from auditor.identification.refreshing.drives import Shown
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
@@ -20,7 +20,7 @@ from auditor.model.rig import Triple
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.judge import Criteria, clean_frames_of
-from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
 from auditor.store import (
     RecordingRecord,
     Store,
@@ -76,14 +76,16 @@ def extent_of(calibration: Calibration) -> Extent:
 def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "calibrate") -> Kept:
     """Keep a calibration that a person made, and put it in force where none is for its rig kind. Raises StoreError."""
     calibration, judged = made.calibration, list[tuple[LeftOut, LeftOut]]()
-    used = list[UsedRecording]()
+    seen, used = _looked_at(made.clean), list[UsedRecording]()
     path = store.path("calibrations", calibration.calibration_id)
     with logged(store.folder) as entry, writing_calibration(calibration, path, entry.announce) as add:
         for (source, known), one in zip(made.clean.chosen, made.judged_by_others(), strict=True):
             add(one.clean)
             judged.append((one.robust, one.paper))
-            used.append(used_recording(source, known, reason=GIVEN, clean=one.clean, by_others=one.robust))
-    used += [used_recording(source, known, reason=reason) for source, known, reason in made.clean.out]
+            given = taken(replace(seen[source.folder, known], reason=GIVEN), one.clean)
+            findings, incidents = one.robust.findings, one.robust.incidents
+            used.append(replace(given, findings_by_others=findings, incidents_by_others=incidents))
+    used += [replace(seen[source.folder, known], reason=reason) for source, known, reason in made.clean.out]
     before = history_of(histories(store), calibration).in_force
     first = before in (None, calibration.calibration_id)
     robust, paper = zip(*judged, strict=True)
@@ -106,20 +108,17 @@ def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "cali
     )
 
 
-def used_recording(
-    store: Store,
-    measurement: str,
-    *,
-    reason: str,
-    clean: CleanFrames | None = None,
-    by_others: LeftOut | Shown | None = None,
-) -> UsedRecording:
-    """What is said of a recording: it is in where there are `clean` frames of it."""
-    stored = store.measurement(measurement)
-    used = replace(looked_at(stored, store.recording(stored.recording_id)), reason=reason)
-    if by_others is not None:
-        used = replace(used, findings_by_others=by_others.findings, incidents_by_others=by_others.incidents)
-    return used if clean is None else taken(used, clean)
+def _looked_at(clean: CleanMeasurements) -> dict[tuple[Path, str], UsedRecording]:
+    """What is said of each measurement, by its store's folder and its id."""
+    found: dict[tuple[Path, str], UsedRecording] = {}
+    every = [*clean.chosen, *((store, known) for store, known, _ in clean.out)]
+    for store in {store.folder: store for store, _ in every}.values():
+        stored = [store.measurement(known) for of, known in every if of.folder == store.folder]
+        some = store.only(recordings={one.recording_id for one in stored})
+        recordings = {one.recording_id: one for one in some.recordings()}  # at once: one by one takes far longer
+        for one in stored:
+            found[store.folder, one.measurement_id] = looked_at(one, recordings[one.recording_id])
+    return found
 
 
 def looked_at(stored: StoredMeasurement, recording: RecordingRecord) -> UsedRecording:
