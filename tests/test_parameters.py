@@ -80,7 +80,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds; thresholds that are made of others, which judge no scan",
     ),
     "identification/paper.py": ((3,), "N - 3"),
-    "identification/prior.py": ((4,), "the four values of a drive"),
     "identification/drift/series.py": (
         (0.6744897501960817, 4),
         "the median of |x| of a normal distribution; the bias of a correlation of few values",

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
     from auditor.identification.systems import System
     from auditor.model.calibration import Calibration, Expected, RobustThresholds
+    from auditor.pipeline.calibrations.making import MadeCalibration
+    from auditor.pipeline.calibrations.versions import Kept
     from auditor.store import Store
 
 _MOST_ROWS = 20
@@ -19,21 +21,22 @@ _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "re
 _LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "findings", "incidents", "findings by paper")
 
 
-def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
+def show_robust(made: "MadeCalibration", form: str) -> None:
     """The thresholds of the robust method at r, one row a sensor check.
 
     A table has the checks that count where no sensor is missing or named; other forms have all.
     """
-    from auditor.identification.cross_validation import robust_thresholds  # noqa: PLC0415 - NumPy is heavy
     from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
 
-    thresholds = robust_thresholds(calibration, system, r)
+    thresholds, system = made.thresholds, made.asked.system
     rows = _sensor_checks(thresholds, system)
     if form != "table":
         emit(table_of(rows), form)
         return
-    _head(calibration)
-    answer(f"thresholds {learnt(thresholds.drives)}: at r = {r} a finding has a z above {thresholds.limit:.2f}")
+    _head(made.calibration)
+    answer(
+        f"thresholds {learnt(thresholds.drives)}: at r = {made.asked.r} a finding has a z above {thresholds.limit:.2f}"
+    )
     counting = [rows[place] for place in system.counting(frozenset()).tolist()]
     shown = [
         {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{other}" for other in row["others"])}
@@ -62,26 +65,19 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
     print_rows(shown, _PAPER_COLUMNS)
 
 
-def show_left_out(
-    calibration: "Calibration", robust: "Sequence[LeftOut]", r: Decimal, form: str, names: Mapping[str, str]
-) -> None:
-    """How many frames of each clean recording are not clean by thresholds of the others; `names` are by id.
-
-    `robust` says it for the robust method.
-    """
-    from auditor.identification.cross_validation import leave_one_out_paper  # noqa: PLC0415 - NumPy is heavy
-    from auditor.model.measurement import Statistic  # noqa: PLC0415
-
-    if len(calibration.recordings) < 2:
+def show_left_out(kept: "Kept", r: Decimal, form: str) -> None:
+    """How many frames of each clean recording are not clean by thresholds of the others."""
+    robust, paper = kept.left_out, kept.left_out_by_paper
+    names = {one.recording_id: one.name for one in kept.version.included}
+    if not paper:
         say(f"one clean recording: no other can judge it; by the prior alone {_share(robust)} at r = {r}")
         _warn_of_incidents(robust, names, "the prior")
         return
-    paper = leave_one_out_paper(calibration, Statistic.GATED, r)
     if form == "table":
         _table(robust, paper, names)
-    hours = sum(one.hours for one in robust)
+    hours, recordings = sum(one.hours for one in robust), len({one.recording for one in robust})
     say(
-        f"leave-one-recording-out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: "
+        f"leave-one-recording-out, each of {recordings} recordings judged by the others at r = {r}: "
         f"{_share(robust)} and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
     _warn_of_incidents(robust, names, "the others")

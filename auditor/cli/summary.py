@@ -29,8 +29,6 @@ _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "f
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
-MOST_KNOWN = 50
-"""So many known recordings are named each, and shown where nothing was judged now; of more the number is said."""
 _SINGLE_FRAMES = "SELECT name, measurement_id FROM single_frames"
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -45,7 +43,6 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)
     measured = {}
-    few = len(batch.tasks) <= MOST_KNOWN
     with progress(len(batch.tasks), "measuring") as (advanced, finished):
         for outcome in measure_all(batch, advanced):
             if outcome.error is not None:
@@ -55,13 +52,13 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
             elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
-                if few or outcome.result.fresh:
+                if batch.shows_known or outcome.result.fresh:
                     finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
                 else:
                     finished()
     results = [measured[task] for task in batch.tasks if task in measured]
     before = sum(not one.fresh for one in results)
-    if before and not few:
+    if before and not batch.shows_known:
         say(f"{_count(before)} measured before")
     remarks: Remarks = {}
     for one in results:
@@ -111,19 +108,21 @@ def show_audit(
     recording_ids: Collection[str] | None = None,
     judged: "Sequence[Judged] | None" = None,
     policy: "Policy | None" = None,
+    *,
+    show_known: bool = True,
 ) -> None:
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
-    `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was, and
-    the store is asked about it alone; earlier verdicts are counted. A table has no more than some of all. What no
-    incident fails is not found, as far as the tally is concerned. Without a store nothing was measured.
+    `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was and
+    `show_known`, and the store is asked about it alone; earlier verdicts are counted. What no incident fails is not
+    found, as far as the tally is concerned. Without a store nothing was measured.
     """
     from auditor.store import query, rows_of, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     decided: list[Decided] = []
     if store is not None:
-        asked = store if judged is None else _asked(store, judged, most=MOST_KNOWN if form == "table" else None)
+        asked = store if judged is None else _asked(store, judged, show_known=show_known)
         answers = run_sqls(
             asked, {"summary": query("summary"), "incidents": query("incidents"), "single_frames": _SINGLE_FRAMES}
         )
@@ -212,14 +211,13 @@ def _say_once(remarks: Remarks) -> None:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 
 
-def _asked(store: "Store", judged: "Sequence[Judged]", most: int | None) -> "Store":
+def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "Store":
     """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said.
 
-    It is shown where nothing was judged now, if it is no more than `most`.
+    It is shown itself where nothing was judged now and `show_known`.
     """
     verdicts = [one for one in judged if one.judgement is not None]
-    few = most is None or len(verdicts) <= most
-    now = [one for one in verdicts if one.fresh] or (verdicts if few else [])
+    now = [one for one in verdicts if one.fresh] or (verdicts if show_known else [])
     failed = [one.measurement_id for one in judged if one.judgement is None]
     before = store.current_judgements() if failed else {}
     shown = [one.measurement_id for one in now] + [one for one in failed if one not in before]

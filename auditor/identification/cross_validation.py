@@ -1,16 +1,17 @@
 """Leave one recording out: each clean recording judged by the others. And the thresholds of the robust method."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from functools import cache, lru_cache
+from functools import lru_cache
 from math import ceil, inf, sqrt
 
 import numpy as np
 
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
-from auditor.identification.order_statistics import Largest, Without, ascending
+from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, for_clean_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
@@ -31,9 +32,6 @@ MOST_GROUPS = 200
 """Thresholds of the others are made no oftener: they take a time that grows with the number of recordings."""
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
-
-Judge = Callable[[CleanFrames], tuple[int, int]]
-"""Thresholds from all other recordings, applied to one: how many of its frames are findings, and how many incidents."""
 
 
 @dataclass(frozen=True)
@@ -80,66 +78,134 @@ def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -
 
     Of more than MOST_GROUPS recordings a few that follow one another are left out together.
     """
-    return list(each_left_out(calibration, system, r))
+    others = ThresholdsOfOthers(_drives_of(calibration, system), left_out_together(calibration), system, r)
+    return [judge_by_others(one, others.of(one.recording_id), system) for one in calibration.clean]
 
 
-def each_left_out(calibration: Calibration, system: System, r: Decimal) -> Iterator[LeftOut]:
-    """As `leave_one_out_robust`, one recording after another."""
-    drives, groups = _drives_of(calibration, system), left_out_together(calibration)
+class ThresholdsOfOthers:
+    """The robust thresholds by which each clean recording is judged: those of all recordings outside its group."""
 
-    @cache
-    def by_others(group: int) -> RobustThresholds:
-        gone = (recording for recording, its in groups.items() if its == group)
-        return drives.thresholds(system.judged_together, r, used=drives.others(*gone))
+    def __init__(self, drives: CleanDrives, groups: Mapping[str, int], system: System, r: Decimal) -> None:
+        self._drives = drives
+        self._groups = groups
+        self._members = defaultdict[int, list[str]](list)
+        for recording, group in groups.items():
+            self._members[group].append(recording)
+        self._system, self._r = system, r
+        self._known: dict[int, RobustThresholds] = {}
 
-    def judge(left_out: CleanFrames) -> tuple[int, int]:
-        series, thresholds = as_scanned(left_out, by_others(groups[left_out.recording_id]), system)
-        verdicts = judge_frames(series, system, thresholds)
-        findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
-        return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
+    def of(self, recording_id: str) -> RobustThresholds:
+        """The thresholds for a recording; those of its group are made once."""
+        group = self._groups[recording_id]
+        if group not in self._known:
+            used = self._drives.others(*self._members[group])
+            self._known[group] = self._drives.thresholds(self._system.judged_together, self._r, used=used)
+        return self._known[group]
 
-    return _results(calibration.clean, judge)
+
+def judge_by_others(left_out: CleanFrames, learnt: RobustThresholds, system: System) -> LeftOut:
+    """The false alarms in a clean recording by robust thresholds that were learnt from others."""
+    series, thresholds = as_scanned(left_out, learnt, system)
+    verdicts = judge_frames(series, system, thresholds)
+    findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
+    incidents = count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
+    return _result(left_out, findings, incidents)
 
 
 def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
-    fallback = fallback_of(len(calibration.rig_kind.sizes_px), lidar=calibration.rig_kind.lidar)
     if len(calibration.recordings) == 1:
         return []
-    own: dict[str, list[CleanFrames]] = {}
+    frames = Counter[str]()
     for one in calibration.clean:
-        own.setdefault(one.recording_id, []).append(one)
-    frames = [sum(one.frames for one in parts) for parts in own.values()]
-    asked_for = ceil(checked(r) * sum(frames)) + max(frames) + 2
-    largest: dict[tuple[Statistic, Triple], Largest] = {}
+        frames[one.recording_id] += one.frames
+    errors = CleanErrors(statistic, errors_asked_for(r, frames.total(), max(frames.values(), default=0)))
     for one in calibration.clean:
-        for key, E in one.errors.items():
-            if key[0] is statistic:
-                largest.setdefault(key, Largest(asked_for)).add(E)
-    samples = {key: values.ascending for key, values in largest.items()}
+        errors.add(one)
+    others, kind = ErrorsOfOthers(errors, r), calibration.rig_kind
+    fallback = fallback_of(len(kind.sizes_px), lidar=kind.lidar)
+    return [judge_by_thetas(one, others.of(one.recording_id), statistic, fallback) for one in calibration.clean]
 
-    def judge(left_out: CleanFrames) -> tuple[int, int]:
-        above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
-        triples = [triple for kind, triple in left_out.errors if kind is statistic]
-        # The fallback, which comes last, counts where no other E of a frame was measured.
-        for triple in sorted(triples, key=lambda triple: triple == fallback):
-            key, E = (statistic, triple), left_out.errors[statistic, triple]
-            values, below = samples[key]
-            gone = [one.errors[key] for one in own[left_out.recording_id] if key in one.errors]
-            others = Without(values, ascending(gone), below)
+
+def errors_asked_for(r: Decimal, frames: int, most_left_out: int) -> int:
+    """How many of the largest E of so many frames theta at r depends on, whichever recording is left out."""
+    return ceil(checked(r) * frames) + most_left_out + 2
+
+
+class CleanErrors:
+    """The largest disparity errors of clean recordings, so `many` of each triple, and how many there are in all."""
+
+    def __init__(self, statistic: Statistic, many: int) -> None:
+        self.recordings: list[str] = []
+        self._statistic = statistic
+        self._many = many
+        self._largest: dict[Triple, Largest] = {}
+
+    def add(self, one: CleanFrames) -> None:
+        """Take the next recording."""
+        for (statistic, triple), E in one.errors.items():
+            if statistic is self._statistic:
+                self._of(triple).add(E, len(self.recordings))
+        self.recordings.append(one.recording_id)
+
+    def join(self, later: "CleanErrors") -> None:
+        """Take recordings that follow."""
+        for triple, largest in later._largest.items():
+            self._of(triple).join(largest, len(self.recordings))
+        self.recordings += later.recordings
+
+    def ordered(self) -> dict[Triple, Ordered]:
+        """The largest E in ascending order, by triple."""
+        return {triple: largest.ordered(len(self.recordings)) for triple, largest in self._largest.items()}
+
+    def _of(self, triple: Triple) -> Largest:
+        return self._largest.setdefault(triple, Largest(self._many))
+
+
+class ErrorsOfOthers:
+    """The paper's theta at r by which each clean recording is judged: that of all other recordings."""
+
+    def __init__(self, errors: CleanErrors, r: Decimal) -> None:
+        self._places = defaultdict[str, list[int]](list)
+        for place, recording in enumerate(errors.recordings):
+            self._places[recording].append(place)
+        self._ordered, self._r = errors.ordered(), r
+
+    def of(self, recording_id: str) -> dict[Triple, float]:
+        """Theta by triple, for a recording; none where the others have no E."""
+        found = {}
+        for triple, ordered in self._ordered.items():
+            others = ordered.without(self._places[recording_id])
             if others.size:
-                known = ~np.isnan(E) & ~(measured & (triple == fallback))
-                rank = threshold_rank(others.size, r)
-                above |= known & ((others.at(rank - 1) if rank else BELOW_EVERY_ERROR) < E)
-                measured |= known
-        return int(np.count_nonzero(above)), _count_runs(above)
+                rank = threshold_rank(others.size, self._r)
+                found[triple] = others.at(rank - 1) if rank else BELOW_EVERY_ERROR
+        return found
 
-    return list(_results(calibration.clean, judge))
+
+def judge_by_thetas(
+    left_out: CleanFrames, theta: Mapping[Triple, float], statistic: Statistic, fallback: Triple | None
+) -> LeftOut:
+    """The false alarms in a clean recording by the paper's thresholds of others."""
+    above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
+    triples = [triple for kind, triple in left_out.errors if kind is statistic]
+    # The fallback, which comes last, counts where no other E of a frame was measured.
+    for triple in sorted(triples, key=lambda triple: triple == fallback):
+        if triple in theta:
+            E = left_out.errors[statistic, triple]
+            known = ~np.isnan(E) & ~(measured & (triple == fallback))
+            above |= known & (theta[triple] < E)
+            measured |= known
+    return _result(left_out, int(np.count_nonzero(above)), _count_runs(above))
 
 
 def left_out_together(calibration: Calibration) -> dict[str, int]:
     """By recording the group that is left out when it is judged; each is one by itself, of no more than MOST_GROUPS."""
-    recordings = dict.fromkeys(one.recording_id for one in calibration.clean)
+    return groups_of(one.recording_id for one in calibration.clean)
+
+
+def groups_of(recording_ids: Iterable[str]) -> dict[str, int]:
+    """As `left_out_together`, of recordings in their order."""
+    recordings = dict.fromkeys(recording_ids)
     groups = min(len(recordings), MOST_GROUPS)
     return {one: place * groups // len(recordings) for place, one in enumerate(recordings)}
 
@@ -147,7 +213,7 @@ def left_out_together(calibration: Calibration) -> dict[str, int]:
 @lru_cache(maxsize=2)
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
-    return CleanDrives(calibration.clean, system.sensor_checks, groups=left_out_together(calibration))
+    return CleanDrives.of(calibration.clean, system.sensor_checks, groups=left_out_together(calibration))
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:
@@ -205,11 +271,9 @@ def wilson(k: float, n: float) -> tuple[float, float]:
     return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
 
 
-def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
-    """One result a recording and rig: several rigs of one kind may have measured it."""
-    for left_out in clean:
-        findings, incidents = judge(left_out)
-        yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
+def _result(left_out: CleanFrames, findings: int, incidents: int) -> LeftOut:
+    """Of a recording and rig: several rigs of one kind may have measured it."""
+    return LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
 def as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:

@@ -9,8 +9,9 @@ prior says by which factor, and deviations are given times it. A drive that is j
 of its frames have, attacks being brief.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import exp, inf, sqrt
 from statistics import NormalDist
 from typing import NamedTuple
@@ -79,9 +80,9 @@ class Drives:
     worth: Floats
 
     @classmethod
-    def of(cls, drives: Sequence[DriveValues]) -> "Drives":
-        """Of each of them; a drive without values has no frames."""
-        mean, squares, frames, worth = (np.array([one[n] for one in drives]) for n in range(4))
+    def of(cls, drives: Iterable[float]) -> "Drives":
+        """Of the `DriveValues` of each of them, one after another; a drive without values has no frames."""
+        mean, squares, frames, worth = np.fromiter(drives, dtype=np.float64).reshape(-1, len(DriveValues._fields)).T
         return cls(mean, squares, frames.astype(np.int64), worth)
 
     def chosen(self, places: Flags) -> "Drives":
@@ -140,7 +141,7 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
-    return expected_after(prior, Drives.of(seen), believed=believed)
+    return expected_after(prior, Drives.of(chain.from_iterable(seen)), believed=believed)
 
 
 def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> Expected:

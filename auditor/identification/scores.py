@@ -1,5 +1,6 @@
 """Normalised scores z: how many standard deviations a statistic lies above what clean drives are expected to have."""
 
+from array import array
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +12,7 @@ import numpy as np
 
 from auditor.identification.causes.faults import TONES, faults_of
 from auditor.identification.incidents import incident_limit
-from auditor.identification.order_statistics import Largest, Without, ascending
+from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
     Drives,
@@ -61,56 +62,106 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    return CleanDrives(clean, sensor_checks, groups={}).thresholds(judged_together, r, calibration_id)
+    return CleanDrives.of(clean, sensor_checks, groups={}).thresholds(judged_together, r, calibration_id)
+
+
+class DriveSums:
+    """What thresholds need of drives 0, 1, ..., each looked at once: values summed up, and the largest fault scores.
+
+    So `many` of the scores are kept of each fault, over all drives.
+    """
+
+    def __init__(self, sensor_checks: Sequence[SensorCheck], many: int) -> None:
+        causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
+        self.recordings: list[str] = []
+        self._of_checks = {check: array("d") for check in sensor_checks}
+        self._of_causes = {cause: array("d") for cause in causes}
+        self._largest = {cause: Largest(many) for cause in causes if cause[0] not in TONES}
+
+    def add(self, drive: CleanFrames) -> None:
+        """Take the next drive."""
+        for check, sums in self._of_checks.items():
+            sums.extend(_statistics_of(drive, check))
+        for cause, sums in self._of_causes.items():
+            sums.extend(_strengths_of(drive, cause))
+        for cause, largest in self._largest.items():
+            largest.add(drive.strengths.get(cause, _NONE), len(self.recordings))
+        self.recordings.append(drive.recording_id)
+
+    def join(self, later: "DriveSums") -> None:
+        """Take drives that follow."""
+        for check, sums in later._of_checks.items():
+            self._of_checks[check].extend(sums)
+        for cause, sums in later._of_causes.items():
+            self._of_causes[cause].extend(sums)
+        for cause, largest in later._largest.items():
+            self._largest[cause].join(largest, len(self.recordings))
+        self.recordings += later.recordings
+
+    def of_checks(self) -> dict[SensorCheck, Drives]:
+        """The values of each sensor check summed up."""
+        return {check: Drives.of(sums) for check, sums in self._of_checks.items()}
+
+    def of_causes(self) -> dict[CauseIn, Drives]:
+        """The scores of each fault summed up."""
+        return {cause: Drives.of(sums) for cause, sums in self._of_causes.items()}
+
+    def largest(self) -> dict[CauseIn, Ordered]:
+        """The largest scores of each fault that can be too large only."""
+        return {cause: largest.ordered(len(self.recordings)) for cause, largest in self._largest.items()}
+
+
+def largest_asked_for(frames: int, most_left_out: int) -> int:
+    """How many of the largest scores of so many frames a quantile of them depends on, whichever frames are left out."""
+    return ceil((1 - FAULT_SCALE.shown_quantile) * frames) + most_left_out + 2
 
 
 class CleanDrives:
-    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out.
+    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
 
-    Where it is known what is ever left out at once, far fewer of their fault scores are kept: `groups` are those of
-    recordings that are left out together, by id; any other is left out by itself.
-    """
+    def __init__(self, sums: DriveSums) -> None:
+        self._recordings = sums.recordings
+        self._places: dict[str, list[int]] = {}
+        for place, recording in enumerate(self._recordings):
+            self._places.setdefault(recording, []).append(place)
+        self._of_checks, self._of_causes, self._largest = sums.of_checks(), sums.of_causes(), sums.largest()
 
-    def __init__(
-        self,
+    @classmethod
+    def of(
+        cls,
         clean: Sequence[CleanFrames],
         sensor_checks: Sequence[SensorCheck],
         *,
         groups: Mapping[str, int] | None = None,
-    ) -> None:
-        self._clean = clean
-        self._places: dict[str, list[int]] = {}
-        for place, drive in enumerate(clean):
-            self._places.setdefault(drive.recording_id, []).append(place)
-        causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
-        of_checks: dict[SensorCheck, list[DriveValues]] = {check: [] for check in sensor_checks}
-        of_causes: dict[CauseIn, list[DriveValues]] = {cause: [] for cause in causes}
-        asked_for = sum(drive.frames for drive in clean) if groups is None else self._ever_asked_for(groups)
-        largest = {cause: Largest(asked_for) for cause in causes if cause[0] not in TONES}
-        for drive in clean:
-            for check, drives in of_checks.items():
-                drives.append(_statistics_of(drive, check))
-            for cause, drives in of_causes.items():
-                drives.append(_strengths_of(drive, cause))
-            for cause, values in largest.items():
-                values.add(drive.strengths.get(cause, _NONE))
-        self._of_checks = {check: Drives.of(drives) for check, drives in of_checks.items()}
-        self._of_causes = {cause: Drives.of(drives) for cause, drives in of_causes.items()}
-        self._largest = {cause: values.ascending for cause, values in largest.items()}
+    ) -> "CleanDrives":
+        """The clean frames of some recordings.
+
+        Where it is known what is ever left out at once, far fewer of their fault scores are kept: `groups` are those of
+        recordings that are left out together, by id; any other is left out by itself.
+        """
+        frames = Counter[str | int]()
+        for one in clean:
+            frames[one.recording_id if groups is None else groups.get(one.recording_id, one.recording_id)] += one.frames
+        most = frames.total() if groups is None else max(frames.values(), default=0)
+        sums = DriveSums(sensor_checks, largest_asked_for(frames.total(), most))
+        for one in clean:
+            sums.add(one)
+        return cls(sums)
 
     def thresholds(
         self, judged_together: int, r: Decimal, calibration_id: str = "", *, used: Flags | None = None
     ) -> RobustThresholds:
         """As `thresholds_from`; they are learnt from the recordings that are `used` (D,). Raises SettingError."""
         limit = joint_limit(float(checked(r)), judged_together)
-        used = np.ones(len(self._clean), dtype=np.bool_) if used is None else used
+        used = np.ones(len(self._recordings), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
         known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
+        gone = np.flatnonzero(~used).tolist()
         scales = {
-            cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
+            cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in known.items()
         }
-        gone = {self._clean[place].recording_id for place in np.flatnonzero(~used).tolist()}
-        drives = len(self._places) - sum(not used[self._places[name]].any() for name in gone)
+        missing = {self._recordings[place] for place in gone}
+        drives = len(self._places) - sum(not used[self._places[name]].any() for name in missing)
         return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
 
     def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
@@ -122,24 +173,15 @@ class CleanDrives:
 
     def others(self, *recording_ids: str) -> Flags:
         """(D,) which of them are of other recordings than these."""
-        used = np.ones(len(self._clean), dtype=np.bool_)
+        used = np.ones(len(self._recordings), dtype=np.bool_)
         used[[place for known in recording_ids for place in self._places.get(known, [])]] = False
         return used
 
-    def _ever_asked_for(self, groups: Mapping[str, int]) -> int:
-        """How many of the largest fault scores a quantile of them depends on, whichever group is left out."""
-        frames: Counter[str | int] = Counter()
-        for one in self._clean:
-            frames[groups.get(one.recording_id, one.recording_id)] += one.frames
-        return ceil((1 - FAULT_SCALE.shown_quantile) * frames.total()) + max(frames.values(), default=0) + 2
-
-    def _shown(self, cause: CauseIn, used: Flags) -> float:
+    def _shown(self, cause: CauseIn, gone: Sequence[int]) -> float:
         """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
         if cause[0] in TONES:
             return 0.0
-        values, below = self._largest[cause]
-        left_out = [self._clean[place].strengths.get(cause, _NONE) for place in np.flatnonzero(~used).tolist()]
-        measured = Without(values, ascending(left_out), below)
+        measured = self._largest[cause].without(gone)
         return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
 
 

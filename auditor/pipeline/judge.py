@@ -1,10 +1,10 @@
 """Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,12 @@ from auditor.model.calibration import (
     RobustThresholds,
     Thresholds,
     prior_calibration,
-    read_later,
 )
 from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
-from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.measurement import COUNTING_VERSION, Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.rig_kind import RigKind, Similarity
+from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method, Verdict
 from auditor.store import (
     FrameStatistics,
@@ -46,7 +45,6 @@ from auditor.store import (
     Store,
     StoredJudgement,
     StoredMeasurement,
-    make_calibration,
 )
 
 Rows = list[tuple[int, int, Verdict]]
@@ -93,39 +91,13 @@ def system_of(rig: Rig) -> System:
     return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
-def calibrate(
-    measurements: Sequence[tuple[Store, str]], frames: range | None = None, *, recount: bool = False
-) -> Calibration:
-    """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
-
-    `frames` restricts it to these frame numbers of each measurement, `recount` computes their statistics again from the
-    stored cells. Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted
-    otherwise than today.
-    """
-    later: list[tuple[str, Callable[[], CleanFrames]]] = []
-    kinds: list[RigKind] = []
-    procedures: list[Procedure] = []
-    for known, store in {known: store for store, known in measurements}.items():
-        measurement = store.measurement(known)
-        refuse_earlier_counting(store, known)
-        rig = store.rig(measurement.rig_id)
-        kinds.append(rig.kind)
-        procedures.append(measurement.procedure)
-        _refuse_mixture(kinds, procedures)
-        read = partial(clean_frames_of, store, known, frames, recount=recount)
-        later.append((measurement.recording_id, read))
-    clean = read_later(later)
-    if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
-        raise ThresholdsError(
-            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
-        )
-    return make_calibration(kinds[0], procedures[0], clean)
-
-
 def clean_frames_of(
     store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
 ) -> CleanFrames:
-    """What a calibration keeps of a measurement, see `calibrate`."""
+    """What a calibration keeps of a measurement.
+
+    `frames` restricts it to these frame numbers, `recount` computes the statistics again from the stored cells.
+    """
     stored = store.measurement(measurement)
     return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
 
@@ -218,16 +190,6 @@ def refuse_earlier_counting(store: Store, measurement: str) -> None:
             where=f"measurement {measurement}",
             remedy="measure again with auditor scan --measure-again",
         )
-
-
-def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
-    """Compare the last with the first."""
-    remedy = "calibrate each of them on its own"
-    if not kinds[0].matches(kinds[-1]):
-        raise ThresholdsError(f"two rig kinds in one calibration: {kinds[0]}, and {kinds[-1]}", remedy=remedy)
-    if procedures[0] != procedures[-1]:
-        matchers = f"{procedures[0].matcher}, and {procedures[-1].matcher}"
-        raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
 
 
 def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:

@@ -18,6 +18,9 @@ from auditor.store.records import content_id
 FEW = 50
 """So many measurements are read one by one, and more of them all at once."""
 
+MOST_KNOWN = 50
+"""So many recordings of one batch are each shown, though they may be known; of more only those that are new."""
+
 
 def stamp_of(where: Path | Location, procedure: Procedure, rig: Path | None) -> str | None:
     """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""

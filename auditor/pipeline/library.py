@@ -20,6 +20,7 @@ from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.asking import PathLike, opened
+from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.judge import Criteria
@@ -29,7 +30,6 @@ from auditor.pipeline.many import (
     Judged,
     JudgeSettings,
     MeasureSettings,
-    calibrate_on,
     choose_clean,
     find_batch,
     limits_by_size,
@@ -164,10 +164,10 @@ def calibrate(
         relate(kept)
         given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(given, stores)
-        calibration = calibrate_on(clean, frames)
-        keep_calibrated(kept, calibration, clean, _USUAL_R, frames=frames)
+        made = make(clean, _USUAL_R, frames, jobs=settings.jobs)
+        keep_calibrated(kept, made)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
-    return Calibrated(calibration, clean.left_out, (*batch.errors, *failed))
+    return Calibrated(made.calibration, clean.left_out, (*batch.errors, *failed))
 
 
 def scan(
@@ -219,14 +219,14 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
                 if outcome.result.fresh:
                     relate(store)
                 judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
-                _picture(store, judged, batch.settings)
+                _picture(store, judged, batch)
                 yield Scanned(str(outcome.item), outcome.result, judged)
 
 
-def _picture(store: Store, judged: Sequence[Judged], settings: MeasureSettings) -> None:
+def _picture(store: Store, judged: Sequence[Judged], batch: Batch) -> None:
     """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
-    found = [one.measurement_id for one in judged if one.found and one.fresh]
-    for _ in picture_incidents(store, found, settings.pictures, settings.limits):
+    found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]
+    for _ in picture_incidents(store, found, batch.settings.pictures, batch.settings.limits):
         pass
 
 

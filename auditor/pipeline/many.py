@@ -5,21 +5,20 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
+from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
-    calibrate,
     counted_earlier,
     fitting_calibration,
     judge_measurement,
     prior_for,
     refuse_earlier_counting,
 )
-from auditor.pipeline.known import FEW, KnownFiles
+from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
@@ -89,6 +88,11 @@ class Batch:
     errors: tuple[RecordingError, ...]
     settings: MeasureSettings
     store: Store | None = None
+
+    @property
+    def shows_known(self) -> bool:
+        """Whether recordings that are known are named, pictured and shown as new ones are; of many they are counted."""
+        return len(self.tasks) <= MOST_KNOWN
 
 
 def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) -> Batch:
@@ -183,28 +187,21 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [
-        (store, one, attacked_by_labels(store, one) or superseded_by(store, one, among=named)) for store, one in given
-    ]
+    for store, one in given:
+        recording = store.recording(store.measurement(one).recording_id)
+        reasons.append((store, one, attacked_by_labels(store, one) or held_by(store, recording, among=named)))
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
-
-
-def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recount: bool = False) -> Calibration:
-    """The calibration that clean measurements give, see `judge.calibrate`. Raises ThresholdsError."""
-    if not clean.chosen:
-        raise ThresholdsError(
-            "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
-        )
-    return calibrate(clean.chosen, frames, recount=recount)
 
 
 def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
     judgements, excused = store.current_judgements(), false_alarms(store)
-    for measurement in (one.measurement_id for one in store.measurements()):  # at once: one by one takes far longer
+    recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
+    for stored in store.measurements():
+        measurement = stored.measurement_id
         if measurement not in given:
-            reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
+            reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
             yield measurement, reason or (_in_incidents(judgements.get(measurement)) * (measurement not in excused))
 
@@ -218,9 +215,9 @@ def attacked_by_labels(store: Store, measurement: str) -> str:
     return "it was labelled as attacked" if given else ""
 
 
-def superseded_by(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
-    """That another recording, `among` some, holds every frame of a measurement's; empty where none does."""
-    later = store.recording(store.measurement(measurement).recording_id).superseded_by
+def held_by(store: Store, recording: RecordingRecord, among: Collection[str] | None = None) -> str:
+    """That another recording, `among` some, holds every frame of one; empty where none does."""
+    later = recording.superseded_by
     if later is None or (among is not None and later not in among):
         return ""
     return f"{store.recording(later).name} holds every frame of it"

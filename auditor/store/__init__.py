@@ -2,7 +2,14 @@
 
 import pyarrow
 
-from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.calibrations import (
+    Content,
+    content_of,
+    make_calibration,
+    read_calibration,
+    write_calibration,
+    writing_calibration,
+)
 from auditor.store.describing import Description, describe, list_views
 from auditor.store.export import rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
@@ -31,6 +38,7 @@ pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
 
 __all__ = [
     "Connection",
+    "Content",
     "Description",
     "FrameErrors",
     "FrameStatistics",
@@ -45,6 +53,7 @@ __all__ = [
     "Store",
     "StoredJudgement",
     "StoredMeasurement",
+    "content_of",
     "describe",
     "list_queries",
     "list_views",
@@ -61,4 +70,5 @@ __all__ = [
     "table_of",
     "views_script",
     "write_calibration",
+    "writing_calibration",
 ]

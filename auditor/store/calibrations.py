@@ -2,7 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cached_property, partial
@@ -73,42 +75,77 @@ class OutdatedCalibrationError(ThresholdsError):
 
 def calibration_id(calibration: Calibration) -> str:
     """Hash of everything in a calibration but its id: equal content has equal ids."""
-    return _id_of(calibration, [_content(one) for one in calibration.clean])
+    return _id_of(calibration, [content_of(one) for one in calibration.clean])
 
 
-_Content = tuple[str, str, str]
-"""Of a clean recording: its id, the hash of its stamps, and all that the calibration's hash has of it, as JSON."""
+class Content(NamedTuple):
+    """Of a clean recording: its id, the hash of its stamps, and all that a calibration's hash has of it.
+
+    The last is JSON; it is packed, since there may be ten thousand of them.
+    """
+
+    recording_id: str
+    stamps: str
+    packed: bytes
+
+    @property
+    def text(self) -> str:
+        """The JSON."""
+        return zlib.decompress(self.packed).decode()
 
 
-def _content(clean: CleanFrames) -> _Content:
+def content_of(clean: CleanFrames) -> Content:
+    """What the id of a calibration has of a clean recording."""
     stamps = _digest(clean.stamps_ns)
     columns = sorted([*key, _digest(column)] for key, column in _columns(clean))
-    return clean.recording_id, stamps, canonical_json([clean.recording_id, stamps, *columns])
+    text = canonical_json([clean.recording_id, stamps, *columns])
+    return Content(clean.recording_id, stamps, zlib.compress(text.encode(), 1))
 
 
-def _id_of(calibration: Calibration, contents: Sequence[_Content]) -> str:
+def _id_of(calibration: Calibration, contents: Sequence[Content]) -> str:
     """The id of a calibration of these contents, in any order."""
     procedure = calibration.procedure
     groups = groupby(sorted(contents), key=itemgetter(0, 1))
-    ordered = (text for _, group in groups for text in sorted((text for *_, text in group), key=json.loads))
+    ordered = (text for _, group in groups for text in sorted((one.text for one in group), key=json.loads))
     head = rig_kind_fields(calibration.rig_kind), [procedure.matcher, procedure.settings, procedure.counting_version]
     return id_of_json(["calibration", *head], f"[{','.join(ordered)}]")
 
 
-def make_calibration(rig_kind: RigKind, procedure: Procedure, clean: Iterable[CleanFrames]) -> Calibration:
-    """A calibration made now, under the id of its content."""
+def make_calibration(
+    rig_kind: RigKind, procedure: Procedure, clean: Iterable[CleanFrames], contents: Sequence[Content] | None = None
+) -> Calibration:
+    """A calibration made now, under the id of its content, which is looked for where it is not known."""
     unnamed = Calibration("", rig_kind, procedure, tuple(clean), datetime.now(UTC))
-    return replace(unnamed, calibration_id=calibration_id(unnamed))
+    known = calibration_id(unnamed) if contents is None else _id_of(unnamed, contents)
+    return replace(unnamed, calibration_id=known)
 
 
 def write_calibration(calibration: Calibration, path: Path, announce: Announce | None = None) -> None:
     """Write a calibration to a file of its own; `announce` tells of it. Raises StoreError."""
-    contents = []
+    with writing_calibration(calibration, path, announce) as add:
+        for clean in calibration.clean:
+            add(clean)
+
+
+@contextmanager
+def writing_calibration(
+    calibration: Calibration, path: Path, announce: Announce | None = None
+) -> Iterator[Callable[[CleanFrames], None]]:
+    """Write a calibration's file by its clean recordings, which the block adds in their order.
+
+    Raises StoreError where it cannot be written, or where the recordings were others than those that it has its id of.
+    """
+    contents: list[Content] = []
+    same = _same_in_all_rows(calibration)
     with writing("calibrations", path) as table:
-        for number, clean in enumerate(calibration.clean):
-            contents.append(_content(clean))
-            for row in _rows(calibration, number, clean):
-                table.add(row)
+
+        def add(clean: CleanFrames) -> None:
+            for place, row in enumerate(_rows(len(contents), clean)):
+                first = not contents and place == 0
+                table.add({**same, "recordings": list(calibration.recordings) if first else None, **row})
+            contents.append(content_of(clean))
+
+        yield add
         if calibration.calibration_id != _id_of(calibration, contents):
             raise StoreError("its id is not that of its content", where=f"calibration {calibration.calibration_id}")
         table.commit(announce)
@@ -263,35 +300,42 @@ def _digest(column: NDArray[Any]) -> str:
     return hashlib.sha256(values.astype(values.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
-def _rows(calibration: Calibration, number: int, clean: CleanFrames) -> Iterator[Row]:
-    """The rows of one clean recording. What is the same in all of its rows, and long, stands in the first alone."""
+def _same_in_all_rows(calibration: Calibration) -> Row:
+    return {
+        "calibration_id": calibration.calibration_id,
+        "kind": str(calibration.rig_kind),
+        "rig_kind": rig_kind_fields(calibration.rig_kind),
+        "matcher": calibration.procedure.matcher,
+        "settings": calibration.procedure.settings,
+        "counting_version": calibration.procedure.counting_version,
+        "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
+    }
+
+
+def _rows(number: int, clean: CleanFrames) -> Iterator[Row]:
+    """What is of one clean recording in its rows. What is the same in all of them, and long, stands in the first."""
     for_parts = {column for column, _ in _columns_for_parts(clean)}
+    versions = dict(sorted(clean.versions.items()))
     for place, (column, values) in enumerate(sorted(_columns(clean), key=lambda one: one[0].order)):
         yield {
-            "calibration_id": calibration.calibration_id,
-            "kind": str(calibration.rig_kind),
-            "rig_kind": rig_kind_fields(calibration.rig_kind),
-            "matcher": calibration.procedure.matcher,
-            "settings": calibration.procedure.settings,
-            "counting_version": calibration.procedure.counting_version,
-            "recordings": list(calibration.recordings) if number == place == 0 else None,
-            "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
             **column.row,
             "part": number,
             "recording_id": clean.recording_id,
-            "stamps_ns": clean.stamps_ns.tolist() if place == 0 else None,
-            "versions": dict(sorted(clean.versions.items())),
+            "stamps_ns": clean.stamps_ns if place == 0 else None,
+            "versions": versions,
             "for_parts": column in for_parts,
             "clean": _without_nan(values),
         }
 
 
-def _without_nan(values: NDArray[np.float64]) -> list[float | None]:
-    """The values, None for NaN: most columns have none, and each is long."""
-    listed: list[float | None] = values.tolist()
-    for place in np.flatnonzero(np.isnan(values)).tolist():
-        listed[place] = None
-    return listed
+def _without_nan(values: NDArray[np.float64]) -> NDArray[Any]:
+    """The values, None for NaN. Arrow takes numbers of an array at once, so most columns stay as they are."""
+    missing = np.isnan(values)
+    if not missing.any():
+        return values
+    found = values.astype(object)
+    found[missing] = None
+    return found
 
 
 def _clean(content: pa.Table, path: Path) -> CleanFrames:

@@ -1,7 +1,8 @@
 -- One row a frame that belongs to an incident: attacked, unidentified or suspect. Incidents are runs of these.
 --
 -- By the paper's method these are the frames whose verdict is a finding; by the robust method the frames of its events of
--- several frames, with their kind and sensors. Events of a single frame are in `single_frames`.
+-- several frames, with their kind and sensors. Events of a single frame are in `single_frames`. Each method is a part of
+-- its own: so what decides is a column of the verdicts, and what does not fit is left in the files.
 --
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
@@ -13,12 +14,12 @@
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
 SELECT
-    * REPLACE (
-        CASE WHEN method = 'robust' THEN finding ELSE kind END AS kind,
-        CASE WHEN method = 'robust' THEN finding_attacked ELSE attacked END AS attacked
-    ),
+    * REPLACE (finding AS kind, finding_attacked AS attacked),
     kind AS own_kind,
     attacked AS own_attacked
 FROM verdicts
-WHERE NOT coalesce(single_frame, false)
-    AND CASE WHEN method = 'robust' THEN finding ELSE kind END IN ('attacked', 'unidentified', 'suspect')
+WHERE method = 'robust' AND finding IN ('attacked', 'unidentified', 'suspect') AND NOT coalesce(single_frame, false)
+UNION ALL
+SELECT *, kind AS own_kind, attacked AS own_attacked
+FROM verdicts
+WHERE method <> 'robust' AND kind IN ('attacked', 'unidentified', 'suspect')

@@ -115,7 +115,7 @@ class Again:
         """As the program's function of this name."""
         tonight = max(drive.clean.stamps_ns[0] for drive in drives) // DAY_NS
         folds = Folds([drive.source for drive in drives])
-        every = CleanDrives([drive.clean for drive in drives], system.sensor_checks)
+        every = CleanDrives.of([drive.clean for drive in drives], system.sensor_checks)
         thresholds = cache(lambda key: every.thresholds(system.judged_together, r, used=used[key]))
         used, found = {}, []
         for place, drive in enumerate(drives):

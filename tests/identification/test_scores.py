@@ -68,9 +68,9 @@ def test_thresholds_without_a_recording_are_those_of_all_others_to_the_last_digi
         return found
 
     drives = [drawn(name, CHECKS[: 3 + place]) for place, name in enumerate("abcca")]
-    for learnt in (CleanDrives(drives, CHECKS), CleanDrives(drives, CHECKS, groups={})):
+    for learnt in (CleanDrives.of(drives, CHECKS), CleanDrives.of(drives, CHECKS, groups={})):
         for name in "abc":
-            alone = CleanDrives([one for one in drives if one.recording_id != name], CHECKS)
+            alone = CleanDrives.of([one for one in drives if one.recording_id != name], CHECKS)
             assert learnt.thresholds(11, R, used=learnt.others(name)) == alone.thresholds(11, R)
 
 

@@ -11,11 +11,12 @@ from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
-from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_sql
+from tests.making.calibrations import calibrate
 
 R = Decimal("0.01")
 APART = 12

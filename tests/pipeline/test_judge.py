@@ -11,13 +11,14 @@ import auditor
 from auditor.errors import StoreError
 from auditor.identification import parameters
 from auditor.model.verdict import JUDGING_VERSION, Method
-from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
 from auditor.store.queries import run_sql
 from auditor.store.tables import read_rows
 from auditor.store.versions.history import put_first_in_force
+from tests.making.calibrations import calibrate
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 RIG = make_rig(3)

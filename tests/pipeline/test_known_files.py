@@ -7,8 +7,9 @@ import shutil
 import pytest
 
 import auditor.store
-from auditor.cli import run, summary
-from auditor.pipeline import many
+from auditor.cli import run
+from auditor.pipeline import library, many
+from auditor.pipeline.pictures import incident_pictures
 from auditor.recordings import Location
 from auditor.store import Store
 from auditor.store.maintenance.removal import remove_measurement
@@ -59,7 +60,7 @@ def test_a_known_file_is_not_read_again_and_its_verdicts_are_shown_as_they_were(
 
 def test_where_many_are_known_and_nothing_is_judged_they_are_counted_and_json_has_all(known, read, monkeypatch, capfd):
     drive, folder = known
-    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
+    monkeypatch.setattr(many, "MOST_KNOWN", 0)
     assert run(["scan", str(drive), "--store", str(folder)]) == scan(drive, folder)
     said = capfd.readouterr()
     printed, as_json = said.out.split("{", 1)
@@ -77,9 +78,23 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
         raise AssertionError("pictures of an earlier scan are made again")
 
     monkeypatch.setattr(many.Judged, "found", True)
-    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
+    monkeypatch.setattr(many, "MOST_KNOWN", 0)
     monkeypatch.setattr("auditor.pipeline.pictures.incident_pictures.picture_incidents", picture_incidents)
     assert scan(drive, folder) in {1, 3}
+
+
+@pytest.mark.parametrize("most", [0, 1])
+def test_the_library_pictures_what_is_known_as_the_command_does(known, read, monkeypatch, most):
+    drive, folder = known
+    asked = []
+    monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr(many, "MOST_KNOWN", most)
+    for place in (library, incident_pictures):
+        monkeypatch.setattr(place, "picture_incidents", lambda store, found, *_: asked.append(list(found)) or [])
+    [scanned] = library.scan(drive, store=folder)
+    scan(drive, folder)
+    ids = [one.measurement_id for one in scanned.judged] if most else []
+    assert asked == ([ids, ids] if most else [[]])
 
 
 def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(known, read, monkeypatch, tmp_path):
@@ -87,7 +102,7 @@ def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(kn
     asked = []
     run_query = auditor.store.run_query
     monkeypatch.setattr(many.Judged, "found", True)
-    monkeypatch.setattr(summary, "MOST_KNOWN", 0)
+    monkeypatch.setattr(many, "MOST_KNOWN", 0)
     monkeypatch.setattr(auditor.store, "run_query", lambda *of: asked.append(of[1]) or run_query(*of))
     assert run(["scan", str(drive), "--store", str(folder)]) in {1, 3}
     assert asked == []

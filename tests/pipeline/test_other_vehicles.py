@@ -11,13 +11,14 @@ import pytest
 from auditor.model.calibration import Marks
 from auditor.model.frames import Frame
 from auditor.model.rig_kind import Similarity
-from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from auditor.store import Store, run_sql
 from auditor.store.versions.history import put_first_in_force
+from tests.making.calibrations import calibrate
 from tests.making.thinned_clouds import every_other_ring
 
 FRAMES = 4

@@ -9,13 +9,14 @@ import pytest
 from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, CleanFrames, Marks
 from auditor.model.verdict import Method
-from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
 from auditor.store.maintenance.check import check
 from auditor.store.versions.history import put_first_in_force
+from tests.making.calibrations import calibrate
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 12

@@ -8,10 +8,11 @@ import pytest
 from auditor.cli import run
 from auditor.identification import statistics
 from auditor.model.checks import LIDAR_CHECKS, Check, rig_sensor_checks
-from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, statistics_from_cells
+from auditor.pipeline.judge import Criteria, judge_measurement, statistics_from_cells
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, run_sql
+from tests.making.calibrations import calibrate
 from tests.making.small_drives import write_drive
 
 FRAMES = 4

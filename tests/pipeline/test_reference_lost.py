@@ -7,12 +7,13 @@ import pytest
 
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import Method, VerdictKind
-from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_query, run_sql
+from tests.making.calibrations import calibrate
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import drive_frames
 

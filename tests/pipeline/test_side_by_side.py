@@ -10,12 +10,13 @@ import pytest
 from auditor.cli import run, summary
 from auditor.errors import ThresholdsError
 from auditor.pipeline import many, side_by_side
-from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.store import Store
 from auditor.store.log import entries
 from auditor.store.packs import packing
+from tests.making.calibrations import calibrate
 from tests.making.fleets import add_drive
 
 R = Decimal("0.03")

@@ -12,13 +12,14 @@ from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS, Cause, Method
-from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement
+from auditor.pipeline.judge import Criteria, fitting_calibration, judge_measurement
 from auditor.pipeline.labels import label_attack
 from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, read_calibration, run_query, run_sql, write_calibration
+from tests.making.calibrations import calibrate
 from tests.making.removed_topics import without_sensors
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import drive_frames

@@ -8,7 +8,8 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.model.frames import Message
-from auditor.recordings import Location, find_recordings, find_rigs, open_recording, schemas, survey
+from auditor.recordings import Location, find_recordings, find_rigs, open_recording, parts, schemas, survey
+from auditor.recordings.parameters import DRIVE_PARTS
 from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_frames, make_rig, split, stream_of
 from tests.making.split_drives import SUFFIXES, messages_of, some, write_messages, write_parts
 
@@ -118,6 +119,40 @@ def test_the_tenth_part_comes_after_the_ninth(tmp_path: Path, in_mcap: list[Mess
     write_parts(tmp_path, ".mcap", in_mcap, [at(frame) for frame in range(1, FRAMES)])
     (location,) = found(tmp_path)
     assert len(stamps(location)) == FRAMES
+
+
+def test_interleaved_drives_of_the_same_numbers_are_followed_each_by_its_own_parts(
+    tmp_path: Path, in_mcap: list[Message]
+) -> None:
+    hour_ns = 3600 * 10**9
+    later = messages_of(
+        ".mcap", RIG, [make_frame(RIG, n, stamp_ns=START_NS + hour_ns + n * PERIOD_NS) for n in range(FRAMES)]
+    )
+    first = write_parts(tmp_path / "a", ".mcap", in_mcap, (at(4), at(8)))
+    second = write_parts(tmp_path / "b", ".mcap", later, (at(4) + hour_ns, at(8) + hour_ns))
+    paths = [path for pair in zip(second, first, strict=True) for path in pair]
+    moved = [path.rename(tmp_path / f"drive_{place:02}.mcap") for place, path in enumerate(paths)]
+    assert names(found(*moved)) == [[f"drive_{n:02}.mcap" for n in places] for places in ((0, 2, 4), (1, 3, 5))]
+
+
+def test_each_of_many_numbered_files_is_compared_with_those_of_the_numbers_before_it_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    many, compared = 300, []
+    length_ns, apart_ns = 10**9, 3600 * 10**9
+    spans = {f"drive_{n}.mcap": (n * apart_ns, n * apart_ns + length_ns) for n in range(many)}
+
+    class Summary:
+        """What is known of a file that nobody has to write."""
+
+        def __init__(self, file: Path) -> None:
+            self.file, self.span_ns, self.sensors = file, spans[file.name], frozenset({file.name})
+
+    follows = parts._follows
+    monkeypatch.setattr(parts, "FileSummary", Summary)
+    monkeypatch.setattr(parts, "_follows", lambda *of: compared.append(of) or follows(*of))
+    assert len(parts.grouped([Path(name) for name in spans], lambda _: False)) == many
+    assert many - 1 <= len(compared) <= many * (DRIVE_PARTS.most_missing + 1)
 
 
 def test_drives_that_only_look_alike_stay_apart(tmp_path: Path, in_mcap: list[Message]) -> None:

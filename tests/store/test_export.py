@@ -99,6 +99,39 @@ def test_texts_of_csv_are_safe_for_a_spreadsheet_and_numbers_stay_numbers(tmp_pa
     assert row == ["'=1+1", "-0.5", "-0.5", '["=1"]', "\u00e9", "'=1", "1b5b", "-1"]
 
 
+def csv_of(*chunks):
+    """The cells of one column in CSV, which has these parts."""
+    column = pa.chunked_array(chunks)
+    table = pa.table({"x": column, "place": range(len(column))})
+    return [row[0] for row in list(csv.reader(io.StringIO(encode(table, "csv").decode())))[1:]]
+
+
+def test_texts_of_csv_have_their_places_in_every_part_of_a_column_missing_ones_too():
+    lists = pa.list_(pa.string())
+    assert csv_of(pa.array([["\u00e9", None], None], lists), pa.array([[]], lists), pa.array([], lists)) == [
+        '["\\u00e9", null]',
+        "",
+        "[]",
+    ]
+    assert csv_of(pa.array([b"\x00\xff", None, b""]), pa.array([b"a"])) == ["00ff", "", "", "61"]
+    texts = [f"=\u00e9{n}" if n % 3 else None for n in range(20)]
+    assert csv_of(pa.array(texts[:9]), pa.array(texts[9:])) == [f"'{text}" if text else "" for text in texts]
+
+
+def test_csv_of_many_kinds_is_made_without_what_imports_pandas(tmp_path, monkeypatch):
+    cells = "'=1+1' AS a, ['=1', NULL] AS b, {'n': [1, 2]} AS c, '\\x1B'::BLOB AS d, NULL::VARCHAR[] AS e, 1.5 AS f"
+    table = answer(tmp_path, f"{cells}, map {{'a': 1}}")
+    expected = encode(table, "csv")
+
+    def array(*_, **__):
+        raise AssertionError("pa.array imports pandas")
+
+    monkeypatch.setattr(pa, "array", array)
+    assert encode(table, "csv") == expected
+    [_, row] = csv.reader(io.StringIO(expected.decode()))
+    assert row == ["'=1+1", '["=1", null]', '{"n": [1, 2]}', "1b", "", "1.5", '[["a", 1]]']
+
+
 def test_a_type_that_a_form_does_not_have_is_refused_with_a_way_out(tmp_path):
     with pytest.raises(QueryError, match=r"cannot be written as parquet .*cast the column"):
         encode(answer(tmp_path, "union_value(a := 1)"), "parquet")

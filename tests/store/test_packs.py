@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.cli import run
-from auditor.store import Store, run_query, run_sql, views_script
+from auditor.store import Store, run_query, run_sql, tables, views_script
 from auditor.store.connection import connected
 from auditor.store.log import Kind, entries, logged
 from auditor.store.maintenance import upgrade
@@ -76,6 +76,30 @@ def test_a_packed_store_has_few_files_and_answers_as_before(kept, folder):
     assert [entry.kind for entry in entries(folder)].count(Kind.PACKED) == done.packs
     assert pack(Store.open(folder)) == packing.Packed()
     assert small_files(Store.open(folder)) == 0
+
+
+def test_ids_that_are_read_in_order_read_each_row_group_of_a_pack_once(folder, monkeypatch):
+    store = Store.open(folder)
+    known = store.ids("measurements")
+    alone = {one: store.load_statistics(one).statistics.tobytes() for one in known}
+    pack(store)
+    tables._group.cache_clear()
+    read, read_row_group = [], pq.ParquetFile.read_row_group
+
+    def counted(file, group, **options):
+        read.append((file.metadata.num_rows, group, tuple(options["columns"])))
+        return read_row_group(file, group, **options)
+
+    monkeypatch.setattr(pq.ParquetFile, "read_row_group", counted)
+    again = Store.open(folder)
+    assert {one: again.load_statistics(one).statistics.tobytes() for one in known} == alone
+    groups = {again.packs.part("frames", one).group for one in known}
+    assert len(groups) < len(known)
+    frames = [one for one in read if "fingerprints" in one[2] or "stamp_ns" in one[2]]
+    assert len(frames) == len(set(frames)) == len(groups)
+    for one in known * tables.KEPT_GROUPS:
+        assert again.load_statistics(one).statistics.tobytes() == alone[one]
+    assert tables._group.cache_info().currsize <= tables.KEPT_GROUPS
 
 
 def test_what_is_written_after_a_packing_goes_before_it_and_is_packed_next(folder):

@@ -18,8 +18,7 @@ from auditor.cli.values import RATE
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.identification.systems import System
-    from auditor.model.calibration import Calibration
+    from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
     from auditor.pipeline.many import MeasureSettings
     from auditor.pipeline.measured import Measured
@@ -87,9 +86,9 @@ def command(
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
+    from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.judge import system_of  # noqa: PLC0415
-    from auditor.pipeline.many import calibrate_on, choose_clean, find_batch  # noqa: PLC0415
+    from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:
@@ -110,20 +109,18 @@ def command(
         clean = choose_clean(given, opened)
         for reason in clean.left_out:
             say(reason)
-        calibration = calibrate_on(clean, frames, recount=recount)
-        one, known = clean.chosen[0]
-        system = system_of(one.rig(one.measurement(known).rig_id))
-        _check_rate(calibration, system, r, method, strict=strict)
+        made = make(clean, r, frames, recount=recount, jobs=measuring.jobs)
+        _check_rate(made, method, strict=strict)
         kept = Store.open(store, create=True)
-        made = keep_calibrated(kept, calibration, clean, r, frames=frames, recounted=recount)
+        known = keep_calibrated(kept, made)
         if out:
-            write_calibration(calibration, out)
+            write_calibration(made.calibration, out)
     if method == "robust":
-        show_robust(calibration, system, r, form)
+        show_robust(made, form)
     else:
-        show_paper(calibration, kept, r, form)
-    show_left_out(calibration, made.left_out, r, form, dict(_name(store, known) for store, known in clean.chosen))
-    _say_in_force(made, store)
+        show_paper(made.calibration, kept, r, form)
+    show_left_out(known, r, form)
+    _say_in_force(known, store)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
 
@@ -152,22 +149,15 @@ def _tell_relations(store: "Store", recording_ids: Collection[str], tally: Tally
             tally.incomplete = True
 
 
-def _name(store: "Store", measurement: str) -> tuple[str, str]:
-    """The id of a measurement's recording, and what the user calls it."""
-    recording_id = store.measurement(measurement).recording_id
-    return recording_id, store.recording(recording_id).name
-
-
-def _check_rate(calibration: "Calibration", system: "System", r: Decimal, method: str, *, strict: bool) -> None:
-    from auditor.identification.cross_validation import robust_thresholds  # noqa: PLC0415 - keeps --help quick
-    from auditor.identification.thresholds import resolvable  # noqa: PLC0415
+def _check_rate(made: "MadeCalibration", method: str, *, strict: bool) -> None:
+    from auditor.identification.thresholds import resolvable  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.judge import refuse_unproven  # noqa: PLC0415
 
     if method == "robust":
         if strict:
-            refuse_unproven(robust_thresholds(calibration, system, r))
+            refuse_unproven(made.thresholds)
         return
-    fewest = min(len(samples) for samples in calibration.samples.values())
+    fewest, r = min(made.samples.values()), made.asked.r
     if resolvable(r, fewest):
         return
     what = f"r = {r} is not resolvable with {fewest} clean samples"

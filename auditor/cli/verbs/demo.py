@@ -54,9 +54,10 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.pictures import Pictures  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
+    from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.demo import fleet  # noqa: PLC0415
-    from auditor.pipeline.judge import Criteria, calibrate  # noqa: PLC0415
+    from auditor.pipeline.judge import Criteria  # noqa: PLC0415
     from auditor.pipeline.many import (  # noqa: PLC0415
         CleanMeasurements,
         JudgeSettings,
@@ -79,11 +80,11 @@ def command(folder: Path, method: str, jobs: int) -> int:
     with logged(store):
         references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
         given = tuple((kept, known) for one in references for known in one.measurement_ids)
-        calibration = calibrate(given)
-        keep_calibrated(kept, calibration, CleanMeasurements(given, ()), _USUAL_R, made_by="demo")
+        made = make(CleanMeasurements(given, ()), _USUAL_R, jobs=jobs)
+        keep_calibrated(kept, made, made_by="demo")
         audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
         r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
-        judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)
+        judging = JudgeSettings(Criteria(r, Method(method), strict=True), made.calibration, min_coverage=1)
         judged = show_judging(
             judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally
         )

@@ -48,7 +48,7 @@ def command(
     policy file excuses: the exit code counts the others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import MOST_KNOWN, policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
@@ -79,11 +79,11 @@ def command(
             ]
         if kept is not None and (packed := pack_where_many(kept)).files:
             say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
-        few = len(judged) <= MOST_KNOWN  # of many only what was judged now: the rest has its pictures
-        found = [one.measurement_id for one in judged if one.found and (few or one.fresh)]
+        found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]
         if kept is not None and found:
             for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
                 if pictured.remark:
                     say(f"{pictured.recording}: {pictured.remark}")
-        show_audit(kept, form, tally, {one.recording_id for one in measured}, judged, allowed)
+        shown, show_known = {one.recording_id for one in measured}, batch.shows_known or form != "table"
+        show_audit(kept, form, tally, shown, judged, allowed, show_known=show_known)
     return tally.exit_code()

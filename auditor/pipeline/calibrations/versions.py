@@ -1,26 +1,35 @@
 """Versions of calibrations over their life: kept when they are made, put in force, rolled back, checked."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 
 from auditor import __version__
 from auditor.errors import AuditorError, SettingError
-from auditor.identification.cross_validation import LeftOut, clean_hours, each_left_out
+from auditor.identification.cross_validation import LeftOut, clean_hours
 from auditor.identification.parameters import judging_digest
-from auditor.identification.refreshing.drives import Shown
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.model.verdict import JUDGING_VERSION, Method
-from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
+from auditor.pipeline.calibrations.making import MadeCalibration
+from auditor.pipeline.judge import Criteria, clean_frames_of
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
-from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, make_calibration
+from auditor.store import (
+    RecordingRecord,
+    Store,
+    StoredJudgement,
+    StoredMeasurement,
+    make_calibration,
+    writing_calibration,
+)
+from auditor.store.log import logged
 from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
 from auditor.store.versions.records import (
     CalibrationVersion,
@@ -38,65 +47,78 @@ GIVEN = "given as clean"
 class Kept:
     """A calibration that a store keeps, how it was made, and whether it is in force.
 
-    `left_out` is each of its clean recordings judged by the others.
+    `left_out` is each of its clean recordings judged by the others, `left_out_by_paper` the same by the paper's method.
     """
 
     version: CalibrationVersion
     left_out: tuple[LeftOut, ...]
+    left_out_by_paper: tuple[LeftOut, ...]
     in_force: bool
 
 
-def keep_calibrated(
-    store: Store,
-    calibration: Calibration,
-    clean: CleanMeasurements,
-    r: Decimal,
-    *,
-    made_by: str = "calibrate",
-    frames: range | None = None,
-    recounted: bool = False,
-) -> Kept:
+@dataclass(frozen=True)
+class Extent:
+    """How much a calibration was made of: its frames, the hours that they cover, and what r they resolve."""
+
+    frames: int
+    hours: float
+    resolves_r: float | None
+
+
+def extent_of(calibration: Calibration) -> Extent:
+    """The extent of a calibration whose recordings are at hand."""
+    samples = Counter[tuple[Statistic, Triple]]()
+    for one in calibration.clean:
+        samples.update(one.measured)
+    return Extent(sum(one.frames for one in calibration.clean), clean_hours(calibration), _resolves(samples))
+
+
+def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "calibrate") -> Kept:
     """Keep a calibration that a person made, and put it in force where none is for its rig kind. Raises StoreError."""
-    one, known = clean.chosen[0]
-    judged = each_left_out(calibration, system_of(one.rig(one.measurement(known).rig_id)), r)
-    chosen = [(source, known) for known, source in {known: source for source, known in clean.chosen}.items()]
-    used, left_out = list[UsedRecording](), list[LeftOut]()
-    for (source, known), frames_of, found in zip(chosen, calibration.clean, judged, strict=True):
-        used.append(used_recording(source, known, reason=GIVEN, clean=frames_of, by_others=found))
-        left_out.append(found)
-    used += [used_recording(source, known, reason=reason) for source, known, reason in clean.out]
+    calibration, judged = made.calibration, list[tuple[LeftOut, LeftOut]]()
+    seen, used = _looked_at(made.clean), list[UsedRecording]()
+    path = store.path("calibrations", calibration.calibration_id)
+    with logged(store.folder) as entry, writing_calibration(calibration, path, entry.announce) as add:
+        for (source, known), one in zip(made.clean.chosen, made.judged_by_others(), strict=True):
+            add(one.clean)
+            judged.append((one.robust, one.paper))
+            given = taken(replace(seen[source.folder, known], reason=GIVEN), one.clean)
+            findings, incidents = one.robust.findings, one.robust.incidents
+            used.append(replace(given, findings_by_others=findings, incidents_by_others=incidents))
+    used += [replace(seen[source.folder, known], reason=reason) for source, known, reason in made.clean.out]
     before = history_of(histories(store), calibration).in_force
     first = before in (None, calibration.calibration_id)
+    robust, paper = zip(*judged, strict=True)
+    hours = float(np.sum([one.hours for one in robust]))
     version = version_of(
         calibration,
+        Extent(sum(one.frames for one in robust), hours, _resolves(made.samples)),
         used,
-        r,
+        made.asked.r,
         made_by=made_by,
         parent=None if first else before,
         outcome=Outcome.PROMOTED if first else Outcome.CANDIDATE,
-        frames=frames,
-        recounted=recounted,
+        frames=made.asked.frames,
+        recounted=made.asked.recount,
     )
-    store.write_calibration(calibration)
     if read_version(store, calibration.calibration_id) is None:
         write_version(store, version)
-    return Kept(version, tuple(left_out), put_first_in_force(store, calibration))
+    return Kept(
+        version, robust, paper if len(calibration.recordings) > 1 else (), put_first_in_force(store, calibration)
+    )
 
 
-def used_recording(
-    store: Store,
-    measurement: str,
-    *,
-    reason: str,
-    clean: CleanFrames | None = None,
-    by_others: LeftOut | Shown | None = None,
-) -> UsedRecording:
-    """What is said of a recording: it is in where there are `clean` frames of it."""
-    stored = store.measurement(measurement)
-    used = replace(looked_at(stored, store.recording(stored.recording_id)), reason=reason)
-    if by_others is not None:
-        used = replace(used, findings_by_others=by_others.findings, incidents_by_others=by_others.incidents)
-    return used if clean is None else taken(used, clean)
+def _looked_at(clean: CleanMeasurements) -> dict[tuple[Path, str], UsedRecording]:
+    """What is said of each measurement, by its store's folder and its id."""
+    found: dict[tuple[Path, str], UsedRecording] = {}
+    every = [*clean.chosen, *((store, known) for store, known, _ in clean.out)]
+    for store in {store.folder: store for store, _ in every}.values():
+        stored = [store.measurement(known) for of, known in every if of.folder == store.folder]
+        some = store.only(recordings={one.recording_id for one in stored})
+        recordings = {one.recording_id: one for one in some.recordings()}  # at once: one by one takes far longer
+        for one in stored:
+            found[store.folder, one.measurement_id] = looked_at(one, recordings[one.recording_id])
+    return found
 
 
 def looked_at(stored: StoredMeasurement, recording: RecordingRecord) -> UsedRecording:
@@ -133,6 +155,7 @@ def latest_day() -> date:
 
 def version_of(
     calibration: Calibration,
+    extent: Extent,
     used: Sequence[UsedRecording],
     r: Decimal,
     *,
@@ -158,9 +181,9 @@ def version_of(
         provisional=provisional,
         outcome=outcome,
         reasons=tuple(reasons),
-        frames=sum(one.frames for one in calibration.clean),
-        hours=clean_hours(calibration),
-        resolves_r=_resolves(calibration),
+        frames=extent.frames,
+        hours=extent.hours,
+        resolves_r=extent.resolves_r,
         r=r,
         frames_by_others=sum(one.frames for one in judged),
         findings_by_others=sum(one.findings_by_others or 0 for one in judged),
@@ -260,10 +283,7 @@ def remade(store: Store, calibration_id: str) -> bool:
     return version is not None and all(store.has_measurement(one.measurement_id) for one in version.included)
 
 
-def _resolves(calibration: Calibration) -> float | None:
-    samples = Counter[tuple[Statistic, Triple]]()
-    for one in calibration.clean:
-        samples.update(one.measured)
+def _resolves(samples: Mapping[tuple[Statistic, Triple], int]) -> float | None:
     fewest = min(samples.values(), default=0)
     return 1 / fewest if fewest else None
 

@@ -7,7 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.errors import AuditorError
-from auditor.pipeline.calibrations.versions import version_of
+from auditor.pipeline.calibrations.versions import extent_of, version_of
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.reading import MIN_COVERAGE
@@ -72,6 +72,7 @@ def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
     store.write_calibration(calibration)
     version = version_of(
         calibration,
+        extent_of(calibration),
         decision.recordings,
         r,
         made_by="refresh",

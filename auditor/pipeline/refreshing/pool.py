@@ -12,7 +12,7 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
 from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.judge import clean_frames_of, counted_earlier
-from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
+from auditor.pipeline.many import attacked_by_labels, conflicts_of, held_by, reading_of
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
 from auditor.store import RecordingRecord, Store, StoredMeasurement
 from auditor.store.reviews import false_alarms
@@ -66,13 +66,20 @@ def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
     seen: set[str] = set()
     for store in stores:
         reviewed = false_alarms(store)
-        for measurement in store.ids("measurements"):
+        recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
+        for stored in store.measurements():
+            measurement = stored.measurement_id
             if measurement not in seen and not counted_earlier(store, measurement):
                 seen.add(measurement)
-                stored = store.measurement(measurement)
                 rig = store.rig(stored.rig_id)
                 _group(groups, known, rig, stored.procedure).logs.append(
-                    _log(store, stored, named=measurement in named, reviewed=measurement in reviewed)
+                    _log(
+                        store,
+                        stored,
+                        recordings[stored.recording_id],
+                        named=measurement in named,
+                        reviewed=measurement in reviewed,
+                    )
                 )
     return groups
 
@@ -87,8 +94,8 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
     return found
 
 
-def _log(store: Store, stored: StoredMeasurement, *, named: bool, reviewed: bool) -> Log:
-    known, recording = stored.measurement_id, store.recording(stored.recording_id)
+def _log(store: Store, stored: StoredMeasurement, recording: RecordingRecord, *, named: bool, reviewed: bool) -> Log:
+    known = stored.measurement_id
     labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
@@ -108,7 +115,7 @@ def _log(store: Store, stored: StoredMeasurement, *, named: bool, reviewed: bool
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:
     """Why a log is not learnt from, whoever calls it clean, and whether a person should look at it."""
     known = stored.measurement_id
-    if reason := attacked_by_labels(store, known) or superseded_by(store, known):
+    if reason := attacked_by_labels(store, known) or held_by(store, recording):
         return reason, False
     if conflict := conflicts_of(store, recording):
         return conflict[0], True

@@ -1,0 +1,278 @@
+"""A calibration of many clean measurements, each judged by the others.
+
+Each measurement is read twice: once for what thresholds follow from, which is little, and once to be judged by those of
+the others and to be written. Where all have few frames they are read once, and stay. Many are read and judged by
+several processes at once; what they give is the same for any number of them.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from functools import cached_property, partial
+from itertools import islice
+from pathlib import Path
+from typing import TypeVar
+
+from auditor.errors import ThresholdsError
+from auditor.identification.cross_validation import (
+    CleanErrors,
+    ErrorsOfOthers,
+    LeftOut,
+    ThresholdsOfOthers,
+    errors_asked_for,
+    groups_of,
+    judge_by_others,
+    judge_by_thetas,
+)
+from auditor.identification.scores import CleanDrives, DriveSums, largest_asked_for
+from auditor.identification.systems import System
+from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames, RobustThresholds, read_later
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import Triple
+from auditor.model.rig_kind import RigKind
+from auditor.pipeline.judge import clean_frames_of, refuse_earlier_counting, system_of
+from auditor.pipeline.many import CleanMeasurements
+from auditor.pipeline.workers import Progress, run_all
+from auditor.store import Content, Store, content_of, make_calibration
+
+MOST_GIVEN_BACK = 25_000
+"""Frames of the recordings that a process judges and gives back at once, about 1 kB each; one recording at least."""
+
+_BEGUN = 2
+"""Parts a process that are begun at once: some are judged while others are written."""
+
+Result = TypeVar("Result")
+ByOthers = tuple[RobustThresholds, Mapping[Triple, float]]
+"""The thresholds of other recordings by the robust method, and theta by the paper's."""
+
+
+@dataclass(frozen=True)
+class JudgedByOthers:
+    """A clean recording, and its false alarms by thresholds of the others: by the robust method and by the paper's."""
+
+    clean: CleanFrames
+    robust: LeftOut
+    paper: LeftOut
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of each recording: of fault scores and of E so many of the largest are kept, over all recordings.
+
+    `frames` are the numbers of the frames that count, all where it is None.
+    """
+
+    system: System
+    r: Decimal
+    most_scores: int
+    most_errors: int
+    frames: range | None
+    recount: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some measurements, each with the folder of its store; with what they are judged by, where they are."""
+
+    measurements: tuple[tuple[Path, str], ...]
+    asked: Asked
+    by_others: tuple[ByOthers, ...] = ()
+
+    def __str__(self) -> str:
+        return str(self.measurements[0][0])
+
+    def read(self) -> Iterator[CleanFrames]:
+        """Their clean frames, one after another."""
+        of_store: dict[Path, list[str]] = {}
+        for folder, known in self.measurements:
+            of_store.setdefault(folder, []).append(known)
+        stores = {folder: Store.open(folder).only(measurements=ids) for folder, ids in of_store.items()}
+        for store in stores.values():
+            store.measurements()  # at once: one by one takes far longer
+        for folder, known in self.measurements:
+            yield clean_frames_of(stores[folder], known, self.asked.frames, recount=self.asked.recount)
+
+
+class _Sums:
+    """What the id and all thresholds of a calibration need of some recordings."""
+
+    def __init__(self, asked: Asked) -> None:
+        self.contents: list[Content] = []
+        self.samples = Counter[tuple[Statistic, Triple]]()
+        self.drives = DriveSums(asked.system.sensor_checks, asked.most_scores)
+        self.errors = CleanErrors(Statistic.GATED, asked.most_errors)
+
+    def add(self, clean: CleanFrames) -> None:
+        """Take the next recording."""
+        self.contents.append(content_of(clean))
+        self.samples.update(clean.measured)
+        self.drives.add(clean)
+        self.errors.add(clean)
+
+    def join(self, later: "_Sums") -> None:
+        """Take recordings that follow."""
+        self.contents += later.contents
+        self.samples.update(later.samples)
+        self.drives.join(later.drives)
+        self.errors.join(later.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class MadeCalibration:
+    """A calibration, and what was `asked` of the `clean` measurements that it was made of, each once.
+
+    `samples` counts their E by statistic and triple.
+    """
+
+    calibration: Calibration
+    clean: CleanMeasurements
+    asked: Asked
+    samples: Mapping[tuple[Statistic, Triple], int]
+    drives: CleanDrives
+    errors: CleanErrors
+    jobs: int
+
+    @cached_property
+    def thresholds(self) -> RobustThresholds:
+        """The robust thresholds at r."""
+        return self.drives.thresholds(self.asked.system.judged_together, self.asked.r, self.calibration.calibration_id)
+
+    def judged_by_others(self) -> Iterator[JudgedByOthers]:
+        """Each recording judged by the others; a single one by the prior, and as the paper does by nothing."""
+        clean, asked = self.calibration.clean, self.asked
+        recordings = [one.recording_id for one in clean]
+        robust = ThresholdsOfOthers(self.drives, groups_of(recordings), asked.system, asked.r)
+        paper = ErrorsOfOthers(self.errors, asked.r)
+        by_others = ((robust.of(one), paper.of(one)) for one in recordings)
+        if _is_kept(self.clean.chosen):
+            yield from map(partial(_judged, asked.system), clean, by_others)
+            return
+        parts = (_Part(part, asked, tuple(islice(by_others, len(part)))) for part in _parts_of(self.clean.chosen))
+        while waiting := list(islice(parts, _BEGUN * self.jobs)):
+            for judged in _in_order(_judge_part, waiting, self.jobs):
+                yield from judged
+
+
+def make(
+    clean: CleanMeasurements, r: Decimal, frames: range | None = None, *, recount: bool = False, jobs: int = 1
+) -> MadeCalibration:
+    """The calibration that clean measurements of one rig kind and procedure give, each once; see the module.
+
+    `r` is the rate that its recordings are judged at. `frames` restricts it to these frame numbers of each measurement,
+    `recount` computes their statistics again from the stored cells. `jobs` processes read many of them.
+    Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted otherwise than
+    today.
+    """
+    if not clean.chosen:
+        raise ThresholdsError(
+            "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
+        )
+    measurements = tuple((store, known) for known, store in {known: store for store, known in clean.chosen}.items())
+    clean = replace(clean, chosen=measurements)
+    _refuse_mixture(measurements)
+    asked = _asked_of(measurements, r, frames, recount=recount)
+    recordings = tuple(
+        (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames, recount=recount))
+        for store, known in measurements
+    )
+    sums = _Sums(asked)
+    if _is_kept(measurements):
+        kept = tuple(read() for _, read in recordings)
+        for one in kept:
+            sums.add(one)
+    else:
+        kept = read_later(recordings)
+        located = [(store.folder, known) for store, known in measurements]
+        share = -(-len(located) // jobs)
+        parts = [_Part(tuple(located[first : first + share]), asked) for first in range(0, len(located), share)]
+        for found in _in_order(_sum_up, parts, jobs):
+            sums.join(found)
+    if not any(sums.samples.values()):
+        raise ThresholdsError(
+            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
+        )
+    calibration = make_calibration(*_kind_and_procedure(*measurements[0]), kept, sums.contents)
+    return MadeCalibration(calibration, clean, asked, sums.samples, CleanDrives(sums.drives), sums.errors, jobs)
+
+
+def _kind_and_procedure(store: Store, measurement: str) -> tuple[RigKind, Procedure]:
+    stored = store.measurement(measurement)
+    return store.rig(stored.rig_id).kind, stored.procedure
+
+
+def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
+    """Raises ThresholdsError for the first that is of another kind or procedure than the first of all."""
+    first, first_procedure = _kind_and_procedure(*measurements[0])
+    remedy = "calibrate each of them on its own"
+    for store, known in measurements:
+        refuse_earlier_counting(store, known)
+        kind, procedure = _kind_and_procedure(store, known)
+        if not first.matches(kind):
+            raise ThresholdsError(f"two rig kinds in one calibration: {first}, and {kind}", remedy=remedy)
+        if first_procedure != procedure:
+            matchers = f"{first_procedure.matcher}, and {procedure.matcher}"
+            raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
+
+
+def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool) -> Asked:
+    stored = [store.measurement(known) for store, known in measurements]
+    groups = groups_of(one.recording_id for one in stored)
+    of_groups, of_recordings = Counter[int](), Counter[str]()
+    for one in stored:
+        of_groups[groups[one.recording_id]] += one.frames
+        of_recordings[one.recording_id] += one.frames
+    return Asked(
+        system_of(measurements[0][0].rig(stored[0].rig_id)),
+        r,
+        largest_asked_for(of_groups.total(), max(of_groups.values())),
+        errors_asked_for(r, of_recordings.total(), max(of_recordings.values())),
+        frames,
+        recount,
+    )
+
+
+def _is_kept(measurements: Sequence[tuple[Store, str]]) -> bool:
+    """Whether measurements have so few frames that they stay in memory."""
+    return sum(store.measurement(known).frames for store, known in measurements) <= MOST_FRAMES_KEPT
+
+
+def _parts_of(measurements: Sequence[tuple[Store, str]]) -> Iterator[tuple[tuple[Path, str], ...]]:
+    """The measurements in parts of no more than MOST_GIVEN_BACK frames, or of one."""
+    part, frames = list[tuple[Path, str]](), 0
+    for store, known in measurements:
+        frames += store.measurement(known).frames
+        if part and frames > MOST_GIVEN_BACK:
+            yield tuple(part)
+            part, frames = [], store.measurement(known).frames
+        part.append((store.folder, known))
+    yield tuple(part)
+
+
+def _sum_up(part: _Part, _: Progress) -> _Sums:
+    sums = _Sums(part.asked)
+    for one in part.read():
+        sums.add(one)
+    return sums
+
+
+def _judge_part(part: _Part, _: Progress) -> list[JudgedByOthers]:
+    return list(map(partial(_judged, part.asked.system), part.read(), part.by_others))
+
+
+def _judged(system: System, clean: CleanFrames, by_others: ByOthers) -> JudgedByOthers:
+    thresholds, theta = by_others
+    paper = judge_by_thetas(clean, theta, Statistic.GATED, system.fallback)
+    return JudgedByOthers(clean, judge_by_others(clean, thresholds, system), paper)
+
+
+def _in_order(task: Callable[[_Part, Progress], Result], parts: Sequence[_Part], jobs: int) -> Iterator[Result]:
+    """The results of parts in their order, of so many processes. Raises what one of them raises."""
+    found: dict[_Part, Result] = {}
+    left = deque(parts)
+    for outcome in run_all(task, parts, jobs, lambda *_: None):
+        if outcome.error is not None:
+            raise outcome.error
+        found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
+        while left and left[0] in found:
+            yield found.pop(left.popleft())
