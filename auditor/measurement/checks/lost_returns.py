@@ -10,6 +10,7 @@ itself at any disparity. So the images have to match less well at that of the sk
 road, not in it.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -35,9 +36,10 @@ class ScannedView:
     """Where a LiDAR scans below the horizon, on a grid of directions finer than the count grid, in the rig's axes.
 
     A hole is what lacks returns among others. `within_rad` (rows, columns) is how far each of its directions is from
-    its edge, and `hole_rad` (rows, columns) the radius of the widest disc of the hole that covers the direction; both
-    are 0 outside. `scanned` (rows,) are the rows between the horizon, or the LiDAR's uppermost beam, and its lowest;
-    `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field.
+    its edge, and `hole_rad` (rows, columns) the radius of the widest disc of the hole that covers the direction,
+    infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `scanned` (rows,) are the
+    rows between the horizon, or the LiDAR's uppermost beam, and its lowest; `road_m` is how far the road is below the
+    LiDAR; `span_px` are the columns of the view within its field.
     """
 
     within_rad: Floats32
@@ -87,6 +89,7 @@ def scanned_view(view: LidarView) -> ScannedView:
         below = slice(_HORIZON - 1, np.flatnonzero(scanned)[-1] + 2)
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
+        hole[below, _sectors(hit[below])] = np.inf
     return ScannedView(within, hole, scanned, _road_m(points), view.span_px)
 
 
@@ -101,22 +104,25 @@ def count_lost_returns(
     """Count the surface samples that a pair sees, and those whose returns are lost, by direction from the LiDAR.
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
-    consistent match, below the horizon, above the road, and nearer than the farthest distance that is looked at. A
-    sample that lacks returns and could be sky is none. `half_res` are the half-resolution grey images of the reference
-    and the source.
+    consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
+    a sector that lacks all returns. A sample that lacks returns and could be sky is none. `half_res` are the
+    half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
     place, range_m, below_m = _directions(view, found, source)
-    inside = (place >= 0) & (below_m < scanned.road_m - LOST_RETURNS.above_road_m)
-    inside[inside] = scanned.scanned[place[inside] // _COLUMNS]
-    found, place, range_m = found.chosen(inside), place[inside], range_m[inside]
+    inside = place >= 0
+    inside &= scanned.scanned[place // _COLUMNS]
+    # Wet ground loses returns, but not all of a sector down to the lowest beam.
+    hole = scanned.hole_rad.ravel()[place]
+    inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
+    found, place, range_m, hole = found.chosen(inside), place[inside], range_m[inside], hole[inside]
     within = scanned.within_rad.ravel()[place]
     # Of a LiDAR with few beams most directions lie between two of them.
     usual = LOST_RETURNS.gap_medians * float(np.median(within)) if within.size else 0.0
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
     least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch, usual)
-    lost = scanned.hole_rad.ravel()[place] >= np.maximum(LOST_RETURNS.hole_m / range_m, least)
+    lost = hole >= np.maximum(LOST_RETURNS.hole_m / range_m, least)
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
@@ -130,15 +136,25 @@ def _enclosed(hit: Mask) -> Mask:
     Beyond the LiDAR's or the camera's view nothing is missed: below the lowest return of a column that has any, and
     beside the first and the last of these.
     """
-    has = hit.any(axis=0)
-    missed = ~hit
+    lowest = np.where(hit.any(axis=0), len(hit) - 1 - np.argmax(hit[::-1], axis=0), len(hit))
+    missed = ~hit & (np.arange(len(hit))[:, None] < lowest) & _within_field(hit)
     missed[0] = False
-    lowest = np.where(has, len(hit) - 1 - np.argmax(hit[::-1], axis=0), len(hit))
-    missed &= np.arange(len(hit))[:, None] < lowest
-    columns = np.flatnonzero(has)
-    missed[:, : columns[0]] = False
-    missed[:, columns[-1] + 1 :] = False
     return missed
+
+
+def _sectors(hit: Mask) -> Mask:
+    """(columns,) which directions lack all returns below the first row, as wide as the narrowest disc, among others."""
+    none = _within_field(hit) & ~hit[1:].any(axis=0)
+    disc = np.ones((1, math.ceil(2 * LOST_RETURNS.narrowest / _RADIANS)), dtype=np.uint8)
+    return np.asarray(cv2.morphologyEx(none[None].view(np.uint8), cv2.MORPH_OPEN, disc)[0] > 0)
+
+
+def _within_field(hit: Mask) -> Mask:
+    """(columns,) those between the first and the last with a return."""
+    field = np.zeros(hit.shape[1], dtype=np.bool_)
+    columns = np.flatnonzero(hit.any(axis=0))
+    field[columns[0] : columns[-1] + 1] = True
+    return field
 
 
 def _within(mask: Mask) -> Floats32:
