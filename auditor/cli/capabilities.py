@@ -61,8 +61,8 @@ def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
     reach_m = max(_disparity_at_1_m(rig, pair) for pair in wide) * (1 - 1 / _BEHIND) / DISPARITY_ERROR.absolute_px
     return [
         f"a bogus wall is told from textured surfaces {_BEHIND:g} times as far away, up to {reach_m:.0f} m at most",
-        f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, where cameras see texture and "
-        "a whole car or more is gone",
+        f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, below the LiDAR's horizon, "
+        "where a whole car or more is gone",
         "not noticed: walls in front of the sky, or farther away; a few hundred points here and there; mostly a "
         "LiDAR and a camera that are forged to agree (docs/attacks.md)",
     ]

@@ -7,6 +7,7 @@ from auditor.model.parameter import BY_HAND, parameter
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/causes.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
+_HOLES = "three real drives, streets 2000 to 2039, 5000 to 5041 and 6000 to 6017 (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
 
@@ -48,16 +49,18 @@ class LostReturns:
     """Surfaces that cameras see where the LiDAR has no return."""
 
     farthest_m: float = parameter(30.0, unit="m of depth", source=_REMOVED)
-    consistent: float = parameter(0.5, unit="NCC at stereo's disparity above which it is a surface", source=_REMOVED)
-    around_m: float = parameter(0.3, unit="m around a surface without any return", source=_REMOVED)
+    consistent: float = parameter(0.4, unit="NCC at stereo's disparity above which it is a surface", source=_HOLES)
+    hole_m: float = parameter(0.35, unit="m, radius of a disc without any return around a surface", source=_HOLES)
     narrowest: float = parameter(
-        0.016,
-        unit="radians around it without any return, at least: a patch's radius, and a cell",
-        source="docs/decisions.md: 0.0144, 0.016, 0.017 and 0.0185 tried on real drives and streets",
+        0.018, unit="radians, radius of that disc at least; the narrowest that is looked for", source=_HOLES
     )
+    wider: float = parameter(1.15, unit="times the next narrower disc that is looked for", source=_HOLES)
+    discs: int = parameter(12, unit="discs that are looked for: up to 0.084 radians", source=_HOLES)
+    above_road_m: float = parameter(0.25, unit="m above the road, at least", source=BY_HAND)
+    steeply: float = parameter(0.1, unit="metres below a metre away: there most returns are the road's", source=BY_HAND)
     beside_patch: float = parameter(
         0.0075,
-        unit="radians without any return beside a patch's radius, at least: a cell, and a LiDAR's mounting",
+        unit="radians of that disc beside a patch's radius, at least: a cell, and a LiDAR's mounting",
         source="streets at half size, whose patches are twice as wide (docs/decisions.md)",
     )
     gap_medians: float = parameter(

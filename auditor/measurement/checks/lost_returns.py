@@ -1,13 +1,16 @@
-"""Lost returns: surfaces that two cameras see where the LiDAR, which scans there, has no return at all.
+"""Lost returns: cameras see something on the road where the LiDAR, which scans there, has a hole.
 
-Spoofers make a LiDAR lose an object or a whole sector. Black paint and glass lose returns as well, here and there: some
-beams beside come back, from a tyre, a frame, a number plate. So a surface counts as lost only where no beam returns
-within a third of a metre around, whatever its distance.
+Spoofers make a LiDAR lose an object or a whole sector. A beam that points below the horizon meets the ground, or what
+stands on it, so that something has to return: the sky, which returns nothing, is above. Black paint, glass and wet
+ground lose returns as well, here and there: some beams beside come back, from a tyre, a frame, a number plate. So a
+surface is lost only where a disc as wide as a vehicle's side holds no return at all; then it is lost all over.
 
-The sky returns nothing either. Along the rows of two images a level edge in front of it, as the roof of a dark car,
-matches itself at any disparity. So the images have to say that what is lost is no sky: they match less well there.
+Two images may be wrong about what they see there. Along their rows a level edge, as the roof of a dark car, matches
+itself at any disparity. So the images have to match less well at that of the sky, 0, and what is seen stands on the
+road, not in it.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -25,18 +28,24 @@ from auditor.model.measurement import Cells
 _FINER = LOST_RETURNS.finer
 _RADIANS = COUNT_GRID.lidar_cell / _FINER
 _ROWS, _COLUMNS = (size * _FINER for size in COUNT_GRID.lidar_cells)
+_HORIZON = _ROWS // 2
 
 
 @dataclass(frozen=True, eq=False)
 class ScannedView:
-    """Where a LiDAR scans, on a grid of directions finer than the count grid, in the rig's axes.
+    """Where a LiDAR scans below the horizon, on a grid of directions finer than the count grid, in the rig's axes.
 
-    `empty_rad` (rows, columns) is how far each direction is from the nearest one with a return; `scanned` (rows,) are
-    the rows between the LiDAR's uppermost and lowest beams; `span_px` are the columns of the view within its field.
+    A hole is what lacks returns among others. `within_rad` (rows, columns) is how far each of its directions is from
+    its edge, and `hole_rad` (rows, columns) the radius of the widest disc of the hole that covers the direction,
+    infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `scanned` (rows,) are the
+    rows between the horizon, or the LiDAR's uppermost beam, and its lowest; `road_m` is how far the road is below the
+    LiDAR; `span_px` are the columns of the view within its field.
     """
 
-    empty_rad: Floats32
+    within_rad: Floats32
+    hole_rad: Floats32
     scanned: Mask
+    road_m: float
     span_px: tuple[float, float]
 
 
@@ -68,16 +77,20 @@ class _Surfaces:
 def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
     assert view.rig.lidar is not None
-    place = _places(view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T)
-    missed = np.ones((_ROWS, _COLUMNS), dtype=np.uint8)
-    missed.ravel()[place[place >= 0]] = 0
-    scanned = _scanned_rows(missed == 0)
-    empty = np.zeros(missed.shape, dtype=np.float32)
-    hit = np.flatnonzero((missed == 0).any(axis=1))
-    if hit.size:
-        rows = slice(hit[0], hit[-1] + 1)
-        empty[rows] = cv2.distanceTransform(missed[rows], cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return ScannedView(empty * np.float32(_RADIANS), scanned, view.span_px)
+    points = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
+    place = _places(points)
+    hit = np.zeros((_ROWS, _COLUMNS), dtype=np.bool_)
+    hit.ravel()[place[place >= 0]] = True
+    scanned = _scanned_rows(hit)
+    scanned[:_HORIZON] = False
+    within = np.zeros(hit.shape, dtype=np.float32)
+    hole = np.zeros(hit.shape, dtype=np.float32)
+    if scanned.any():
+        below = slice(_HORIZON - 1, np.flatnonzero(scanned)[-1] + 2)
+        within[below] = _within(_enclosed(hit[below]))
+        hole[below] = _discs(within[below])
+        hole[below, _sectors(hit[below])] = np.inf
+    return ScannedView(within, hole, scanned, _road_m(points), view.span_px)
 
 
 def count_lost_returns(
@@ -90,26 +103,89 @@ def count_lost_returns(
 ) -> Cells:
     """Count the surface samples that a pair sees, and those whose returns are lost, by direction from the LiDAR.
 
-    Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with
-    texture and a consistent match, nearer than the farthest distance that is looked at. A sample that lacks returns
-    and could be sky is none. `half_res` are the half-resolution grey images of the reference and the source.
+    Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
+    consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
+    a sector that lacks all returns. A sample that lacks returns and could be sky is none. `half_res` are the
+    half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
-    place, range_m = _directions(view, found, source)
+    place, range_m, below_m = _directions(view, found, source)
     inside = place >= 0
-    inside[inside] = scanned.scanned[place[inside] // _COLUMNS]
-    found, place, range_m = found.chosen(inside), place[inside], range_m[inside]
-    empty = scanned.empty_rad.ravel()[place]
+    inside &= scanned.scanned[place // _COLUMNS]
+    # Wet ground loses returns, but not all of a sector down to the lowest beam.
+    hole = scanned.hole_rad.ravel()[place]
+    inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
+    found, place, range_m, hole = found.chosen(inside), place[inside], range_m[inside], hole[inside]
+    within = scanned.within_rad.ravel()[place]
     # Of a LiDAR with few beams most directions lie between two of them.
-    usual = LOST_RETURNS.gap_medians * float(np.median(empty)) if empty.size else 0.0
+    usual = LOST_RETURNS.gap_medians * float(np.median(within)) if within.size else 0.0
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
     least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch, usual)
-    lost = empty > np.maximum(LOST_RETURNS.around_m / range_m, least)
+    lost = hole >= np.maximum(LOST_RETURNS.hole_m / range_m, least)
+    lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
+
+
+def _enclosed(hit: Mask) -> Mask:
+    """(rows, columns) which directions lack returns below the first row, among others.
+
+    Beyond the LiDAR's or the camera's view nothing is missed: below the lowest return of a column that has any, and
+    beside the first and the last of these.
+    """
+    lowest = np.where(hit.any(axis=0), len(hit) - 1 - np.argmax(hit[::-1], axis=0), len(hit))
+    missed = ~hit & (np.arange(len(hit))[:, None] < lowest) & _within_field(hit)
+    missed[0] = False
+    return missed
+
+
+def _sectors(hit: Mask) -> Mask:
+    """(columns,) which directions lack all returns below the first row, as wide as the narrowest disc, among others."""
+    none = _within_field(hit) & ~hit[1:].any(axis=0)
+    disc = np.ones((1, math.ceil(2 * LOST_RETURNS.narrowest / _RADIANS)), dtype=np.uint8)
+    return np.asarray(cv2.morphologyEx(none[None].view(np.uint8), cv2.MORPH_OPEN, disc)[0] > 0)
+
+
+def _within_field(hit: Mask) -> Mask:
+    """(columns,) those between the first and the last with a return."""
+    field = np.zeros(hit.shape[1], dtype=np.bool_)
+    columns = np.flatnonzero(hit.any(axis=0))
+    field[columns[0] : columns[-1] + 1] = True
+    return field
+
+
+def _within(mask: Mask) -> Floats32:
+    """(rows, columns) how far each direction of a mask is from those outside of it, radians."""
+    cells = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(cells * np.float32(_RADIANS), dtype=np.float32)
+
+
+def _discs(within_rad: Floats32) -> Floats32:
+    """(rows, columns) the radius of the widest disc that lies in a hole and covers the direction, of some radii.
+
+    These are morphological openings: what is nearer than a radius to a direction that is farther than it from the edge.
+    """
+    widest = np.zeros_like(within_rad)
+    for step in range(LOST_RETURNS.discs):
+        radius = np.float32(LOST_RETURNS.narrowest * LOST_RETURNS.wider**step)
+        middles = within_rad > radius
+        if not middles.any():
+            break
+        widest[_within(~middles) <= radius] = radius
+    return widest
+
+
+def _road_m(points_m: Floats32) -> float:
+    """How far the road is below the LiDAR: the median of what lies steeply below (3, M); without any no road is known.
+
+    There most of what returns is the road.
+    """
+    x, y, z = points_m
+    below = y[y > LOST_RETURNS.steeply * np.hypot(x, z)]
+    return float(np.median(below)) if below.size else np.inf
 
 
 def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:
@@ -126,17 +202,17 @@ def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, 
     every = max(round(camera.focal_px * _RADIANS / HALF), 1)
     some = (slice(every // 2, None, every),) * 2
     grid = HALF // stereo.step
-    disparity, textured = stereo.disparity_px[::grid, ::grid][some], stereo.textured[::grid, ::grid][some]
+    disparity = stereo.disparity_px[::grid, ::grid][some]
     ncc = consistency.ncc[some]
-    surface = consistency.matches.seen[some] & textured & (ncc > LOST_RETURNS.consistent)
+    surface = consistency.matches.seen[some] & (ncc > LOST_RETURNS.consistent)
     farthest = camera.focal_px * view.rig.baseline_m(source, view.reference) / LOST_RETURNS.farthest_m
     surface &= (disparity > farthest) & (disparity < stereo.range_px - MATCHER_RANGE.margin_px)
     row, column = (at * every + every // 2 for at in np.divmod(np.flatnonzero(surface), surface.shape[1]))
     return _Surfaces(row, column, disparity[surface], ncc[surface])
 
 
-def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices, Floats32]:
-    """(M,) places on the finer grid, -1 outside, and distances from the LiDAR of the surfaces that a pair sees."""
+def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices, Floats32, Floats32]:
+    """(M,) places on the finer grid, -1 outside, distances from the LiDAR, and metres below it, of what a pair sees."""
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
     depth = (camera.focal_px * rig.baseline_m(source, view.reference) / found.disparity_px).astype(np.float32)
@@ -146,7 +222,7 @@ def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices
     pixels: Floats32 = np.stack([found.u_px, found.v_px, np.ones_like(found.u_px)])
     points: Floats32 = inverse.astype(np.float32) @ (pixels * depth)
     points -= start.astype(np.float32)[:, None]
-    return _places(points), np.sqrt(np.einsum("cm,cm->m", points, points))
+    return _places(points), np.sqrt(np.einsum("cm,cm->m", points, points)), points[1]
 
 
 def _full_resolution(half_px: Indices) -> Floats32:

@@ -40,15 +40,29 @@ def test_an_even_cloud_has_lost_nothing(lost):
         assert cells.valid.max() == 4, "two samples a cell, across and down"
 
 
-def test_a_hole_is_lost_but_for_a_third_of_a_metre_along_its_edge(lost):
+def test_a_hole_is_lost_below_the_horizon_but_for_a_patch_along_its_edge(lost):
     for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6)):
         row, column = np.nonzero(cells.total)
         down, right = (row + 0.5 - 40) * CELL * DEPTH_M, (column + 0.5 - 80) * CELL * DEPTH_M
         assert cells.total.sum() > 150
-        within_m = 0.3 - 1.25 * CELL * DEPTH_M  # a cell's middle is not its sample's, and beams have gaps
-        assert np.abs(right).max() < 1.0 - within_m
-        assert np.abs(down).max() < 0.8 - within_m
+        patch_m, near_m = 6 / FOCAL * DEPTH_M, 1.25 * CELL * DEPTH_M  # a cell's middle is not its sample's
+        assert np.abs(right).max() == pytest.approx(1.0 - patch_m, abs=near_m)
+        assert down.min() == pytest.approx(patch_m, abs=near_m)
+        assert down.max() == pytest.approx(0.8 - patch_m, abs=near_m)
         assert (cells.total[row, column] <= cells.valid[row, column]).all()
+
+
+def test_above_the_horizon_nothing_is_looked_at(lost):
+    for cells in lost(lambda left, up: (np.abs(left) > 0.1) | (up < 0)):
+        assert cells.total.sum() == 0
+        assert not cells.valid[:40].any()
+
+
+def test_the_road_is_not_looked_at(lost):
+    # What returns steeply below is 1 to 2 m down: taken for a road, 1.5 m down.
+    for cells in lost(lambda left, up: np.ones(left.shape, dtype=bool)):
+        down_m = (np.nonzero(cells.valid)[0] - 40) * CELL * DEPTH_M
+        assert down_m.max() == pytest.approx(1.5 - 0.25, abs=1.5 * CELL * DEPTH_M)
 
 
 def test_some_returns_here_and_there_say_that_a_dark_surface_is_there(lost):
@@ -57,9 +71,25 @@ def test_some_returns_here_and_there_say_that_a_dark_surface_is_there(lost):
         assert cells.total.sum() == 0
 
 
-def test_a_hole_narrower_than_its_edges_is_not_lost(lost):
-    for cells in lost(lambda left, up: outside(left, up, 0.5, 2.0)):
+def test_a_hole_that_holds_no_disc_of_a_vehicle_is_not_lost(lost):
+    for width_m, height_m, found in ((0.5, 2.0, False), (2.0, 1.0, False), (1.0, 2.0, True)):
+        for cells in lost(lambda left, up, size=(width_m, height_m): outside(left, up, *size)):
+            assert (cells.total.sum() > 20) == found
+            assert (cells.total.sum() > 0) == found
+
+
+def test_all_beams_of_a_sector_are_lost(lost):
+    # The road in it as well: not only what stands 0.25 m above.
+    for cells in lost(lambda left, up: np.abs(left) > 0.06):
+        assert cells.total.sum() > 100
+        down_m = (np.nonzero(cells.total)[0] - 40) * CELL * DEPTH_M
+        assert down_m.max() > 1.5
+
+
+def test_below_the_lowest_beam_nothing_is_expected(lost):
+    for cells in lost(lambda left, up: up > -0.06):
         assert cells.total.sum() == 0
+        assert not cells.valid[40 + int(0.06 / CELL) :].any()
 
 
 def test_where_the_lidar_never_scans_nothing_is_expected(lost):
