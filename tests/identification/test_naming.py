@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.identification.evidence_parameters import LIKELIHOOD
-from auditor.identification.naming import attack_scores, name_attacked
+from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.systems import System
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, sensor_checks_of
 from auditor.model.rig import Triple, triples_of
@@ -310,3 +310,14 @@ def test_a_frame_is_a_finding_where_its_score_exceeds_the_limit_and_names_only_w
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_a_camera_is_named_whatever_the_quiet_checks_say(sensor, check, loud, quiet):
     assert one({of_all(sensor, check): loud}, others=quiet).attacked == (sensor,)
+
+
+def test_scores_by_sensor_are_of_the_checks_that_count_and_of_no_two_cameras_alone():
+    z = scores(THREE, {of_all(1): 4.0, by(2, 3): 9.0, of(0, CONFLICT): 5.0}, -1.0)
+    assert sensor_scores(z, THREE, [NONE]).tolist() == [[5.0, 4.0, -1.0, -1.0]]
+    assert attack_scores(z, THREE, [NONE]).tolist() == [9.0]
+
+
+def test_where_only_two_cameras_are_left_what_they_say_is_a_score_of_both():
+    z = scores(THREE, {by(2, 3): 6.0}, -1.0)
+    assert sensor_scores(z, THREE, [frozenset({1})]).tolist() == [[-1.0, -np.inf, 6.0, 6.0]]
