@@ -1,8 +1,7 @@
 -- One row a frame that belongs to an incident: attacked, unidentified or suspect. Incidents are runs of these.
 --
 -- By the paper's method these are the frames whose verdict is a finding; by the robust method the frames of its events of
--- several frames, with their kind and sensors. Events of a single frame are in `single_frames`. Each method is a part of
--- its own: so what decides is a column of the verdicts, and what does not fit is left in the files.
+-- several frames, with their kind and sensors. Events of a single frame are in `single_frames`.
 --
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
@@ -18,7 +17,9 @@ SELECT
     kind AS own_kind,
     attacked AS own_attacked
 FROM verdicts
-WHERE method = 'robust' AND finding IN ('attacked', 'unidentified', 'suspect') AND NOT coalesce(single_frame, false)
+WHERE method = 'robust' -- each method by itself: what its own column leaves out is not even read
+    AND finding IN ('attacked', 'unidentified', 'suspect')
+    AND NOT coalesce(single_frame, false)
 UNION ALL
 SELECT *, kind AS own_kind, attacked AS own_attacked
 FROM verdicts

@@ -102,6 +102,22 @@ def test_ids_that_are_read_in_order_read_each_row_group_of_a_pack_once(folder, m
     assert tables._group.cache_info().currsize <= tables.KEPT_GROUPS
 
 
+def test_verdicts_which_only_questions_read_have_larger_row_groups(kept, folder, monkeypatch):
+    monkeypatch.setattr(packing, "GROUP_ROWS", 1)
+    monkeypatch.setattr(packing, "TOGETHER", {"verdicts": 11})
+    pack(Store.open(folder))
+    packs = Store.open(folder).packs
+    rows = {}
+    for table in ("frames", "verdicts"):
+        [path] = packs.paths(table)
+        groups = pq.ParquetFile(path).metadata
+        rows[table] = [groups.row_group(place).num_rows for place in range(groups.num_row_groups)]
+    ids = sum(member.group is not None for member in packs.members(packs.paths("frames")[0]).values())
+    assert len(rows["frames"]) == ids
+    assert all(count > 10 for count in rows["verdicts"][:-1])
+    assert told(folder) == kept[1]
+
+
 def test_what_is_written_after_a_packing_goes_before_it_and_is_packed_next(folder):
     pack(Store.open(folder))
     store = Store.open(folder)

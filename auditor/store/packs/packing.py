@@ -39,6 +39,9 @@ MANY_FILES = 2000
 GROUP_ROWS, GROUP_MEMBERS = 4096, 64
 """A row group is closed with so many rows, or ids: those of one id are read without those of many others."""
 
+TOGETHER = {"verdicts": 8}
+"""Tables of which nobody reads one id: questions read all. So many times as large row groups take half the room."""
+
 LEVEL = 9
 """The level of zstd: what is packed is written once and kept for long."""
 
@@ -190,9 +193,10 @@ def _grouped(table: str, pieces: Sequence[_Piece]) -> tuple[list[list[_Piece]], 
     """The pieces of each row group, and all members with their groups; pieces without rows are in none."""
     groups: list[list[_Piece]] = []
     members, rows = [], 0
+    most_rows, most_members = (TOGETHER.get(table, 1) * most for most in (GROUP_ROWS, GROUP_MEMBERS))
     for piece in pieces:
         count = len(read_table(table, piece.source, [ID_COLUMNS[table]]))
-        if count and (not groups or rows >= GROUP_ROWS or len(groups[-1]) >= GROUP_MEMBERS):
+        if count and (not groups or rows >= most_rows or len(groups[-1]) >= most_members):
             groups.append([])
             rows = 0
         if count:
