@@ -33,11 +33,11 @@ def test_a_question_is_a_query_a_view_or_sql(opened):
 
 def test_every_view_becomes_a_table_of_pandas_and_of_polars(opened):
     for view in ("verdicts", "measurements", "rigs", "judgements", "summary", "incidents", "recordings"):
-        frame, columns = opened.df(view), opened.pl(view)
+        frame, columns, arrow = opened.df(view), opened.pl(view), run_sql(opened.store, f"FROM {view}")
         assert isinstance(frame, pandas.DataFrame)
         assert isinstance(columns, polars.DataFrame)
-        assert list(frame.columns) == columns.columns
-        assert len(frame) == len(columns) > 0
+        assert list(frame.columns) == columns.columns == arrow.column_names
+        assert len(frame) == len(columns) == arrow.num_rows > 0
 
 
 def test_what_is_no_question_says_so(opened):
