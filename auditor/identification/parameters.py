@@ -64,7 +64,7 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.1, 1.25 and 1.4 tried on streets 5000 to 5041 (docs/decisions.md)"
+_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds and held_light: 0.3 to 1 a second tried (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
@@ -92,7 +92,7 @@ class CheckPriors:
     striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.45, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
-    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.25), unit=_OF_PRIOR, source=_LOST)
+    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
 
 
 @dataclass(frozen=True)
