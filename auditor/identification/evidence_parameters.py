@@ -54,7 +54,7 @@ class Incidents:
         0.25, unit="z above the limit, where they begin on any road for checks of light", source=_BACKGROUND
     )
     most_background: float = parameter(
-        1.75, unit="z above the limit, where they begin at most: slow ramps are attacks", source=_BACKGROUND
+        1.5, unit="z above the limit, where they begin at most: slow ramps are attacks", source=_BACKGROUND
     )
     explained_share: float = parameter(
         0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS

@@ -217,7 +217,10 @@ def _told(drive: Drive, verdicts: Sequence[Verdict]) -> str:
 
 
 def ramp_table(drives: Sequence[Drive]) -> Iterator[str]:
-    """Ramps: the log odds of all statistics go from those of the clean frames to those of the attacked ones."""
+    """Ramps: the log odds of all statistics go from those of the clean frames to those of the attacked ones.
+
+    How much is lit and saturates is that of the attacked frames from the first one on.
+    """
     for seconds in (0.5, 1.0, 2.0):
         delays, once, found, number = [], 0, 0, 0
         for drive in (one for one in drives if len(one.clean) >= FEWEST_FRAMES):
@@ -227,7 +230,8 @@ def ramp_table(drives: Sequence[Drive]) -> Iterator[str]:
                     continue
                 full = drive.series(cases, MEASURED_HZ).statistics
                 part = np.clip((np.arange(len(steady)) - 5) / (seconds * MEASURED_HZ), 0, 1)[:, None]
-                series = drive.series({}, MEASURED_HZ, steady + part * (full - steady))
+                lit = {place: case for place, case in cases.items() if part[place] > 0}
+                series = drive.series(lit, MEASURED_HZ, steady + part * (full - steady))
                 verdicts = drive.judged(series)
                 incident = [f for f, one in enumerate(verdicts) if one.finding is not None and not one.finding.single]
                 raised = [f for f, one in enumerate(verdicts) if one.kind in FINDINGS]
