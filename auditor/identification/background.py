@@ -13,8 +13,12 @@ import numpy as np
 
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import periods_of
+from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Floats, Integers
 from auditor.model.checks import IMAGE_CHECKS, Check
+
+_AT_ONCE = 4096
+"""Frames whose windows are in memory at once."""
 
 BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS})
 """The checks whose clean frames are raised in rows; those of the LiDAR by cameras are raised in single ones."""
@@ -30,25 +34,25 @@ def levels_before(z: Floats, stamps_ns: Integers, runs: Integers, places: Intege
 
     -inf where fewer frames of its run (F,) were measured before it. The share is that of a strobe's attacked frames.
     """
-    levels = np.full((len(places), z.shape[1]), -np.inf)
     known = np.where(np.isnan(z), -np.inf, z)
-    periods = periods_of(stamps_ns, runs)
-    for run in np.unique(runs[places]):
-        own = np.flatnonzero(runs == run)
-        first, period = int(own[0]), float(periods[own[0]])
-        if np.isnan(period):  # a lone frame
-            continue
-        frames, gap = _window(period)
-        at = np.flatnonzero(runs[places] == run)
-        window = places[at][:, None] - gap - np.arange(frames)
-        values = np.where((window >= first)[:, :, None], known[np.maximum(window, first)], -np.inf)
-        rank = ceil(frames * INCIDENTS.duty)
-        levels[at] = np.partition(values, frames - rank, axis=1)[:, frames - rank]
+    firsts, periods = np.searchsorted(runs, runs[places]), periods_of(stamps_ns, runs)[places]
+    levels = np.full((len(places), z.shape[1]), -np.inf)
+    for one in range(0, len(places), _AT_ONCE):
+        part = slice(one, one + _AT_ONCE)
+        for period in np.unique(periods[part][~np.isnan(periods[part])]):  # NaN of a lone frame
+            at = one + np.flatnonzero(periods[part] == period)
+            before = places[at, None] - _window(float(period))
+            first = firsts[at, None]
+            values = np.where((before >= first)[:, :, None], known[np.maximum(before, first)], -np.inf)
+            place = before.shape[1] - ceil(before.shape[1] * INCIDENTS.duty)
+            levels[at] = np.partition(values, place, axis=1)[:, place]
     return levels
 
 
-def _window(period_s: float) -> tuple[int, int]:
-    """How many frames a window before a frame has, and how many frames before it the last of them is."""
-    gap = max(round(INCIDENTS.background_until_s / period_s), 1)
-    until = round(INCIDENTS.background_s / period_s)
-    return max(until - gap + 1, INCIDENTS.background_frames), gap
+def _window(period_s: float) -> Integers:
+    """(W,) how many frames before a frame those of its background are: all of the time, or so many of a fast camera."""
+    period = max(period_s, 1 / NANOSECONDS)
+    nearest = max(round(INCIDENTS.background_until_s / period), 1)
+    farthest = max(round(INCIDENTS.background_s / period), nearest + INCIDENTS.background_frames - 1)
+    frames = min(farthest - nearest + 1, INCIDENTS.most_background_frames)
+    return np.rint(np.linspace(nearest, farthest, frames)).astype(np.int64)

@@ -47,6 +47,9 @@ class Incidents:
     background_frames: int = parameter(
         5, unit="frames that this takes at least", source="a strobe of one frame in five"
     )
+    most_background_frames: int = parameter(
+        40, unit="frames that this takes at most, evenly spread", source="20 frames a second; bounds the work"
+    )
     over_background: float = parameter(
         1.5, unit="z above what a fifth of these frames showed, where clean tails begin", source=_BACKGROUND
     )

@@ -281,6 +281,26 @@ def test_slow_recordings_look_at_five_frames_and_fast_ones_at_as_much_time(hz, f
     assert levels(z, hz=hz, places=[80]) == -2.0
 
 
+def test_a_clock_that_hardly_moves_asks_for_no_more_frames_than_there_are():
+    z, places = np.full((300, 1), 1.0), np.arange(300)
+    runs = np.zeros(300, dtype=np.int64)
+    assert not np.isfinite(levels_before(z, np.arange(300), runs, places)).any()
+    assert not np.isfinite(levels_before(z, np.zeros(300, dtype=np.int64), runs, places)).any()
+
+
+def test_of_a_fast_camera_frames_are_taken_evenly():
+    z = np.full(3000, -2.0)
+    z[1000:2000] = 2.0
+    assert levels(z, hz=1000, places=[2300, 2399, 2999]).ravel().tolist() == [2.0, 2.0, 2.0]
+    assert levels(z, hz=1000, places=[999, 1300, 1800]).ravel().tolist() == [-2.0, -2.0, 2.0]
+
+
+def test_many_places_are_asked_about_a_part_at_a_time():
+    z = np.full(10_000, -2.0)
+    z[9000:] = 1.0
+    assert levels(z, places=[8999, *range(1, 9000), 9999]).ravel()[[0, 5, -1]].tolist() == [-2.0, -np.inf, 1.0]
+
+
 def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_than_a_bound():
     least, most, over = INCIDENTS.least_background, INCIDENTS.most_background, INCIDENTS.over_background
     raised = background(np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0]), LIMIT)
