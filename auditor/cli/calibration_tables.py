@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 20
 _MOST_NAMED = 5
+_MANY = 0.2
+"""The share of findings from which on a recording may not be clean, though none of them make an incident."""
+
 _ROBUST_COLUMNS = ("check", "sensor", "others", "N", "expected", "theta", "thresholds")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
 _LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "findings", "incidents", "findings by paper")
@@ -71,7 +74,7 @@ def show_left_out(kept: "Kept", r: Decimal, form: str) -> None:
     names = {one.recording_id: one.name for one in kept.version.included}
     if not paper:
         say(f"one clean recording: no other can judge it; by the prior alone {_share(robust)} at r = {r}")
-        _warn_of_incidents(robust, names, "the prior")
+        _warn_of_findings(robust, names, "the prior")
         return
     if form == "table":
         _table(robust, paper, names)
@@ -80,7 +83,7 @@ def show_left_out(kept: "Kept", r: Decimal, form: str) -> None:
         f"leave-one-recording-out, each of {recordings} recordings judged by the others at r = {r}: "
         f"{_share(robust)} and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
-    _warn_of_incidents(robust, names, "the others")
+    _warn_of_findings(robust, names, "the others")
 
 
 def _head(calibration: "Calibration") -> None:
@@ -137,19 +140,24 @@ def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mappi
     print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
 
 
-def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str], judge: str) -> None:
-    """A recording in which others, or the prior, find incidents may not be clean, or not like them."""
+def _warn_of_findings(results: "Sequence[LeftOut]", names: Mapping[str, str], judge: str) -> None:
+    """A recording in which others, or the prior, find incidents or much else may not be clean, or not like them."""
     suspects = [
-        f"{names.get(one.recording, one.recording)} ({one.incidents})"
-        for one in sorted(results, key=lambda one: -one.incidents)
-        if one.incidents
+        f"{names.get(one.recording, one.recording)} ({_found(one)})"
+        for one in sorted(results, key=lambda one: (-one.incidents, -one.findings))
+        if one.incidents or one.findings >= _MANY * one.frames
     ]
     if suspects:
         more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
         say(
-            f"WARNING: judged by {judge} there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
+            f"WARNING: judged by {judge} there are findings in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
             "them before you use these thresholds, and leave out what is not clean: it hides attacks like its own"
         )
+
+
+def _found(one: "LeftOut") -> str:
+    """Its incidents; where it has none, its frames that are findings."""
+    return _number(one.incidents) if one.incidents else f"{one.findings} of {one.frames} frames"
 
 
 def _share(results: "Sequence[LeftOut]") -> str:
@@ -162,5 +170,8 @@ def _share(results: "Sequence[LeftOut]") -> str:
 
 
 def _incidents(results: "Sequence[LeftOut]", hours: float) -> str:
-    count = sum(one.incidents for one in results)
-    return f"{count} incident{'' if count == 1 else 's'} in {hours:.2g} h"
+    return f"{_number(sum(one.incidents for one in results))} in {hours:.2g} h"
+
+
+def _number(incidents: int) -> str:
+    return f"{incidents} incident{'' if incidents == 1 else 's'}"

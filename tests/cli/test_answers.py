@@ -124,7 +124,7 @@ def test_a_recording_with_incidents_by_the_thresholds_of_the_others_is_warned_of
         add_recording(store, name, attacks=attacks, labelled=False, judged=False)
     assert run(["calibrate", str(store.folder), "-r", "0", "--store", str(store.folder)]) == 0
     err = capfd.readouterr().err
-    assert re.search(r"WARNING: judged by the others there are incidents in hit\.mcap \(\d+\): check", err)
+    assert re.search(r"WARNING: judged by the others there are findings in hit\.mcap \(\d+ incidents?\): check", err)
 
 
 def test_sql_errors_say_what_may_be_meant(store, capfd):
