@@ -58,6 +58,10 @@ def attacked_sets():
     return sorted(sets | set(combinations(RIG.sensors, 2)))
 
 
+APART_NS = 2 * 10**9
+"""Between two frames: so far apart that each is judged as if it were alone."""
+
+
 def make_evaluation(folder):
     """A store of two recordings, and all of its cases by experiment and recording."""
     store = new_store(folder)
@@ -72,7 +76,7 @@ def make_evaluation(folder):
                 statistics = drawn_statistics(rng, RIG, attacked, seen=SEEN, unmeasured=0.02, spread=SPREAD)
                 features = make_features(RIG, at)
                 return MeasuredCase(
-                    at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, statistics, features
+                    at, at * APART_NS, 0, attacked, None, strength, size, None, {}, counts, statistics, features
                 )
 
             cases["clean", recording].append(case(()))
