@@ -50,7 +50,8 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
-        assert of_grid.valid.sum() > 4000
+        # Of the LiDAR's holes only what lies below its horizon is looked at.
+        assert of_grid.valid.sum() > (2000 if counted.check is Check.LOST_RETURNS else 4000)
         # At the images' left and right edges some pixels have nothing to be matched by.
         assert np.abs(of_grid.total.astype(int)[:, 4:-1]).sum() < 0.03 * of_grid.valid.sum()
 
