@@ -14,6 +14,7 @@ from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import finished_part, part_writer
 from auditor.store.queries import run_query, run_sql
 from tests.making.evaluation_cases import (
+    APART_NS,
     BLOCK,
     FRAMES,
     RATES,
@@ -145,7 +146,7 @@ def test_false_alarms_equal_python(made):
         key = row["left_out"], tuple(row["system"]), Decimal(str(row["r"])).normalize() + 0
         for column in ("frames", "raised", "identified"):
             assert row[column] == expected[*key, column], (key, column)
-        assert row["hours"] == pytest.approx(26 * 0.1 / 3600)
+        assert row["hours"] == pytest.approx(26 * APART_NS / 10**9 / 3600)
         assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * 0.1 / 3600))
         assert row["low_an_hour"] == pytest.approx(row["low"] * 36000)
         assert row["high_an_hour"] == pytest.approx(row["high"] * 36000)
