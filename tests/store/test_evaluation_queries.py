@@ -147,7 +147,7 @@ def test_false_alarms_equal_python(made):
         for column in ("frames", "raised", "identified"):
             assert row[column] == expected[*key, column], (key, column)
         assert row["hours"] == pytest.approx(26 * APART_NS / 10**9 / 3600)
-        assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * 0.1 / 3600))
+        assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * APART_NS / 10**9 / 3600))
         assert row["low_an_hour"] == pytest.approx(row["low"] * 36000)
         assert row["high_an_hour"] == pytest.approx(row["high"] * 36000)
 
