@@ -151,7 +151,8 @@ class _Judge:
     def evidence(self) -> Evidence:
         """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
         checks, series = self._system.judged_together, self._series
-        of_faults = joint_limit(INCIDENTS.tail_rate, checks) + self._faults
+        limit = joint_limit(INCIDENTS.tail_rate, checks)
+        of_faults = limit + self._faults
         scores = np.maximum(self._scores, of_faults)
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
@@ -159,16 +160,15 @@ class _Judge:
         beyond = np.repeat(scores[:, None], len(self._system.sensors), axis=1)
         rising = np.flatnonzero(log_ratios(scores, checks) > 0)  # what the others take away they do on any road
         if rising.size:
-            clear = self._z[rising] - self._background(rising)
+            clear = self._z[rising] - self._background(rising, limit)
             own = sensor_scores(clear, self._system, [self._unused[place] for place in rising])
             beyond[rising] = np.maximum(own, of_faults[rising, None])
         return evidence_of(scores, checks, series.stamps_ns, series.runs, beyond=beyond, explained=explained)
 
-    def _background(self, places: Integers) -> Floats:
-        """(P, M) by how much the limit of each check is raised, in the frames at P places, by what it showed before."""
+    def _background(self, places: Integers, limit: float) -> Floats:
+        """(P, M) by how much the `limit` of each check is raised, in frames at P places, by what it showed before."""
         columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
         raised = np.zeros((len(places), len(columns)))
-        limit = joint_limit(INCIDENTS.tail_rate, self._system.judged_together)
         before = levels_before(self._z[:, columns], self._series.stamps_ns, self._series.runs, places)
         raised[:, columns] = background(before, limit)
         return raised
