@@ -34,7 +34,6 @@ def levels_before(z: Floats, stamps_ns: Integers, runs: Integers, places: Intege
 
     -inf where fewer frames of its run (F,) were measured before it. The share is that of a strobe's attacked frames.
     """
-    known = np.where(np.isnan(z), -np.inf, z)
     firsts, periods = np.searchsorted(runs, runs[places]), periods_of(stamps_ns, runs)[places]
     levels = np.full((len(places), z.shape[1]), -np.inf)
     for one in range(0, len(places), _AT_ONCE):
@@ -43,7 +42,8 @@ def levels_before(z: Floats, stamps_ns: Integers, runs: Integers, places: Intege
             at = one + np.flatnonzero(periods[part] == period)
             before = places[at, None] - _window(float(period))
             first = firsts[at, None]
-            values = np.where((before >= first)[:, :, None], known[np.maximum(before, first)], -np.inf)
+            values = z[np.maximum(before, first)]
+            values[np.isnan(values) | (before < first)[:, :, None]] = -np.inf
             place = before.shape[1] - ceil(before.shape[1] * INCIDENTS.duty)
             levels[at] = np.partition(values, place, axis=1)[:, place]
     return levels
