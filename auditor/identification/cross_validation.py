@@ -66,11 +66,9 @@ def robust_thresholds(
     return replace(found, score=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
-def thresholds_of(
-    clean: Sequence[CleanFrames], system: System, r: Decimal, calibration_id: str = ""
-) -> RobustThresholds:
+def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
     """The robust thresholds at r from some drives; the prior's from none."""
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, calibration_id)
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
 
 
 class ThresholdsOfOthers:

@@ -42,9 +42,8 @@ from auditor.identification.prior import effective_size
 from auditor.identification.scores import for_drive, normalised_scores
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Integers
-from auditor.model.calibration import RobustThresholds
 from auditor.model.rig import LIDAR
-from tests.benchmarks.rates import clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.rates import ByOtherFamilies, clean_frames, frames_of, system_of
 from tests.benchmarks.scenes import Scene, load
 
 R = Decimal("0.01")
@@ -74,15 +73,11 @@ class Scored:
 
 def scored(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Scored]:
     """All frames of some scenes by these cameras and the LiDAR."""
-    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
-    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
-    learnt: dict[tuple[str, System], RobustThresholds] = {}
+    thresholds = ByOtherFamilies(scenes, cameras, R)
     for scene in scenes:
-        system = systems[scene.name]
-        key = scene.family, system
-        if key not in learnt:
-            learnt[key], _ = thresholds_of([clean[o.name] for o in scenes if o.family != scene.family], system, R)
-        own = for_drive(learnt[key], system.sensor_checks, clean[scene.name].statistics_of(system.sensor_checks))
+        system = system_of(scene, cameras)
+        learnt, _ = thresholds.of(scene.family, system)
+        own = for_drive(learnt, system.sensor_checks, clean_frames(scene, system).statistics_of(system.sensor_checks))
         groups = defaultdict(list)
         for case in scene.cases:
             if set(case.attacked) <= set(system.sensors):
