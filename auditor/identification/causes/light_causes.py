@@ -8,15 +8,16 @@ import numpy as np
 
 from auditor.identification.evidence_parameters import THROWN_LIGHT, UNCOLOURED_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Floats, Indices, Integers
 from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
 
 class Nearby(NamedTuple):
-    """The frames of a run around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
+    """The frames around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
 
     z: Floats
     span_s: float
@@ -30,7 +31,22 @@ class Nearby(NamedTuple):
         if len(known) < 2:
             return nan, nan
         shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
-        return shown * self.span_s, 1 - shown
+        return shown * min(self.span_s, LIGHT_OF_CAUSES.nearby_s), 1 - shown
+
+
+def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices]:
+    """(F,) the first of the frames that are nearby each of F frames, and the one after the last.
+
+    They are those of its run within half of `nearby_s`; on a side where none is, the next one within `further_s`, even
+    beyond a gap: a lens is not cleaned in a gap. A clock that was set back tells nothing.
+    """
+    first, end = window_bounds(stamps_ns, LIGHT_OF_CAUSES.nearby_s, runs)
+    step = np.diff(stamps_ns)
+    close = (step >= 0) & (step <= LIGHT_OF_CAUSES.further_s * NANOSECONDS)
+    places = np.arange(len(stamps_ns))
+    first = first - ((first == places) & np.concatenate([[False], close]))
+    end = end + ((end == places + 1) & np.concatenate([close, [False]]))
+    return first, end
 
 
 class Seen(NamedTuple):
@@ -97,9 +113,15 @@ class Seen(NamedTuple):
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
-            ratio += LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
+            ratio += self._of_time
         chance = 1 / (1 + exp(ratio))
         return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
+
+    @property
+    def _of_time(self) -> float:
+        of = LIGHT_OF_CAUSES
+        always = of.for_always if self.gone == 0 else 0.0
+        return max(of.for_gone * self.gone - of.shown_a_second * self.shown_s - always, -of.most_for_lasting)
 
 
 def seen_of(
