@@ -65,7 +65,8 @@ class WindowedMean:
 
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
-_LASTING = "benchmarks benign, attack_kinds and held_light: 0.3 to 1 a second, 1.1 to 1.5 at most tried (docs/causes.md)"
+_LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
+_BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
@@ -253,6 +254,9 @@ class LightOfCauses:
     least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_NO_CLEAN)
     exposure_added: float = parameter(
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
+    )
+    balance_added: float = parameter(
+        0.5, unit="z of added light, below which a white balance explains light of one colour", source=_BALANCE
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
     unchanged_gap: float = parameter(

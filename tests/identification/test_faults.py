@@ -387,11 +387,19 @@ def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_
 def test_light_of_one_colour_is_no_drop_and_no_exposure():
     assert of_lens({2: DROP._replace(coloured=2.4)}) == of_lens({2: DROP})
     assert of_lens({2: DROP._replace(coloured=2.5), 3: DROP}) == of_lens({3: DROP})
-    toned = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
-    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5)
+    toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
+    seen = Seen(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
     lit = seen._replace(coloured=6.0)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
+
+
+def test_a_white_balance_explains_one_colour_where_no_light_was_added():
+    balance = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
+    seen = Seen(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5, coloured=6.0)
+    assert weigh(verdict(check="coloured_light"), balance, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
+    for laser in (seen._replace(added=0.5), seen._replace(striped=6.0)):
+        assert weigh(verdict(check="coloured_light"), balance, LIMIT, {1: laser}).kind is VerdictKind.ATTACKED
 
 
 def test_dirt_that_removes_more_light_than_it_adds_may_take_away_colours():

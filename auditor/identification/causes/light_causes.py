@@ -71,15 +71,24 @@ class Seen(NamedTuple):
     gone: float = nan
 
     @property
-    def thrown(self) -> bool:
-        """Whether light of one colour was added, or light in rows: no dirt or exposure does.
+    def one_colour(self) -> bool:
+        """Whether light of one colour was added: no dirt or exposure does.
 
         Dirt that takes colours away removes more light than it adds. A ghost of the sun has a weak colour and stays.
         """
         of = LIGHT_OF_CAUSES
         stays = 0.0 if isnan(self.shown_s) else of.coloured_a_second * self.shown_s
-        coloured = self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
-        return coloured or self.striped >= of.least_striped
+        return self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
+
+    @property
+    def in_rows(self) -> bool:
+        """Whether light in rows was added: no dirt or exposure does."""
+        return self.striped >= LIGHT_OF_CAUSES.least_striped
+
+    @property
+    def thrown(self) -> bool:
+        """Whether light was added that no lens adds."""
+        return self.one_colour or self.in_rows
 
     @property
     def unchanged(self) -> bool:
@@ -173,13 +182,16 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float) -> bool:
-    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
+def by_tone(seen: Seen, limit: float, cause: Cause) -> bool:
+    """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted. It does not add light of one colour or in rows.
+    little brighter than predicted. It does not add light of one colour or in rows. A white balance does show one
+    colour, and adds no light: a laser that moves the mean of all colours as far adds some.
     """
-    if seen.thrown:
+    if seen.in_rows:
         return False
+    if seen.one_colour:
+        return cause is Cause.WHITE_BALANCE and seen.added < LIGHT_OF_CAUSES.balance_added
     unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
