@@ -126,8 +126,8 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         seconds,
         f"{kind}: count grids, a pair",
         lambda: (
-            sums_of_pair(places, lights.comparable, lights.residual, LIGHT_STEPS).cells,
-            sums_of_pair(places, pair.comparable, pair.inconsistent).cells,
+            [one.cells for one in sums_of_pair(places, lights.comparable, [lights.residual], LIGHT_STEPS)],
+            [one.cells for one in sums_of_pair(places, pair.comparable, [pair.inconsistent])],
             cells_of_points(points, view),
         ),
     )
@@ -153,8 +153,11 @@ def of_colours(seconds: Seconds, frame: Frame, rig: Rig) -> None:
         if difference.coloured is not None:
             matches = arrays.frame_checks.consistencies[pair].matches
             places = places_of(matches, ImageGrid.of(*matches.seen.shape))
-            counted = partial(sums_of_pair, places, difference.comparable, difference.coloured, LIGHT_STEPS)
-            timed(spent, "light of one colour", counted)
+            sums = partial(sums_of_pair, places, difference.comparable, steps=LIGHT_STEPS)
+            # Its amounts are summed beside those of added light, of the same pixels.
+            timed(spent, "light of one colour", partial(sums, [difference.residual, difference.coloured]))
+            timed(spent, "added light", partial(sums, [difference.residual]))
+            spent["light of one colour"].append(-spent.pop("added light")[0])
     for check in LATEST:
         seconds[f"colour: {check}, a frame"].append(sum(spent[check]))
     seconds["colour: latest checks, a frame"].append(sum(map(sum, spent.values())))

@@ -197,12 +197,11 @@ class _PairSums(NamedTuple):
         return PairCounts(self.inconsistencies.cells, opposite(self.light.cells), coloured)
 
 
-def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., PairSums]) -> _PairSums:
-    return _PairSums(
-        summed(seen.comparable, seen.inconsistent),
-        summed(light.comparable, light.residual, LIGHT_STEPS),
-        None if light.coloured is None else summed(light.comparable, light.coloured, LIGHT_STEPS),
-    )
+def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
+    (inconsistencies,) = summed(seen.comparable, [seen.inconsistent])
+    residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
+    of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
+    return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:
