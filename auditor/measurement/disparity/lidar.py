@@ -88,10 +88,9 @@ def _nearest(
     pixel = row * camera.width_px + column
     order = np.argsort(-depth)  # far to near: of several points in a pixel the last, nearest stays
     owner = np.empty(camera.height_px * camera.width_px, dtype=np.intp)
-    owned = np.zeros(owner.size, dtype=np.bool_)
     owner[pixel[order]] = points[order]
-    owned[pixel] = True
-    return owner[np.flatnonzero(owned)]
+    pixel.sort()
+    return owner[pixel[np.diff(pixel, prepend=-1) > 0]]
 
 
 def _span(u_px: Floats32) -> tuple[float, float]:
