@@ -198,14 +198,13 @@ def _relative(
     highest = cv2.dilate(cv2.max(predicted, source_saturated * _WHITE), _NEARBY)
     lowest = cv2.erode(predicted, _NEARBY)
     if infrared:  # how dark a grey camera sees what is white in the other's colours, as the sky, is not known well
-        dim = cv2.LUT(lowest, _DIM)
-        lowest = np.where(cv2.dilate(source_saturated.view(np.uint8), _NEARBY) > 0, dim, lowest)
+        lowest = cv2.copyTo(cv2.LUT(lowest, _DIM), cv2.dilate(source_saturated.view(np.uint8), _NEARBY), lowest)
     lowest *= ~saturated
     nearest = cv2.min(cv2.max(value, lowest), highest)
     unit = cv2.LUT(nearest, _UNITS)
     if infrared:
-        unit = np.where(value > nearest, cv2.LUT(nearest, _INFRARED_UNITS), unit)
-    residual = np.subtract(value, nearest, dtype=np.float32)
+        unit = cv2.copyTo(cv2.LUT(nearest, _INFRARED_UNITS), cv2.compare(value, nearest, cv2.CMP_GT), unit)
+    residual = np.asarray(cv2.subtract(value, nearest, dtype=cv2.CV_32F), dtype=np.float32)
     residual /= unit
     return residual
 

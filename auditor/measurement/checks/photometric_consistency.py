@@ -100,7 +100,9 @@ class _Patches:
         pixels = image.astype(np.float32)
         mean, power = _mean(pixels), _mean(pixels * pixels)
         power -= mean * mean
-        return cls(pixels, mean, np.asarray(cv2.sqrt(np.clip(power, 0, np.inf) * _AREA), dtype=np.float32))
+        np.clip(power, 0, np.inf, out=power)
+        power *= _AREA
+        return cls(pixels, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
 
 
 def _inside(valid: Mask) -> Mask:

@@ -35,7 +35,7 @@ class Prediction:
         """The levels predicted from the source's (h, w) levels, and its classes where there are several."""
         if classes is None:
             return np.asarray(cv2.LUT(source, self.table[0]), dtype=np.uint8)
-        return np.asarray(self.table.ravel()[classes.astype(np.intp) * _LEVELS + source], dtype=np.uint8)
+        return np.asarray(self.table.take(classes * np.uint16(_LEVELS) + source), dtype=np.uint8)
 
 
 def predict(source: Image, target: Image, usable: Mask, classes: Classes | None = None) -> Prediction:

@@ -90,7 +90,7 @@ def _nearest(
     owner = np.empty(camera.height_px * camera.width_px, dtype=np.intp)
     owner[pixel[order]] = points[order]
     pixel.sort()
-    return owner[pixel[np.diff(pixel, prepend=-1) > 0]]
+    return np.asarray(owner[pixel[np.diff(pixel, prepend=-1) > 0]])
 
 
 def _span(u_px: Floats32) -> tuple[float, float]:
