@@ -75,7 +75,7 @@ def photometric_consistency(
     """
     matches = matches_of(stereo)
     still, warped = _Patches.of(reference), _Patches.of(warp(source, matches.column))
-    ncc = _mean(still.pixels * warped.pixels)
+    ncc = _mean(_products(still.pixels, warped.pixels))
     ncc -= still.mean * warped.mean
     ncc *= _AREA
     ncc /= (still.norm + _NORM_FLOOR) * (warped.norm + _NORM_FLOOR)
@@ -91,18 +91,17 @@ def photometric_consistency(
 class _Patches:
     """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
 
-    pixels: Floats32
+    pixels: Image
     mean: Floats32
     norm: Floats32
 
     @classmethod
     def of(cls, image: Image) -> "_Patches":
-        pixels = image.astype(np.float32)
-        mean, power = _mean(pixels), _mean(pixels * pixels)
+        mean, power = _mean(image), _mean(_products(image, image))
         power -= mean * mean
         np.clip(power, 0, np.inf, out=power)
         power *= _AREA
-        return cls(pixels, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
+        return cls(image, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
 
 
 def _inside(valid: Mask) -> Mask:
@@ -162,8 +161,15 @@ def _projection(patch: Floats32, other: Floats32) -> Floats32:
     return np.asarray(np.einsum("mrc,mrc->m", patch, other) / norm, dtype=np.float32)
 
 
-def _mean(image: Floats32) -> Floats32:
-    return np.asarray(cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE)), dtype=np.float32)
+def _products(a: Image, b: Image) -> NDArray[np.uint16]:
+    return np.multiply(a, b, dtype=np.uint16)
+
+
+def _mean(values: NDArray[np.unsignedinteger]) -> Floats32:
+    """The means of patches: sums of whole numbers are exact, and faster than those of fractions."""
+    mean = np.asarray(cv2.boxFilter(values, cv2.CV_32F, (_SIDE, _SIDE), normalize=False), dtype=np.float32)
+    mean /= np.float32(_AREA)
+    return mean
 
 
 def _oversampled(image: Image) -> Image:

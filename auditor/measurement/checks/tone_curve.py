@@ -61,10 +61,11 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     b, g, r = (channel.astype(np.float32) for channel in (blue, green, red))
     whole = b + g + r + np.float32(CHROMA.dark)
     found = np.zeros(g.shape, dtype=np.uint8)
-    for weight, one in ((len(CHROMA.edges) + 1, r), (1, b)):
+    for one in (r, b):
+        found *= np.uint8(len(CHROMA.edges) + 1)
         share = (one - g) / whole
         for edge in CHROMA.edges:
-            found += (share > np.float32(edge)).view(np.uint8) * np.uint8(weight)
+            found += (share > np.float32(edge)).view(np.uint8)
     return found
 
 
