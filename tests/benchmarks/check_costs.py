@@ -30,7 +30,7 @@ from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, pl
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
-from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import grey, halve
@@ -103,7 +103,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     pair = timed(
         seconds,
         f"{kind}: photometric consistency, a pair",
-        lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k]),
+        lambda: photometric_consistency(Patches.of(half_res[k]), half_res[1], maps[1, k]),
     )
     lights = timed(seconds, f"{kind}: light, a pair", lambda: _light(half_res, colours, pair, k))
     d0 = view.disparity_px(1)

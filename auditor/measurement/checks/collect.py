@@ -20,7 +20,12 @@ from auditor.measurement.checks.count_grid import (
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
-from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import (
+    PairConsistency,
+    Patches,
+    matchable,
+    photometric_consistency,
+)
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
@@ -131,8 +136,9 @@ def collect_checks(
         for (i, k), stereo in maps.items()
         if k in views
     }
+    patches = {k: Patches.of(half_res[k]) for k in dict.fromkeys(k for _, k in maps)}
     consistencies = {
-        (i, k): photometric_consistency(half_res[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
+        (i, k): photometric_consistency(patches[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
         for (i, k), stereo in maps.items()
     }
     lights = {

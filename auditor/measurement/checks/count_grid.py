@@ -6,7 +6,7 @@ the source. So all pairs of one camera have counts at the same places of its own
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import NamedTuple
 
 import cv2
@@ -204,8 +204,8 @@ def _block_counts(mask: Mask) -> NDArray[np.number]:
     height, width = mask.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE
     padded = cv2.copyMakeBorder(mask.view(np.uint8), 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
-    sums = cv2.boxFilter(padded, cv2.CV_16U, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
-    return np.asarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.intp).ravel()
+    in_rows = reduce(np.add, (padded[row::_HALF_SIDE] for row in range(_HALF_SIDE)))
+    return np.asarray(reduce(np.add, (in_rows[:, column::_HALF_SIDE] for column in range(_HALF_SIDE)))).ravel()
 
 
 @lru_cache(maxsize=8)

@@ -35,6 +35,24 @@ class Matches:
 
 
 @dataclass(frozen=True, eq=False)
+class Patches:
+    """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
+
+    pixels: Image
+    mean: Floats32
+    norm: Floats32
+
+    @classmethod
+    def of(cls, image: Image) -> "Patches":
+        """Those of a half-resolution grey image (h, w)."""
+        mean, power = _mean(image), _mean(_products(image, image))
+        power -= mean * mean
+        np.clip(power, 0, np.inf, out=power)
+        power *= _AREA
+        return cls(image, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
+
+
+@dataclass(frozen=True, eq=False)
 class PairConsistency:
     """A pair's images compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
@@ -66,15 +84,17 @@ def matches_of(stereo: StereoMap) -> Matches:
 
 
 def photometric_consistency(
-    reference: Image, source: Image, stereo: StereoMap, *, mixed: bool = False
+    still: Patches, source: Image, stereo: StereoMap, *, mixed: bool = False
 ) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution.
+    """Warp the source image by DM_{i,k} and correlate it with the reference's patches.
+
+    Both images are (h, w) grey at half resolution.
 
     Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
     brighter than the sky in the infrared, and darker in colours.
     """
     matches = matches_of(stereo)
-    still, warped = _Patches.of(reference), _Patches.of(warp(source, matches.column))
+    warped = Patches.of(warp(source, matches.column))
     ncc = _mean(_products(still.pixels, warped.pixels))
     ncc -= still.mean * warped.mean
     ncc *= _AREA
@@ -85,23 +105,6 @@ def photometric_consistency(
     if mixed:
         no_match &= cv2.erode(ncc, _NEARBY) > PHOTOMETRIC_CONSISTENCY.inverted
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
-
-
-@dataclass(frozen=True, eq=False)
-class _Patches:
-    """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
-
-    pixels: Image
-    mean: Floats32
-    norm: Floats32
-
-    @classmethod
-    def of(cls, image: Image) -> "_Patches":
-        mean, power = _mean(image), _mean(_products(image, image))
-        power -= mean * mean
-        np.clip(power, 0, np.inf, out=power)
-        power *= _AREA
-        return cls(image, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
 
 
 def _inside(valid: Mask) -> Mask:
