@@ -86,9 +86,7 @@ def matches_of(stereo: StereoMap) -> Matches:
 def photometric_consistency(
     still: Patches, source: Image, stereo: StereoMap, *, mixed: bool = False
 ) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate it with the reference's patches.
-
-    Both images are (h, w) grey at half resolution.
+    """Warp the source image by DM_{i,k} and correlate it with the reference's patches, both (h, w) at half resolution.
 
     Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
     brighter than the sky in the infrared, and darker in colours.
