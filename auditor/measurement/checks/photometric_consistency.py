@@ -78,7 +78,7 @@ def matches_of(stereo: StereoMap) -> Matches:
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     unknown = np.isnan(column)
-    seen = _inside(valid) & ~_occluded(column, unknown)
+    seen = _inside(valid) & ~_occluded(column, unknown, stereo.range_px // HALF)
     column[unknown] = -1
     return Matches(column, seen)
 
@@ -112,11 +112,14 @@ def _inside(valid: Mask) -> Mask:
     return np.asarray(eroded, dtype=np.bool_)
 
 
-def _occluded(column: Floats32, unknown: Mask) -> Mask:
-    """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs."""
+def _occluded(column: Floats32, unknown: Mask, range_px: int) -> Mask:
+    """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs.
+
+    What lies farther right than the largest disparity, `range_px`, has its match right of them.
+    """
     leftmost, reach = column.copy(), 1
     leftmost[unknown] = np.inf
-    while reach < column.shape[1]:  # the least of the next 4, 16, 64 ... pixels
+    while reach < range_px:  # the least of the next 4, 16, 64 ... pixels
         leftmost = np.asarray(cv2.erode(leftmost, _every(reach), anchor=(0, 0)), dtype=np.float32)
         reach *= _TOGETHER
     occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
