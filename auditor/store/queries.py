@@ -8,7 +8,7 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import connected, in_one_line
+from auditor.store.connection import asking, connected, in_one_line
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sql_files import SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
@@ -79,7 +79,7 @@ def run_queries(store: Store, wanted: Mapping[str, Mapping[str, object]]) -> dic
 
 
 def _run_together(store: Store, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
-    with connected(store, "\n".join(text for text, _ in asked.values())) as connection:
+    with asking(store, "\n".join(text for text, _ in asked.values())) as connection:
         try:
             return {
                 name: connection.sql(text, params=values).to_arrow_table() for name, (text, values) in asked.items()
@@ -107,7 +107,7 @@ def _asked(
     store: Store, text: str, values: Mapping[str, Value], where: str, limits: SqlLimits | None = None
 ) -> Iterator[duckdb.DuckDBPyRelation]:
     """One SELECT statement, ready to be run; errors of DuckDB inside the block are ours, in one line."""
-    with connected(store, text, limits) as connection:
+    with asking(store, text) if limits is None else connected(store, text, limits) as connection:
         try:
             connection.execute("BEGIN TRANSACTION READ ONLY")  # DuckDB 2 lets a SELECT hold INSERT, UPDATE and DELETE
             yield connection.sql(text, params=values)
