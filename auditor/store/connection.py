@@ -77,7 +77,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
 
 
 @contextmanager
-def asking(store: Store, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
+def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
     """As `connected`, for questions of our own: what the next ones of this process need of views, they find made.
 
     Views and macros take longer to make than most questions to answer. What is of the store goes with the question;
@@ -133,7 +133,7 @@ def _without_files() -> duckdb.DuckDBPyConnection:
     return connection
 
 
-def _lent(kept: _Kept, store: Store, needed: set[str]) -> _Filling:
+def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
     """Give a kept connection what it needs of a store."""
     files, filling = _files_of(store), _Filling(kept.connection)
     kept.connection.register_filesystem(files)
