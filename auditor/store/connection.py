@@ -80,8 +80,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
 def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
     """As `connected`, for questions of our own: what the next ones of this process need of views, they find made.
 
-    Views and macros take longer to make than most questions to answer. What is of the store goes with the question;
-    after an error nothing is kept.
+    Views and macros take longer to make than most questions to answer. What is of the store goes with the question.
     """
     if _shows_comments(text):
         with connected(store, text) as connection:
@@ -91,13 +90,12 @@ def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection
     with ExitStack() as on_error:
         connection = on_error.enter_context(kept.connection)
         filling = _lent(kept, store, _needed(text))
-        yield connection
-        with suppress(duckdb.TransactionException):
-            connection.rollback()
-        connection.execute("".join(filling.undoing))
-        connection.unregister_filesystem(PROTOCOL)
-        on_error.pop_all()
-    _KEPT[os.getpid()] = kept
+        try:
+            yield connection
+        finally:
+            if filling.undone():
+                on_error.pop_all()
+                _KEPT[os.getpid()] = kept
 
 
 @dataclass(frozen=True)
@@ -124,6 +122,17 @@ class _Filling:
         """Make a table or view."""
         self.connection.execute(f"CREATE {kind} {name} AS {sql}", values)
         self.undoing.append(f"DROP {kind} {name};")
+
+    def undone(self) -> bool:
+        """Leave nothing of the store in the database; False where an error has ended that."""
+        try:
+            with suppress(duckdb.TransactionException):  # there is none
+                self.connection.rollback()
+            self.connection.execute("".join(self.undoing))
+            self.connection.unregister_filesystem(PROTOCOL)
+        except duckdb.Error:
+            return False
+        return True
 
 
 def _without_files() -> duckdb.DuckDBPyConnection:

@@ -63,13 +63,21 @@ def test_nothing_of_a_store_is_left_between_questions(stores):
         fcntl.flock(marker, fcntl.LOCK_EX | fcntl.LOCK_NB)  # nobody reads the store
 
 
-def test_after_an_error_the_database_is_another(stores):
-    first, _ = stores
+@pytest.mark.parametrize("wrong", ["FROM frames, nowhere", "SELECT error('stop') FROM frames"])
+def test_a_question_that_fails_leaves_nothing_behind(stores, wrong):
+    first, second = stores
     before = shared_by(first)
-    with pytest.raises(QueryError, match="nowhere"):
-        run_sql(first, "FROM frames, nowhere")
-    assert shared_by(first) is not before
-    assert run_sql(first, FRAMES).num_rows == 2
+    with pytest.raises(QueryError, match=r"nowhere|stop"):
+        run_sql(first, wrong)
+    assert shared_by(second) is before
+    assert [run_sql(store, FRAMES).num_rows for store in stores] == [2, 3]
+
+
+def test_a_database_that_an_error_has_ended_is_not_kept(stores):
+    before = shared_by(stores[0])
+    with asking(stores[0], FRAMES) as connection:
+        connection.close()
+    assert shared_by(stores[0]) is not before
 
 
 def test_a_file_that_cannot_be_read_is_named_and_the_next_question_is_answered(stores, tmp_path):
