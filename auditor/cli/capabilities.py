@@ -10,6 +10,12 @@ Pair = tuple[int, int]
 _BEHIND = 1.5
 """What a pair tells apart that checks the LiDAR: a surface and one half as far again."""
 
+_HELD_LIGHT = (
+    "not told apart: weak light that is held on one camera for seconds, and drops or glare on its lens (suspect), "
+    "unless it has one colour and another camera has colours as well (docs/causes.md)"
+)
+"""Rigs do not say which cameras have colours."""
+
 
 def short_pairs(rig: "Rig") -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
@@ -28,7 +34,8 @@ def capabilities(rig: "Rig") -> list[str]:
             f"{compared}: up to {most} attacked sensor{'s' if most != 1 else ''} at once can be identified "
             f"(N - 3 of N = {N} sensors)"
         ]
-    return [*lines, *(_of_lidar(rig) if rig.lidar else _of_cameras())]
+    lines += _of_lidar(rig) if rig.lidar else _of_cameras()
+    return [*lines, _HELD_LIGHT] if most else lines
 
 
 def _of_lidar(rig: "Rig") -> list[str]:

@@ -17,14 +17,13 @@ import numpy as np
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.background import BACKGROUND_CHECKS, background, levels_before
 from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
-from auditor.identification.causes.light_causes import Nearby, seen_of
+from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, log_ratios, peaks_of
 from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
-from auditor.identification.parameters import LIGHT_OF_CAUSES
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
-from auditor.identification.statistics import NANOSECONDS, runs_of, window_bounds
+from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
@@ -194,14 +193,14 @@ class _Judge:
         return [weighed(place, verdict) for place, verdict in zip(places, named, strict=True)]
 
     def _nearby(self, place: int) -> Nearby:
-        """The frames around the one at this place, of its run."""
+        """The frames around the one at this place."""
         first, end = (int(bounds[place]) for bounds in self._bounds)
         stamps_ns = self._series.stamps_ns
         return Nearby(self._z[first:end], float(stamps_ns[end - 1] - stamps_ns[first]) / NANOSECONDS)
 
     @cached_property
     def _bounds(self) -> tuple[Indices, Indices]:
-        return window_bounds(self._series.stamps_ns, LIGHT_OF_CAUSES.nearby_s, self._series.runs)
+        return bounds_nearby(self._series.stamps_ns, self._series.runs)
 
 
 def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:

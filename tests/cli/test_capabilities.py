@@ -5,21 +5,23 @@ from tests.making.scenes import plane_rig
 def test_four_sensors_name_one_and_close_cameras_do_not_check_the_lidar():
     rig = plane_rig((0.6, 0.1, 0.0))
     assert short_pairs(rig) == [(2, 3)]
-    first, checked, *_, short = capabilities(rig)
+    first, checked, *_, short, light = capabilities(rig)
     assert "up to 1 attacked sensor at once" in first
     assert checked == "the LiDAR is checked by S_1 and S_3, S_1 and S_2"
     assert short.endswith("S_2 and S_3")
+    assert light.startswith("not told apart: weak light that is held on one camera for seconds, and drops or glare")
 
 
 def test_one_wide_pair_leaves_the_lidar_unchecked_while_its_cameras_are_attacked():
-    _, checked, *_, short = capabilities(plane_rig((0.4, 0.2, 0.0)))
+    _, checked, *_, short, _ = capabilities(plane_rig((0.4, 0.2, 0.0)))
     assert checked.startswith("only S_1 and S_3 can check the LiDAR")
     assert short.endswith("S_2 and S_3, S_1 and S_2")
 
 
 def test_three_sensors_identify_none():
-    first, *_ = capabilities(plane_rig((0.6, 0.0)))
+    first, *others = capabilities(plane_rig((0.6, 0.0)))
     assert "with three sensors its sensor cannot be identified" in first
+    assert not any("weak light" in line for line in others), "no camera is named, so none can be suspect for its lens"
 
 
 def test_wide_pairs_check_the_lidar_and_narrow_ones_alone_cannot():
@@ -34,11 +36,11 @@ def test_how_far_walls_are_told_follows_from_the_widest_pair():
     assert lines[2].endswith("1.5 times as far away, up to 30 m at most")
     assert lines[3].startswith("vanished objects and sectors are noticed up to 30 m")
     assert lines[4].startswith("not noticed: walls in front of the sky")
-    assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 3
+    assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 4
 
 
 def test_without_a_lidar_the_cameras_checks_are_described():
     lines = capabilities(plane_rig((0.9, 0.6, 0.3, 0.0), lidar=False))
     assert short_pairs(plane_rig((0.1, 0.05, 0.02, 0.0), lidar=False)) == []
-    assert len(lines) == 2
+    assert len(lines) == 3
     assert lines[1].startswith("without a LiDAR")

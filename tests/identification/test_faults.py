@@ -11,7 +11,7 @@ from auditor.identification.causes.faults import (
     faults_of,
     weigh,
 )
-from auditor.identification.causes.light_causes import Nearby, Seen, of_lens, seen_of
+from auditor.identification.causes.light_causes import Nearby, Seen, bounds_nearby, of_lens, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
@@ -387,11 +387,19 @@ def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_
 def test_light_of_one_colour_is_no_drop_and_no_exposure():
     assert of_lens({2: DROP._replace(coloured=2.4)}) == of_lens({2: DROP})
     assert of_lens({2: DROP._replace(coloured=2.5), 3: DROP}) == of_lens({3: DROP})
-    toned = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
-    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5)
+    toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
+    seen = Seen(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
     lit = seen._replace(coloured=6.0)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
+
+
+def test_a_white_balance_explains_one_colour_where_no_light_was_added():
+    balance = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
+    seen = Seen(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5, coloured=6.0)
+    assert weigh(verdict(check="coloured_light"), balance, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
+    for laser in (seen._replace(added=0.5), seen._replace(striped=6.0)):
+        assert weigh(verdict(check="coloured_light"), balance, LIMIT, {1: laser}).kind is VerdictKind.ATTACKED
 
 
 def test_dirt_that_removes_more_light_than_it_adds_may_take_away_colours():
@@ -405,10 +413,17 @@ def test_what_stays_on_a_camera_is_likelier_of_its_lens_and_what_comes_and_goes_
     flash = DROP._replace(shown_s=0.0, gone=1.0).chance_of_lens
     steady = DROP._replace(shown_s=3.0, gone=0.0).chance_of_lens
     assert flash < lone < steady
-    assert np.log(1 / flash - 1) - np.log(1 / lone - 1) == pytest.approx(1.5)
-    assert np.log(1 / lone - 1) - np.log(1 / steady - 1) == pytest.approx(1.5)
+    assert _added_to_ratio(gone=1.0) == pytest.approx(1.5)
+    assert _added_to_ratio(shown_s=2.0, gone=0.2) == pytest.approx(0.3 - 1.0)
+    assert _added_to_ratio(shown_s=1.0) == pytest.approx(-0.5 - 0.5), "what all frames nearby show began before them"
+    assert _added_to_ratio(shown_s=3.0) == pytest.approx(-1.2), "an attack may last as well"
     held_still = FACULA._replace(shown_s=3.0, gone=0.0)
     assert not of_lens({1: held_still}), "a facula of the paper's kind is one however long it is held"
+
+
+def _added_to_ratio(shown_s: float = 0.0, gone: float = 0.0) -> float:
+    alone, nearby = (one.chance_of_lens for one in (DROP, DROP._replace(shown_s=shown_s, gone=gone)))
+    return float(np.log(1 / nearby - 1) - np.log(1 / alone - 1))
 
 
 def test_the_longer_light_of_one_colour_stays_the_more_of_it_has_to_be_seen():
@@ -421,6 +436,22 @@ def test_how_long_a_check_shows_as_much_as_in_a_frame_is_counted_among_the_frame
     z = np.array([[4.0, NAN], [2.0, NAN], [1.9, NAN], [NAN, NAN], [4.4, 3.0]])
     assert Nearby(z, span_s=3.0).lasting(0, 4.0) == (2.0, pytest.approx(1 / 3)), "two of three others have half as much"
     assert np.isnan(Nearby(z, span_s=3.0).lasting(1, 3.0)).all(), "no other frame is known"
+    assert Nearby(z, span_s=9.0).lasting(0, 4.0) == Nearby(z, span_s=3.0).lasting(0, 4.0), "gaps count for 3 s at most"
+
+
+def test_nearby_are_the_frames_within_half_of_three_seconds_or_the_next_one_beyond_a_gap():
+    stamps_ns = np.array([0.0, 0.1, 0.2, 2.3, 6.4, 12.0, 11.0, 11.1]) * 1_000_000_000
+    first, end = bounds_nearby(stamps_ns.astype(np.int64), np.array([0, 0, 0, 1, 2, 3, 4, 4]))
+    assert list(zip(first.tolist(), end.tolist(), strict=True)) == [
+        (0, 3),
+        (0, 3),
+        (0, 4),  # the next one is 2.1 s later
+        (2, 5),
+        (3, 5),  # 5.6 s are too long
+        (5, 6),  # the clock was set back
+        (6, 8),
+        (6, 8),
+    ]
 
 
 def test_light_in_rows_is_no_dirt_and_no_exposure():

@@ -8,15 +8,16 @@ import numpy as np
 
 from auditor.identification.evidence_parameters import THROWN_LIGHT, UNCOLOURED_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Floats, Indices, Integers
 from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
 
 class Nearby(NamedTuple):
-    """The frames of a run around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
+    """The frames around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
 
     z: Floats
     span_s: float
@@ -30,7 +31,22 @@ class Nearby(NamedTuple):
         if len(known) < 2:
             return nan, nan
         shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
-        return shown * self.span_s, 1 - shown
+        return shown * min(self.span_s, LIGHT_OF_CAUSES.nearby_s), 1 - shown
+
+
+def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices]:
+    """(F,) the first of the frames that are nearby each of F frames, and the one after the last.
+
+    They are those of its run within half of `nearby_s`; on a side where none is, the next one within `further_s`, even
+    beyond a gap: a lens is not cleaned in a gap. A clock that was set back tells nothing.
+    """
+    first, end = window_bounds(stamps_ns, LIGHT_OF_CAUSES.nearby_s, runs)
+    step = np.diff(stamps_ns)
+    close = (step >= 0) & (step <= LIGHT_OF_CAUSES.further_s * NANOSECONDS)
+    places = np.arange(len(stamps_ns))
+    first = first - ((first == places) & np.concatenate([[False], close]))
+    end = end + ((end == places + 1) & np.concatenate([close, [False]]))
+    return first, end
 
 
 class Seen(NamedTuple):
@@ -55,15 +71,24 @@ class Seen(NamedTuple):
     gone: float = nan
 
     @property
-    def thrown(self) -> bool:
-        """Whether light of one colour was added, or light in rows: no dirt or exposure does.
+    def one_colour(self) -> bool:
+        """Whether light of one colour was added: no dirt or exposure does.
 
         Dirt that takes colours away removes more light than it adds. A ghost of the sun has a weak colour and stays.
         """
         of = LIGHT_OF_CAUSES
         stays = 0.0 if isnan(self.shown_s) else of.coloured_a_second * self.shown_s
-        coloured = self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
-        return coloured or self.striped >= of.least_striped
+        return self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
+
+    @property
+    def in_rows(self) -> bool:
+        """Whether light in rows was added: no dirt or exposure does."""
+        return self.striped >= LIGHT_OF_CAUSES.least_striped
+
+    @property
+    def thrown(self) -> bool:
+        """Whether light was added that no lens adds."""
+        return self.one_colour or self.in_rows
 
     @property
     def unchanged(self) -> bool:
@@ -97,9 +122,15 @@ class Seen(NamedTuple):
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
-            ratio += LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
+            ratio += self._of_time
         chance = 1 / (1 + exp(ratio))
         return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
+
+    @property
+    def _of_time(self) -> float:
+        of = LIGHT_OF_CAUSES
+        always = of.for_always if self.gone == 0 else 0.0
+        return max(of.for_gone * self.gone - of.shown_a_second * self.shown_s - always, -of.most_for_lasting)
 
 
 def seen_of(
@@ -151,13 +182,16 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float) -> bool:
-    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
+def by_tone(seen: Seen, limit: float, cause: Cause) -> bool:
+    """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted. It does not add light of one colour or in rows.
+    little brighter than predicted. It does not add light of one colour or in rows. A white balance does show one
+    colour, and adds no light: a laser that moves the mean of all colours as far adds some.
     """
-    if seen.thrown:
+    if seen.in_rows:
         return False
+    if seen.one_colour:
+        return cause is Cause.WHITE_BALANCE and seen.added < LIGHT_OF_CAUSES.balance_added
     unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
