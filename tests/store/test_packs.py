@@ -48,11 +48,20 @@ def told(folder):
     with asking(store, " ".join(VIEWS)) as connection:
         rows = {view: sorted(map(repr, connection.execute(f"FROM {view}").fetchall())) for view in VIEWS}
     by_id = [
-        repr((store.measurement(one), store.load_statistics(one).statistics.tolist(), list(store.load_cells(one))))
+        (repr((store.measurement(one), store.load_statistics(one).statistics.tolist())), grids(store, one))
         for one in store.ids("measurements")
     ]
     judged = [store.recordings(), store.judgements(), store.measurements(), *map(store.labels, store.ids("recordings"))]
     return {**rows, "by id": by_id, "judged": judged}
+
+
+def grids(store, measurement_id):
+    """All counts of a measurement by cell."""
+    return [
+        (frame, counted, cells.valid.shape, cells.valid.tobytes(), cells.total.tobytes())
+        for frame, grids_of_frame in store.load_cells(measurement_id)
+        for counted, cells in grids_of_frame.items()
+    ]
 
 
 def parquet_files(folder):
