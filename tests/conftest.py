@@ -9,6 +9,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from pebble import CONSTS
 
+from auditor.pipeline import workers
+
 # Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
 # for each other there.
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
@@ -26,6 +28,10 @@ CONSTS.sleep_unit = 0.01
 _MEMORY, _ROOM_BYTES = Path("/dev/shm"), 8 * 2**30
 if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free >= _ROOM_BYTES:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY))
+
+# Each recording has a process of its own, and is written by our own writers: what these say of their messages is parsed
+# once, for the process that the others are forked from.
+workers._PRELOADED.append("tests.making.own_definitions")
 
 # However busy the machine, no example fails for the time that it took.
 settings.register_profile("without time limits", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -5,9 +5,11 @@ before the first table is read, and the one that is left can only read (`sandbox
 statements or functions decides.
 """
 
+import os
 import re
-from collections.abc import Collection, Iterable
-from contextlib import ExitStack
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import cache
 from graphlib import TopologicalSorter
 
@@ -21,7 +23,7 @@ from auditor.store.marker import MARKER
 from auditor.store.packs.files import Files
 from auditor.store.pictures import picture_files
 from auditor.store.sandbox.limits import SqlLimits
-from auditor.store.sandbox.read_only_files import ReadOnlyFiles
+from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
 from auditor.store.schema import ID_COLUMNS, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -61,8 +63,101 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
 
     For a `with`. Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
-    needed = _needed(text)
-    files = ReadOnlyFiles(store.folder / MARKER if store is not None else None)
+    files = _files_of(store)
+    with ExitStack() as on_error:
+        connection = on_error.enter_context(_opened(files, limits))
+        filling = _Filling(connection)
+        with _reading(store):
+            _fill(filling, store, files, _needed(text))
+            if _shows_comments(text):
+                connection.execute(comments(connection))
+        _lock(connection, "allowed_paths", filling.readable)
+        on_error.pop_all()
+        return connection
+
+
+@contextmanager
+def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
+    """As `connected`, for questions of our own: what the next ones of this process need of views, they find made.
+
+    Views and macros take longer to make than most questions to answer. What is of the store goes with the question.
+    """
+    if _shows_comments(text):
+        with connected(store, text) as connection:
+            yield connection
+        return
+    kept = _KEPT.pop(os.getpid(), None) or _Kept(_without_files())
+    with ExitStack() as on_error:
+        connection = on_error.enter_context(kept.connection)
+        filling = _lent(kept, store, _needed(text))
+        try:
+            yield connection
+        finally:
+            if filling.undone():
+                on_error.pop_all()
+                _KEPT[os.getpid()] = kept
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A locked connection between two questions: it has macros and views, by their names, and nothing of a store."""
+
+    connection: duckdb.DuckDBPyConnection
+    made: set[str] = field(default_factory=set)
+
+
+_KEPT: dict[int, _Kept] = {}
+"""By process, for one that was forked has none of DuckDB's threads. While it is lent it is not here."""
+
+
+@dataclass(frozen=True)
+class _Filling:
+    """What was made of a store: the files that are read later on, and the statements that undo the rest."""
+
+    connection: duckdb.DuckDBPyConnection
+    readable: list[str] = field(default_factory=list)
+    undoing: list[str] = field(default_factory=list)
+
+    def create(self, kind: str, name: str, sql: str, values: list[object] | None = None) -> None:
+        """Make a table or view."""
+        self.connection.execute(f"CREATE {kind} {name} AS {sql}", values)
+        self.undoing.append(f"DROP {kind} {name};")
+
+    def undone(self) -> bool:
+        """Leave nothing of the store in the database; False where an error has ended that."""
+        try:
+            with suppress(duckdb.TransactionException):  # there is none
+                self.connection.rollback()
+            self.connection.execute("".join(self.undoing))
+            self.connection.unregister_filesystem(PROTOCOL)
+        except duckdb.Error:
+            return False
+        return True
+
+
+def _without_files() -> duckdb.DuckDBPyConnection:
+    connection = _opened(ReadOnlyFiles())
+    _lock(connection, "allowed_directories", [f"{PROTOCOL}://"])
+    connection.unregister_filesystem(PROTOCOL)
+    return connection
+
+
+def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
+    """Give a kept connection what it needs of a store."""
+    files, filling = _files_of(store), _Filling(kept.connection)
+    kept.connection.register_filesystem(files)
+    with _reading(store):
+        _fill(filling, store, files, needed, kept.made)
+    kept.made.update(needed)
+    return filling
+
+
+def _files_of(store: Store | None) -> ReadOnlyFiles:
+    return ReadOnlyFiles(store.folder / MARKER if store is not None else None)
+
+
+def _opened(files: ReadOnlyFiles, limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
+    """A connection to an empty database that can read these files, and write none."""
     with ExitStack() as on_error:
         connection = on_error.enter_context(duckdb.connect(config=_SHUT))
         connection.register_filesystem(files)
@@ -70,26 +165,40 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         connection.execute("SET parquet_metadata_cache = true")  # each view over a file would read its footer again
         if limits is not None:
             connection.execute("SET memory_limit = ?", [f"{limits.memory_bytes}B"])
-        connection.execute("\n".join(macro for name, macro in all_macros().items() if name in needed))
-        readable: list[str] = []
-        try:
-            for table in (table for table in TABLES if f"stored_{table}" in needed):
-                found = store.files(table) if store else Files((), (), frozenset())
-                alone, packs = files.names(found.alone), files.names(found.packs)
-                readable += _create_stored(connection, table_schema(table), alone, packs, found.hidden)
-            if "stored_pictures" in needed:
-                _create_pictures(connection, picture_files(store.folder / "pictures") if store else [])
-            for view in in_order(needed):
-                connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
-            if _shows_comments(text):
-                connection.execute(comments(connection))
-        except duckdb.Error as error:
-            raise StoreError(in_one_line(error), where=store.folder if store else "") from error
-        connection.execute("SET allowed_paths = ?", [readable])
-        connection.execute("SET enable_external_access = false")
-        connection.execute("SET lock_configuration = true")
         on_error.pop_all()
         return connection
+
+
+def _lock(connection: duckdb.DuckDBPyConnection, allowed: str, names: list[str]) -> None:
+    """Let SQL open what has these names alone, and set nothing any more."""
+    connection.execute(f"SET {allowed} = ?", [names])
+    connection.execute("SET enable_external_access = false")
+    connection.execute("SET lock_configuration = true")
+
+
+@contextmanager
+def _reading(store: Store | None) -> Iterator[None]:
+    """Errors of DuckDB inside the block are of the store's files."""
+    try:
+        yield
+    except duckdb.Error as error:
+        raise StoreError(in_one_line(error), where=store.folder if store else "") from error
+
+
+def _fill(
+    filling: _Filling, store: Store | None, files: ReadOnlyFiles, needed: set[str], made: Collection[str] = ()
+) -> None:
+    """Make the macros, stored tables and views that are needed; of macros and views those that are made are there."""
+    new = needed.difference(made)
+    filling.connection.execute("\n".join(macro for name, macro in all_macros().items() if name in new))
+    for table in (table for table in TABLES if f"stored_{table}" in needed):
+        found = store.files(table) if store else Files((), (), frozenset())
+        alone, packs = files.names(found.alone), files.names(found.packs)
+        _create_stored(filling, table_schema(table), alone, packs, found.hidden)
+    if "stored_pictures" in needed:
+        _create_pictures(filling, picture_files(store.folder / "pictures") if store else [])
+    for view in in_order(new):
+        filling.connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
 
 
 def in_one_line(error: Exception) -> str:
@@ -101,50 +210,44 @@ def in_one_line(error: Exception) -> str:
 
 
 def _create_stored(
-    connection: duckdb.DuckDBPyConnection,
-    schema: TableSchema,
-    alone: list[str],
-    packs: list[str],
-    hidden: Collection[str],
-) -> list[str]:
+    filling: _Filling, schema: TableSchema, alone: list[str], packs: list[str], hidden: Collection[str]
+) -> None:
     """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
     The files of one id of small tables are read here and now: thousands of files of one row each would else be opened
     whenever a view over them is made. Files of large tables are all opened only where their manifest shows that their
-    columns differ. Returns the files that are read later on.
+    columns differ.
     """
     name, manifest = schema.name, LARGE.get(schema.name)
-    mixed = manifest is None or _versions(connection, manifest) > 1
+    mixed = manifest is None or _versions(filling.connection, manifest) > 1
     nothing = f"SELECT {', '.join(f'NULL::{c.type} AS {c.name}' for c in schema.columns)} WHERE false"
-    rows = _select(connection, schema, f"raw_{name}", alone, mixed=mixed) or nothing
+    rows = _select(filling, schema, f"raw_{name}", alone, mixed=mixed) or nothing
     kind = "VIEW" if name in LARGE else "TABLE"
     if packs:
-        connection.execute(f"CREATE {kind} raw_{name}_alone AS {rows}")
-        connection.execute(f"CREATE TABLE raw_{name}_hidden AS SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
-        packed = _select(connection, schema, f"raw_{name}_packs", packs, mixed=mixed)
+        filling.create(kind, f"raw_{name}_alone", rows)
+        filling.create("TABLE", f"raw_{name}_hidden", "SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
+        packed = _select(filling, schema, f"raw_{name}_packs", packs, mixed=mixed)
         counting = f" ANTI JOIN raw_{name}_hidden ON {ID_COLUMNS[name]} = id" if hidden else ""
         kind, rows = "VIEW", f"FROM raw_{name}_alone UNION ALL {packed}{counting}"
-    connection.execute(f"CREATE {kind} stored_{name} AS {rows}")  # our own names
-    return [*(alone if name in LARGE else ()), *packs]
+    filling.create(kind, f"stored_{name}", rows)  # our own names
+    filling.readable.extend([*(alone if name in LARGE else ()), *packs])
 
 
-def _select(
-    connection: duckdb.DuckDBPyConnection, schema: TableSchema, raw: str, names: list[str], *, mixed: bool
-) -> str:
+def _select(filling: _Filling, schema: TableSchema, raw: str, names: list[str], *, mixed: bool) -> str:
     """SQL of the rows of some files; empty where there are none."""
     if not names:
         return ""
     # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
     listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
-    connection.execute(f"CREATE VIEW {raw} AS FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
-    present = {name for name, *_ in connection.execute(f"DESCRIBE {raw}").fetchall()}
+    filling.create("VIEW", raw, f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
+    present = {name for name, *_ in filling.connection.execute(f"DESCRIBE {raw}").fetchall()}
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
     return f"SELECT {columns} FROM {raw}"  # noqa: S608  # our own names
 
 
-def _create_pictures(connection: duckdb.DuckDBPyConnection, files: list[str]) -> None:
+def _create_pictures(filling: _Filling, files: list[str]) -> None:
     """The table `stored_pictures`: the files of pictures, which are no Parquet."""
-    connection.execute("CREATE TABLE stored_pictures AS SELECT unnest(CAST(? AS VARCHAR[])) AS file", [files])
+    filling.create("TABLE", "stored_pictures", "SELECT unnest(CAST(? AS VARCHAR[])) AS file", [files])
 
 
 def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:

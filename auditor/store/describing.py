@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from auditor.errors import QueryError
-from auditor.store.connection import connected
+from auditor.store.connection import asking
 from auditor.store.queries import list_queries
 from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, queries, views
@@ -37,7 +37,7 @@ def list_views() -> list[SqlFile]:
 
 
 def _described(file: SqlFile, what: str) -> Description:
-    with connected(None, file.sql) as connection:
+    with asking(None, file.sql) as connection:
         answer = connection.sql(file.sql, params={parameter.name: None for parameter in file.parameters})
         types = dict(zip(answer.columns, map(str, answer.types), strict=True))
     columns = tuple(described_column(file, column, kind) for column, kind in types.items())

@@ -35,11 +35,15 @@ def closed(store):
         yield connection
 
 
-def anew(connection):
-    """The closed connection in a read-only transaction that has seen nothing yet, as a user's SQL finds it."""
+def without_transaction(connection):
     with suppress(duckdb.Error):
         connection.execute("ROLLBACK")
-    connection.execute("BEGIN TRANSACTION READ ONLY")
+    return connection
+
+
+def anew(connection):
+    """The closed connection in a read-only transaction that has seen nothing yet, as a user's SQL finds it."""
+    without_transaction(connection).execute("BEGIN TRANSACTION READ ONLY")
     return connection
 
 
@@ -69,9 +73,9 @@ def test_there_are_two_hundred_attempts_and_no_two_are_the_same():
 def test_what_writes_or_reads_outside_is_refused_in_one_line(closed, filled, folder, store, monkeypatch):
     @contextmanager
     def shared(*_):
-        yield anew(closed)
+        yield without_transaction(closed)
 
-    monkeypatch.setattr(queries, "connected", shared)
+    monkeypatch.setattr(queries, "asking", shared)
     before, answered = tree(folder), []
     for text in map(filled, REFUSED):
         try:
