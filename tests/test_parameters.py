@@ -96,7 +96,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
     "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
-    "measurement/checks/light.py": ((255,), "white"),
+    "measurement/checks/light.py": ((255, 256), "white; levels of a byte"),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),

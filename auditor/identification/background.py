@@ -12,7 +12,6 @@ from math import ceil
 import numpy as np
 
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import periods_of
 from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Floats, Integers
 from auditor.model.checks import IMAGE_CHECKS, Check
@@ -29,21 +28,22 @@ def background(levels: Floats, limit: float) -> Floats:
     return np.clip(levels + INCIDENTS.over_background - limit, INCIDENTS.least_background, INCIDENTS.most_background)
 
 
-def levels_before(z: Floats, stamps_ns: Integers, runs: Integers, places: Integers) -> Floats:
+def levels_before(z: Floats, periods_s: Floats, runs: Integers, places: Integers) -> Floats:
     """(P, C) the z that a fifth of the frames before each of P places showed, of (F, C) scores of C checks.
 
-    -inf where fewer frames of its run (F,) were measured before it. The share is that of a strobe's attacked frames.
+    -inf where fewer frames of its run (F,) were measured before it. `periods_s` (F,) are the times between two frames
+    of its run, NaN of a lone frame. The share is that of a strobe's attacked frames.
     """
-    known = np.where(np.isnan(z), -np.inf, z)
-    firsts, periods = np.searchsorted(runs, runs[places]), periods_of(stamps_ns, runs)[places]
+    firsts, periods = np.searchsorted(runs, runs[places]), periods_s[places]
     levels = np.full((len(places), z.shape[1]), -np.inf)
     for one in range(0, len(places), _AT_ONCE):
         part = slice(one, one + _AT_ONCE)
-        for period in np.unique(periods[part][~np.isnan(periods[part])]):  # NaN of a lone frame
+        for period in np.unique(periods[part][~np.isnan(periods[part])]):
             at = one + np.flatnonzero(periods[part] == period)
             before = places[at, None] - _window(float(period))
             first = firsts[at, None]
-            values = np.where((before >= first)[:, :, None], known[np.maximum(before, first)], -np.inf)
+            values = z[np.maximum(before, first)]
+            values[np.isnan(values) | (before < first)[:, :, None]] = -np.inf
             place = before.shape[1] - ceil(before.shape[1] * INCIDENTS.duty)
             levels[at] = np.partition(values, place, axis=1)[:, place]
     return levels

@@ -20,7 +20,7 @@ from auditor.identification.thresholds import BELOW_EVERY_ERROR, checked, thresh
 from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
-from auditor.model.rig import Triple, fallback_of
+from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, Finding, VerdictKind
 
 NS_PER_HOUR = 3600 * 10**9
@@ -66,20 +66,9 @@ def robust_thresholds(
     return replace(found, score=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
-def thresholds_of(
-    clean: Sequence[CleanFrames], system: System, r: Decimal, calibration_id: str = ""
-) -> RobustThresholds:
+def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
     """The robust thresholds at r from some drives; the prior's from none."""
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, calibration_id)
-
-
-def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
-    """Judge each clean recording by the others as a scan would; a single one by the prior.
-
-    Of more than MOST_GROUPS recordings a few that follow one another are left out together.
-    """
-    others = ThresholdsOfOthers(_drives_of(calibration, system), left_out_together(calibration), system, r)
-    return [judge_by_others(one, others.of(one.recording_id), system) for one in calibration.clean]
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
 
 
 class ThresholdsOfOthers:
@@ -112,24 +101,9 @@ def judge_by_others(left_out: CleanFrames, learnt: RobustThresholds, system: Sys
     return _result(left_out, findings, incidents)
 
 
-def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
-    """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
-    if len(calibration.recordings) == 1:
-        return []
-    frames = Counter[str]()
-    for one in calibration.clean:
-        frames[one.recording_id] += one.frames
-    errors = CleanErrors(statistic, errors_asked_for(r, frames.total(), max(frames.values(), default=0)))
-    for one in calibration.clean:
-        errors.add(one)
-    others, kind = ErrorsOfOthers(errors, r), calibration.rig_kind
-    fallback = fallback_of(len(kind.sizes_px), lidar=kind.lidar)
-    return [judge_by_thetas(one, others.of(one.recording_id), statistic, fallback) for one in calibration.clean]
-
-
-def errors_asked_for(r: Decimal, frames: int, most_left_out: int) -> int:
-    """How many of the largest E of so many frames theta at r depends on, whichever recording is left out."""
-    return ceil(checked(r) * frames) + most_left_out + 2
+def errors_asked_for(r: Decimal, frames: Counter[str]) -> int:
+    """How many of the largest E theta at r depends on, whichever recording is left out; `frames` are those of each."""
+    return ceil(checked(r) * frames.total()) + max(frames.values(), default=0) + 2
 
 
 class CleanErrors:
@@ -198,13 +172,8 @@ def judge_by_thetas(
     return _result(left_out, int(np.count_nonzero(above)), _count_runs(above))
 
 
-def left_out_together(calibration: Calibration) -> dict[str, int]:
-    """By recording the group that is left out when it is judged; each is one by itself, of no more than MOST_GROUPS."""
-    return groups_of(one.recording_id for one in calibration.clean)
-
-
 def groups_of(recording_ids: Iterable[str]) -> dict[str, int]:
-    """As `left_out_together`, of recordings in their order."""
+    """By recording the group that is left out when it is judged; each is one by itself, of no more than MOST_GROUPS."""
     recordings = dict.fromkeys(recording_ids)
     groups = min(len(recordings), MOST_GROUPS)
     return {one: place * groups // len(recordings) for place, one in enumerate(recordings)}
@@ -213,7 +182,8 @@ def groups_of(recording_ids: Iterable[str]) -> dict[str, int]:
 @lru_cache(maxsize=2)
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
-    return CleanDrives.of(calibration.clean, system.sensor_checks, groups=left_out_together(calibration))
+    groups = groups_of(one.recording_id for one in calibration.clean)
+    return CleanDrives.of(calibration.clean, system.sensor_checks, groups=groups)
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:

@@ -14,7 +14,7 @@
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, log
 
@@ -67,28 +67,26 @@ class Evidence:
     periods_s: Floats
 
 
-def evidence_of(
-    scores: Floats,
-    checks: int,
-    stamps_ns: Integers,
-    runs: Integers,
-    *,
-    beyond: Floats | None = None,
-    explained: Flags | None = None,
-) -> Evidence:
+def evidence_of(scores: Floats, checks: int, stamps_ns: Integers, runs: Integers) -> Evidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
-    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. `beyond` (F, S) is the
-    largest z of each of S sensors less the background; where it is not given one sensor has all scores. `explained`
-    (F,) says which frames a fault explains as well as an attack; none where it is not given.
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. One sensor has all scores,
+    without a background, and nothing is explained: `of_sensors` says more.
     """
     periods = periods_of(stamps_ns, runs)
     worth = frame_worth(periods)
     ratios = log_ratios(scores, checks)
     added = _added(ratios, worth)
-    own = added[:, None] if beyond is None else _added(log_ratios(beyond, checks), worth[:, None])
-    unexplained = own if explained is None else np.where(explained[:, None], 0.0, own)
-    return Evidence(added, own, unexplained, ratios, worth, runs, periods)
+    return Evidence(added, added[:, None], added[:, None], ratios, worth, runs, periods)
+
+
+def of_sensors(whole: Evidence, beyond: Floats, explained: Flags, checks: int) -> Evidence:
+    """The evidence of F frames by sensor: `beyond` (F, S) is the largest z of each less the background.
+
+    `explained` (F,) says which frames a fault explains as well as an attack.
+    """
+    own = _added(log_ratios(beyond, checks), whole.worth[:, None])
+    return replace(whole, beyond=own, unexplained=np.where(explained[:, None], 0.0, own))
 
 
 def _added(ratios: Floats, worth: Floats) -> Floats:

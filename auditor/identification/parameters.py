@@ -65,6 +65,7 @@ class WindowedMean:
 
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
+_LONE_COLOURS = f"{_PRIOR}; tails of 1.7 and 1.5, widened on streets 7000 to 7159 (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
@@ -83,8 +84,8 @@ class CheckPriors:
     light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.75), unit=_OF_PRIOR, source=_PRIOR)
     darkness: tuple[float, ...] = parameter((-3.05, 0.3, 0.27, 1.85), unit=_OF_PRIOR, source=_PRIOR)
     darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 2.0), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.7), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.5), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 2.0), unit=_OF_PRIOR, source=_LONE_COLOURS)
+    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 2.0), unit=_OF_PRIOR, source=_LONE_COLOURS)
     inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.45), unit=_OF_PRIOR, source=_PRIOR)
     coloured_light: tuple[float, ...] = parameter(
         (-3.1, 0.36, 0.25, 1.8), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
@@ -143,9 +144,9 @@ class Hierarchy:
 class JointTail:
     """The largest z of all checks of a clean frame."""
 
-    stretch: float = parameter(1.3, unit="times the normal distribution's quantile", source=_TAIL)
+    stretch: float = parameter(1.27, unit="times the normal distribution's quantile", source=_TAIL)
     independent: float = parameter(
-        0.48, unit="power of the number of checks that so many independent ones are", source=_TAIL
+        0.47, unit="power of the number of checks that so many independent ones are", source=_TAIL
     )
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"

@@ -19,7 +19,7 @@ from auditor.identification.background import BACKGROUND_CHECKS, background, lev
 from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, log_ratios, peaks_of
+from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, of_sensors, peaks_of
 from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
@@ -153,22 +153,23 @@ class _Judge:
         limit = joint_limit(INCIDENTS.tail_rate, checks)
         of_faults = limit + self._faults
         scores = np.maximum(self._scores, of_faults)
+        whole = evidence_of(scores, checks, series.stamps_ns, series.runs)
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
         explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
         beyond = np.repeat(scores[:, None], len(self._system.sensors), axis=1)
-        rising = np.flatnonzero(log_ratios(scores, checks) > 0)  # what the others take away they do on any road
+        rising = np.flatnonzero(whole.ratios > 0)  # what the others take away they do on any road
         if rising.size:
-            clear = self._z[rising] - self._background(rising, limit)
+            clear = self._z[rising] - self._background(rising, whole.periods_s, limit)
             own = sensor_scores(clear, self._system, [self._unused[place] for place in rising])
             beyond[rising] = np.maximum(own, of_faults[rising, None])
-        return evidence_of(scores, checks, series.stamps_ns, series.runs, beyond=beyond, explained=explained)
+        return of_sensors(whole, beyond, explained, checks)
 
-    def _background(self, places: Integers, limit: float) -> Floats:
+    def _background(self, places: Integers, periods_s: Floats, limit: float) -> Floats:
         """(P, M) by how much the `limit` of each check is raised, in frames at P places, by what it showed before."""
         columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
         raised = np.zeros((len(places), len(columns)))
-        before = levels_before(self._z[:, columns], self._series.stamps_ns, self._series.runs, places)
+        before = levels_before(self._z[:, columns], periods_s, self._series.runs, places)
         raised[:, columns] = background(before, limit)
         return raised
 

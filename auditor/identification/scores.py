@@ -111,9 +111,12 @@ class DriveSums:
         return {cause: largest.ordered(len(self.recordings)) for cause, largest in self._largest.items()}
 
 
-def largest_asked_for(frames: int, most_left_out: int) -> int:
-    """How many of the largest scores of so many frames a quantile of them depends on, whichever frames are left out."""
-    return ceil((1 - FAULT_SCALE.shown_quantile) * frames) + most_left_out + 2
+def largest_asked_for(together: Counter[str | int]) -> int:
+    """How many of the largest scores a quantile of them depends on, whatever is left out.
+
+    `together` counts the frames of the recordings that are left out together.
+    """
+    return ceil((1 - FAULT_SCALE.shown_quantile) * together.total()) + max(together.values(), default=0) + 2
 
 
 class CleanDrives:
@@ -139,11 +142,10 @@ class CleanDrives:
         Where it is known what is ever left out at once, far fewer of their fault scores are kept: `groups` are those of
         recordings that are left out together, by id; any other is left out by itself.
         """
-        frames = Counter[str | int]()
+        together = Counter[str | int]()
         for one in clean:
-            frames[one.recording_id if groups is None else groups.get(one.recording_id, one.recording_id)] += one.frames
-        most = frames.total() if groups is None else max(frames.values(), default=0)
-        sums = DriveSums(sensor_checks, largest_asked_for(frames.total(), most))
+            together["" if groups is None else groups.get(one.recording_id, one.recording_id)] += one.frames
+        sums = DriveSums(sensor_checks, largest_asked_for(together))
         for one in clean:
             sums.add(one)
         return cls(sums)

@@ -5,9 +5,9 @@ selected and renumbered. Fault scores weigh all pairs of a camera, so they are w
 of the pairs that remain.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,15 @@ from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.sub_rigs import SubRig, sub_rig
 
 
+class _Measured(NamedTuple):
+    """What is measured by a rig: the same for all rigs of a kind, whose calibrations are made once."""
+
+    kind: RigKind
+    triples: tuple[Triple, ...]
+    pairs: tuple[Pair, ...]
+    sensor_checks: tuple[SensorCheck, ...]
+
+
 def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     """The calibration as it holds for a rig: itself for a rig of its kind or a similar one, or a part of it.
 
@@ -31,7 +40,7 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     part = sub_rig(calibration.rig_kind, rig)
     if part is None:
         return None
-    return _of_part(calibration, part, rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig))
+    return _of_part(calibration, part, _Measured(rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig)))
 
 
 def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
@@ -49,35 +58,19 @@ def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
 
 
 @lru_cache(maxsize=8)
-def _of_part(
-    calibration: Calibration,
-    part: SubRig,
-    kind: RigKind,
-    triples: Sequence[Triple],
-    pairs: Sequence[Pair],
-    sensor_checks: Sequence[SensorCheck],
-) -> Calibration:
-    clean = read_later(
-        (one.recording_id, partial(_clean_of_part, one, part, kind, triples, pairs, sensor_checks))
-        for one in calibration.clean
-    )
-    return replace(calibration, rig_kind=kind, clean=clean, part=part)
+def _of_part(calibration: Calibration, part: SubRig, rig: _Measured) -> Calibration:
+    clean = read_later((one.recording_id, partial(_clean_of_part, one, part, rig)) for one in calibration.clean)
+    return replace(calibration, rig_kind=rig.kind, clean=clean, part=part)
 
 
-def _clean_of_part(
-    clean: CleanFrames,
-    part: SubRig,
-    kind: RigKind,
-    triples: Sequence[Triple],
-    pairs: Sequence[Pair],
-    sensor_checks: Sequence[SensorCheck],
-) -> CleanFrames:
+def _clean_of_part(clean: CleanFrames, part: SubRig, rig: _Measured) -> CleanFrames:
+    kind = rig.kind
     own = range(0 if kind.lidar else 1, len(kind.sizes_px) + 1)
     there = dict(zip(own, part.sensors, strict=True))
-    errors = {(s, t): (s, Triple(*(there[sensor] for sensor in t))) for s in Statistic for t in triples}
+    errors = {(s, t): (s, Triple(*(there[sensor] for sensor in t))) for s in Statistic for t in rig.triples}
     checks = {
         one: SensorCheck(one.check, there.get(one.sensor, LIDAR), tuple(there[other] for other in one.others))
-        for one in sensor_checks
+        for one in rig.sensor_checks
     }
     measured = clean.statistics if kind.lidar else {**clean.statistics, **clean.unmasked}
     return CleanFrames(
@@ -85,7 +78,7 @@ def _clean_of_part(
         clean.stamps_ns,
         {key: clean.errors[known] for key, known in errors.items() if known in clean.errors},
         {key: measured[known] for key, known in checks.items() if known in measured},
-        fault_scores(_features(clean, kind, there, tuple(pairs)), clean.stamps_ns, list(own)),
+        fault_scores(_features(clean, kind, there, rig.pairs), clean.stamps_ns, list(own)),
         missing={sensor: clean.missing[known] for sensor, known in there.items() if known in clean.missing},
         frozen={sensor: clean.frozen[known] for sensor, known in there.items() if known in clean.frozen},
         returns=clean.returns if kind.lidar else np.zeros(0),

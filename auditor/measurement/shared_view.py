@@ -2,7 +2,9 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,8 +15,11 @@ from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.stereo import StereoMap, textured, within
 from auditor.measurement.disparity.warping import PairToSharedView
+from auditor.measurement.parameters import HALF
+from auditor.model.arrays import Image
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame
+from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import LIDAR, Rig, Triple
 
 Mask = NDArray[np.bool_]
@@ -42,6 +47,11 @@ class FrameArrays:
     frame_checks: FrameChecks
     pairs: Mapping[Pair, "PairArrays"] = field(default_factory=dict)
     valid_masks: Mapping[int, Mask] = field(default_factory=dict)
+
+    @cached_property
+    def small_views(self) -> Mapping[int, Image]:
+        """The `views` shrunk to a region's pixels, by camera."""
+        return {number: _shrunk(half) for number, half in self.views.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +116,11 @@ def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
     }
     frame_checks = collect_checks(prepared.half_res, prepared.colours, maps, lidar, rig, prepared.grid)
     return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
+
+
+def _shrunk(half: Image) -> Image:
+    size = (-(-half.shape[1] * HALF // REGION_STEP), -(-half.shape[0] * HALF // REGION_STEP))
+    return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def present(triples: Sequence[Triple], frame: Frame) -> list[Triple]:

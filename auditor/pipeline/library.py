@@ -247,8 +247,8 @@ def judge(
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
 
     The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
-    Raises before any work: SettingError, ThresholdsError where no
-    calibration has that name, and StoreError where nothing has been measured.
+    Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
+    nothing has been measured.
     """
     kept = opened(store)
     measurements = kept.ids("measurements")

@@ -30,7 +30,7 @@ from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, pl
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
-from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import grey, halve
@@ -103,7 +103,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     pair = timed(
         seconds,
         f"{kind}: photometric consistency, a pair",
-        lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k]),
+        lambda: photometric_consistency(Patches.of(half_res[k]), half_res[1], maps[1, k]),
     )
     lights = timed(seconds, f"{kind}: light, a pair", lambda: _light(half_res, colours, pair, k))
     d0 = view.disparity_px(1)
@@ -126,8 +126,8 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         seconds,
         f"{kind}: count grids, a pair",
         lambda: (
-            sums_of_pair(places, lights.comparable, lights.residual, LIGHT_STEPS).cells,
-            sums_of_pair(places, pair.comparable, pair.inconsistent).cells,
+            [one.cells for one in sums_of_pair(places, lights.comparable, [lights.residual], LIGHT_STEPS)],
+            [one.cells for one in sums_of_pair(places, pair.comparable, [pair.inconsistent])],
             cells_of_points(points, view),
         ),
     )
@@ -153,8 +153,11 @@ def of_colours(seconds: Seconds, frame: Frame, rig: Rig) -> None:
         if difference.coloured is not None:
             matches = arrays.frame_checks.consistencies[pair].matches
             places = places_of(matches, ImageGrid.of(*matches.seen.shape))
-            counted = partial(sums_of_pair, places, difference.comparable, difference.coloured, LIGHT_STEPS)
-            timed(spent, "light of one colour", counted)
+            sums = partial(sums_of_pair, places, difference.comparable, steps=LIGHT_STEPS)
+            # Its amounts are summed beside those of added light, of the same pixels.
+            timed(spent, "light of one colour", partial(sums, [difference.residual, difference.coloured]))
+            timed(spent, "added light", partial(sums, [difference.residual]))
+            spent["light of one colour"].append(-spent.pop("added light")[0])
     for check in LATEST:
         seconds[f"colour: {check}, a frame"].append(sum(spent[check]))
     seconds["colour: latest checks, a frame"].append(sum(map(sum, spent.values())))

@@ -17,7 +17,7 @@ from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.scores import for_drive
 from auditor.identification.systems import System
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.rates import ByOtherFamilies, brightness_of, clean_frames, frames_of, system_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 FRAMES, PERIOD_NS = 41, 10**8
@@ -29,11 +29,11 @@ def held(
     scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal
 ) -> Iterator[tuple[str, str, tuple[int, ...], Verdict]]:
     """By change and whether the camera has colours, and by how long it lasts: the sensor, and the middle's verdict."""
-    clean = {scene.name: clean_frames(scene, system_of(scene, cameras)) for scene in scenes}
+    by_others = ByOtherFamilies(scenes, cameras, r)
     for scene in scenes:
         system = system_of(scene, cameras)
-        learnt, _ = thresholds_of([clean[one.name] for one in scenes if one.family != scene.family], system, r)
-        thresholds = for_drive(learnt, system.sensor_checks, clean[scene.name].statistics_of(system.sensor_checks))
+        own = clean_frames(scene, system).statistics_of(system.sensor_checks)
+        thresholds = for_drive(by_others.of(scene.family, system)[0], system.sensor_checks, own)
         before = {case.frame: case for case in scene.cases if not case.attack}
         for case in scene.cases:
             if len(case.attacked) == 1 and case.attacked[0] in cameras:

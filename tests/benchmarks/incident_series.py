@@ -31,7 +31,7 @@ from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import FINDINGS, Finding, Verdict
 from tests.benchmarks.long_drives import poisson_interval
-from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.rates import ByOtherFamilies, brightness_of, clean_frames, frames_of, system_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 RIGS = ((1, 2, 3, 4), (1, 2, 3))
@@ -87,17 +87,9 @@ class Drive:
 
 def drives_of(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal) -> list[Drive]:
     """All scenes, each with the thresholds of the others' families."""
-    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
-    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
-    learnt: dict[tuple[str, System], RobustThresholds] = {}
-    found = []
-    for scene in scenes:
-        key = scene.family, systems[scene.name]
-        if key not in learnt:
-            others = [clean[other.name] for other in scenes if other.family != scene.family]
-            learnt[key], _ = thresholds_of(others, key[1], r)
-        found.append(_drive(scene, key[1], learnt[key]))
-    return found
+    thresholds = ByOtherFamilies(scenes, cameras, r)
+    systems = ((scene, system_of(scene, cameras)) for scene in scenes)
+    return [_drive(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
 
 
 def _drive(scene: Scene, system: System, thresholds: RobustThresholds) -> Drive:

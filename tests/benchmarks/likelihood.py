@@ -11,7 +11,8 @@ With --judge the scenes of those folders are judged by the curves that were fitt
 of it were left out), with three and with four cameras: of the frames that are findings at r = 1 %, by attack, how many
 are named with at least the least probability, rightly and wrongly; then the expected calibration error and Brier
 scores, of all and of the families that have enough names. Beside them stand the Brier scores of a constant and of the
-margin, by how much z the named sensors lead, each mapped to how often that was right in the other families.
+margin, by how much z the named sensors lead, each mapped to how often that was right in the other families. Last, how
+many clean frames have a ratio of 10, 100 and more: of true ratios no more than one in as many has.
 """
 
 import argparse
@@ -42,7 +43,7 @@ from auditor.identification.scores import for_drive, normalised_scores
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Integers
 from auditor.model.rig import LIDAR
-from tests.benchmarks.rates import clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.rates import ByOtherFamilies, clean_frames, frames_of, system_of
 from tests.benchmarks.scenes import Scene, load
 
 R = Decimal("0.01")
@@ -55,6 +56,7 @@ SMOOTH = 1e-3
 BINS = 10
 SURE = 0.9
 FEWEST_NAMES = 100
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +73,11 @@ class Scored:
 
 def scored(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Scored]:
     """All frames of some scenes by these cameras and the LiDAR."""
-    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
-    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
+    thresholds = ByOtherFamilies(scenes, cameras, R)
     for scene in scenes:
-        system = systems[scene.name]
-        learnt, _ = thresholds_of([clean[o.name] for o in scenes if o.family != scene.family], system, R)
-        own = for_drive(learnt, system.sensor_checks, clean[scene.name].statistics_of(system.sensor_checks))
+        system = system_of(scene, cameras)
+        learnt, _ = thresholds.of(scene.family, system)
+        own = for_drive(learnt, system.sensor_checks, clean_frames(scene, system).statistics_of(system.sensor_checks))
         groups = defaultdict(list)
         for case in scene.cases:
             if set(case.attacked) <= set(system.sensors):
@@ -288,6 +289,18 @@ def report(frames: Sequence[Scored], least: float) -> Iterator[str]:
     for name, rows in groups.items():
         if len(rows) >= FEWEST_NAMES:
             yield f"  {name}: {truth(*(np.array(column) for column in zip(*rows, strict=True)))}"
+    clean = [largest_ratios(one) for one in frames if not one.attack]
+    if clean:
+        ratios = np.concatenate(clean)
+        said = (10.0, 100.0, likelihood.LIKELIHOOD.clean_worth)
+        shares = ", ".join(f"{k:g} in {100 * (ratios > np.log(k) - ROUNDING).mean():.2f} %" for k in said)
+        yield f"  clean frames with a ratio of at least {shares}"
+
+
+def largest_ratios(one: Scored) -> Floats:
+    """(F,) the logarithm of the largest likelihood ratio of any attack set."""
+    sets = attack_sets(one.system, NOBODY, one.system.sensors)
+    return np.asarray(log_likelihood_ratios(one.z, one.system, NOBODY, sets)[:, 1:].max(axis=1))
 
 
 def _most(one: Scored) -> int:

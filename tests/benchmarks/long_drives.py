@@ -13,7 +13,7 @@ an hour with two 95 % intervals (Poisson's, and by a bootstrap over drives), and
 """
 
 import argparse
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
@@ -24,11 +24,9 @@ import numpy as np
 
 from auditor.identification.cross_validation import INCIDENT_GAP_S, count_incidents, hours_of
 from auditor.identification.statistics import NANOSECONDS
-from auditor.identification.systems import System
-from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
 from tests.benchmarks.clustered import clustered_interval
-from tests.benchmarks.rates import Judged, clean_frames, judge_scene, system_of, thresholds_of
+from tests.benchmarks.rates import ByOtherFamilies, Judged, judge_scene, system_of
 from tests.benchmarks.scenes import Scene, load
 
 RIGS = ((1, 2, 3, 4), (1, 2, 3))
@@ -65,20 +63,9 @@ def judged_drives(
     scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, learnt: Sequence[Scene] | None
 ) -> list[list[Judged]]:
     """The clean frames of each drive in order; judged by drives of other families among `learnt`, None by the prior."""
-    clean: dict[str, list[tuple[str, CleanFrames, System]]] = defaultdict(list)
-    for scene in learnt or ():
-        system = system_of(scene, cameras)
-        clean[scene.family].append((scene.name, clean_frames(scene, system), system))
-    thresholds: dict[tuple[str, System], RobustThresholds] = {}
-    found = []
-    for scene in scenes:
-        system = system_of(scene, cameras)
-        key = scene.family, system
-        if key not in thresholds:
-            others = [frames for family, kept in clean.items() if family != scene.family for _, frames, _ in kept]
-            thresholds[key], _ = thresholds_of(others, system, r)
-        found.append(judge_scene(scene, system, thresholds[key], None))
-    return found
+    thresholds = ByOtherFamilies(learnt or (), cameras, r)
+    systems = ((scene, system_of(scene, cameras)) for scene in scenes)
+    return [judge_scene(scene, system, thresholds.of(scene.family, system)[0], None) for scene, system in systems]
 
 
 def incidents_of(drive: Sequence[Judged]) -> list[Incident]:

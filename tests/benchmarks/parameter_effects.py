@@ -2,7 +2,8 @@
 
 Judging parameters: the scenes that `python -m tests.benchmarks.clean_statistics` measured are judged again. Measuring
 parameters: four frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
-What was found is kept in a file of JSON lines, and a run that was stopped goes on where it was:
+What was found is kept in a file of JSON lines, and a run that was stopped goes on where it was. With --only the numbers
+of these names alone are tried (all of a group by its name):
 
     python -m tests.benchmarks.parameter_effects judging --scenes FOLDER --streets FOLDER --kept judging.jsonl
     python -m tests.benchmarks.parameter_effects measuring --drives DATA --kept measuring.jsonl
@@ -257,10 +258,13 @@ def import_libraries() -> None:
             import_module(name)
 
 
-def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapping[str, object]) -> None:
-    """Add what is missing to the kept file: the values that ship first, then every variant."""
+def keep_all(
+    kept: Path, work: Callable[[Variant | None], Columns], groups: Mapping[str, object], only: Sequence[str]
+) -> None:
+    """Add what is missing to the kept file: the values that ship first, then every variant, or those `only`."""
     known = {json.dumps(line["variant"]) for line in read(kept)} if kept.exists() else set()
-    for variant in (None, *variants(groups.values())):
+    wanted = (v for v in variants(groups.values()) if not only or {v.group, f"{v.group}.{v.name}"} & set(only))
+    for variant in (None, *wanted):
         as_kept = None if variant is None else asdict(variant)
         if json.dumps(as_kept) in known:
             continue
@@ -280,14 +284,14 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
         print(line, flush=True)
 
 
-def keep_judged(drives: Path, streets: Path, kept: Path) -> None:
+def keep_judged(drives: Path, streets: Path, kept: Path, only: Sequence[str]) -> None:
     """Try the judging parameters on kept scenes."""
     groups = groups_by_name("identification")
     tried = {name: group for name, group in groups.items() if name not in COUNTED_WHEN_MEASURED | OF_CURVES}
-    keep_all(kept, lambda _: judged(drives, streets), tried)
+    keep_all(kept, lambda _: judged(drives, streets), tried, only)
 
 
-def keep_measured(drives: Path, kept: Path) -> None:
+def keep_measured(drives: Path, kept: Path, only: Sequence[str]) -> None:
     """Try the measuring parameters, and those that turn counts into statistics."""
     groups = {name: one for name, one in groups_by_name("measurement").items() if name not in LEFT_OUT}
     judging = groups_by_name("identification")
@@ -302,7 +306,7 @@ def keep_measured(drives: Path, kept: Path) -> None:
             return maps
 
         maps = in_child(maps_that_ship)
-        keep_all(kept, lambda one: measured(frames, {} if one and one.group in OF_MATCHER else maps), groups)
+        keep_all(kept, lambda one: measured(frames, {} if one and one.group in OF_MATCHER else maps), groups, only)
 
 
 def commit() -> str:
@@ -385,15 +389,16 @@ def main() -> None:
     parser.add_argument("--streets", type=Path, help="the folder of measured scenes of streets")
     parser.add_argument("--drives", type=Path, help="the folder of the test data")
     parser.add_argument("--kept", type=Path, nargs="+", required=True)
+    parser.add_argument("--only", nargs="+", default=(), help="groups, or names as the page has them")
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
     if options.what != "page":
         import_libraries()
     if options.what == "judging":
-        keep_judged(options.scenes, options.streets, options.kept[0])
+        keep_judged(options.scenes, options.streets, options.kept[0], options.only)
     elif options.what == "measuring":
-        keep_measured(options.drives, options.kept[0])
+        keep_measured(options.drives, options.kept[0], options.only)
     else:
         write_page(options.kept, options.page)
 

@@ -173,19 +173,29 @@ def thresholds_of(
     return robust, Thresholds("", Statistic.GATED, r, theta, counts, resolvable=True)
 
 
+class ByOtherFamilies:
+    """The thresholds by which scenes are judged: from the clean frames of those of other families."""
+
+    def __init__(self, learnt: Sequence[Scene], cameras: Sequence[int], r: Decimal) -> None:
+        self._clean = [(scene.family, clean_frames(scene, system_of(scene, cameras))) for scene in learnt]
+        self._known: dict[tuple[str, System], tuple[RobustThresholds, Thresholds | None]] = {}
+        self._r = r
+
+    def of(self, family: str, system: System) -> tuple[RobustThresholds, Thresholds | None]:
+        """As `thresholds_of`, for the scenes of one family; those of one system are made once."""
+        key = family, system
+        if key not in self._known:
+            self._known[key] = thresholds_of([one for known, one in self._clean if known != family], system, self._r)
+        return self._known[key]
+
+
 def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, prior: bool = False) -> list[Judged]:
-    """All scenes, each by the scenes of other families."""
-    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
-    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
+    """All scenes, each by the scenes of other families, or by the prior alone."""
+    thresholds = ByOtherFamilies([] if prior else scenes, cameras, r)
     found: list[Judged] = []
-    learnt: dict[tuple[str, System], tuple[RobustThresholds, Thresholds | None]] = {}
     for scene in scenes:
-        system = systems[scene.name]
-        key = scene.family, system
-        if key not in learnt:
-            others = [] if prior else [clean[other.name] for other in scenes if other.family != scene.family]
-            learnt[key] = thresholds_of(others, system, r)
-        found += judge_scene(scene, system, *learnt[key])
+        system = system_of(scene, cameras)
+        found += judge_scene(scene, system, *thresholds.of(scene.family, system))
     return found
 
 

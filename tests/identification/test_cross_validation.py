@@ -9,8 +9,6 @@ from auditor.identification.cross_validation import (
     clean_hours,
     count_incidents,
     hours_of,
-    leave_one_out_paper,
-    leave_one_out_robust,
     left_out_peaks,
     robust_thresholds,
     wilson,
@@ -24,6 +22,8 @@ from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple, triples_of
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, Finding, VerdictKind
+from tests.making import left_out
+from tests.making.left_out import leave_one_out_paper, leave_one_out_robust
 
 PAIRS = ((1, 2), (1, 3), (2, 3))
 SENSOR_CHECKS = sensor_checks_of(PAIRS, PAIRS, (3,))
@@ -110,7 +110,7 @@ def test_three_sensors_have_false_alarms_too():
 def test_of_many_recordings_some_are_left_out_together_so_that_thresholds_are_made_seldom(monkeypatch):
     made = []
 
-    class Counted(cross_validation.CleanDrives):
+    class Counted(left_out.CleanDrives):
         def thresholds(self, *arguments, used=None, **more):
             made.append(used.tolist())
             return super().thresholds(*arguments, used=used, **more)
@@ -118,9 +118,9 @@ def test_of_many_recordings_some_are_left_out_together_so_that_thresholds_are_ma
     hard = recording("d", lidar_conflicts=range(8, 14))
     drives = calibration(*map(recording, "abc"), hard)
     alone = counts(leave_one_out_robust(drives, SYSTEM, R))
-    monkeypatch.setattr(cross_validation, "CleanDrives", Counted)
+    monkeypatch.setattr(left_out, "CleanDrives", Counted)
     monkeypatch.setattr(cross_validation, "MOST_GROUPS", 2)
-    together = counts(leave_one_out_robust(replace(drives), SYSTEM, R))
+    together = counts(leave_one_out_robust(drives, SYSTEM, R))
     assert made == [[False, False, True, True], [True, True, False, False]]
     assert together == alone == [*((name, 20, 0, 0) for name in "abc"), ("d", 20, 6, 1)]
 

@@ -15,7 +15,9 @@ from auditor.identification.incidents import (
     frame_worth,
     incident_limit,
     log_ratios,
+    of_sensors,
     peaks_of,
+    periods_of,
 )
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
@@ -129,7 +131,8 @@ def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
 
 def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
     scores, stamps = np.array([RAISED, RAISED, CLEAN]), stamps_at(10, 3)
-    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), beyond=np.array([[RAISED], [CLEAN], [CLEAN]]))
+    beyond, explained = np.array([[RAISED], [CLEAN], [CLEAN]]), np.zeros(3, dtype=np.bool_)
+    found = of_sensors(evidence_of(scores, CHECKS, stamps, runs_of(stamps)), beyond, explained, CHECKS)
     assert found.beyond[0] == found.added[0] > 0
     assert found.beyond[1] < 0 < found.added[1]
     assert found.unexplained.tolist() == found.beyond.tolist()
@@ -138,9 +141,10 @@ def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
 def test_what_a_fault_explains_adds_to_the_evidence_of_a_fault_only():
     scores, stamps = np.array([STRONG, STRONG, CLEAN]), stamps_at(10, 3)
     explained = np.array([True, False, False])
-    found = evidence_of(scores, CHECKS, stamps, runs_of(stamps), explained=explained)
+    whole = evidence_of(scores, CHECKS, stamps, runs_of(stamps))
+    found = of_sensors(whole, scores[:, None], explained, CHECKS)
     assert found.unexplained.ravel().tolist() == [0.0, *found.added[1:].tolist()]
-    assert found.added.tolist() == evidence_of(scores, CHECKS, stamps, runs_of(stamps)).unexplained.ravel().tolist()
+    assert found.added.tolist() == whole.unexplained.ravel().tolist()
 
 
 def test_an_incident_needs_findings_worth_most_of_an_independent_frame_and_two_at_least():
@@ -235,7 +239,7 @@ def levels(z, hz=10, runs=None, places=None):
     z = z[:, None] if z.ndim == 1 else z
     runs = np.zeros(len(z), dtype=np.int64) if runs is None else np.asarray(runs)
     places = np.arange(len(z)) if places is None else np.asarray(places)
-    return levels_before(z, stamps_at(hz, len(z)), runs, places)
+    return levels_before(z, periods_of(stamps_at(hz, len(z)), runs), runs, places)
 
 
 def test_the_level_is_what_a_fifth_of_the_frames_of_two_seconds_showed():
@@ -284,8 +288,8 @@ def test_slow_recordings_look_at_five_frames_and_fast_ones_at_as_much_time(hz, f
 def test_a_clock_that_hardly_moves_asks_for_no_more_frames_than_there_are():
     z, places = np.full((300, 1), 1.0), np.arange(300)
     runs = np.zeros(300, dtype=np.int64)
-    assert not np.isfinite(levels_before(z, np.arange(300), runs, places)).any()
-    assert not np.isfinite(levels_before(z, np.zeros(300, dtype=np.int64), runs, places)).any()
+    for stamps in (np.arange(300), np.zeros(300, dtype=np.int64)):
+        assert not np.isfinite(levels_before(z, periods_of(stamps, runs), runs, places)).any()
 
 
 def test_of_a_fast_camera_frames_are_taken_evenly():

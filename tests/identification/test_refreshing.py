@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.cross_validation import as_scanned, leave_one_out_robust, thresholds_of
+from auditor.identification.cross_validation import as_scanned, thresholds_of
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import difference_of, share_of
@@ -21,6 +21,7 @@ from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import Check
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import system_of
+from tests.making.left_out import leave_one_out_robust
 from tests.making.stores import PERIOD_NS, PROCEDURE, make_rig
 
 RIG = make_rig(3)

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import StoreError
-from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust
 from auditor.model.measurement import Statistic
 from auditor.pipeline.calibrations import making
 from auditor.pipeline.calibrations.making import make
@@ -18,6 +17,7 @@ from auditor.pipeline.judge import clean_frames_of
 from auditor.pipeline.many import choose_clean
 from auditor.store import Store, calibrations
 from tests.making.fleets import add_drive
+from tests.making.left_out import leave_one_out_paper, leave_one_out_robust
 
 R = Decimal("0.05")
 DRIVES, FRAMES = 6, 30

@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import pytest
 
-from auditor.identification.cross_validation import INCIDENT_GAP_S, leave_one_out_robust
+from auditor.identification.cross_validation import INCIDENT_GAP_S
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import Criteria, judge_measurement, system_of
@@ -16,6 +16,7 @@ from auditor.store import Store, run_query
 from auditor.store.describing import describe
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
+from tests.making.left_out import leave_one_out_robust
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import drive_frames
 

@@ -20,7 +20,12 @@ from auditor.measurement.checks.count_grid import (
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
-from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import (
+    PairConsistency,
+    Patches,
+    matchable,
+    photometric_consistency,
+)
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
@@ -131,8 +136,9 @@ def collect_checks(
         for (i, k), stereo in maps.items()
         if k in views
     }
+    patches = {k: Patches.of(half_res[k]) for k in dict.fromkeys(k for _, k in maps)}
     consistencies = {
-        (i, k): photometric_consistency(half_res[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
+        (i, k): photometric_consistency(patches[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
         for (i, k), stereo in maps.items()
     }
     lights = {
@@ -197,12 +203,11 @@ class _PairSums(NamedTuple):
         return PairCounts(self.inconsistencies.cells, opposite(self.light.cells), coloured)
 
 
-def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., PairSums]) -> _PairSums:
-    return _PairSums(
-        summed(seen.comparable, seen.inconsistent),
-        summed(light.comparable, light.residual, LIGHT_STEPS),
-        None if light.coloured is None else summed(light.comparable, light.coloured, LIGHT_STEPS),
-    )
+def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
+    (inconsistencies,) = summed(seen.comparable, [seen.inconsistent])
+    residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
+    of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
+    return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:

@@ -4,8 +4,9 @@ What two cameras compare is counted in both their images: each reference pixel i
 the source. So all pairs of one camera have counts at the same places of its own image, whatever their disparities.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import NamedTuple
 
 import cv2
@@ -62,7 +63,7 @@ class PairPlaces:
     `source` are those of their matches in the source's image; those in the reference's are the places of the `grid`.
     """
 
-    source: Indices
+    source: NDArray[np.signedinteger]
     grid: ImageGrid
 
 
@@ -135,41 +136,48 @@ def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Ce
 def places_of(matches: Matches, grid: ImageGrid) -> PairPlaces:
     """Where a pair's pixels are counted; both cameras' images have the same grid."""
     height, width = matches.column.shape
-    column = np.clip(np.rint(matches.column), 0, width - 1).astype(np.intp)
+    column = np.clip(np.rint(matches.column), 0, width - 1).astype(np.int32)
     if grid.of_view:
-        row = np.arange(height, dtype=np.intp)[:, None] // _HALF_SIDE * grid.columns
+        row = np.arange(height, dtype=np.int32)[:, None] // _HALF_SIDE * grid.columns
         return PairPlaces((row + column // _HALF_SIDE).ravel(), grid)
     row = np.arange(height, dtype=np.intp)[:, None] * width
     return PairPlaces(grid.place[(row + column).ravel()], grid)
 
 
-def sums_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairSums:
-    """Count half-resolution pixels that are `valid` (h, w), and sum their `amount` (h, w), in `steps` a unit.
+def sums_of_pair(places: PairPlaces, valid: Mask, amounts: Sequence[Mask | Floats32], steps: int = 1) -> list[PairSums]:
+    """Count half-resolution pixels that are `valid` (h, w), and sum each of their `amounts` (h, w), in `steps` a unit.
 
-    `amount` is zero where it is not valid.
+    Amounts are zero where pixels are not valid.
     """
-    some = np.flatnonzero(amount if amount.dtype == np.bool_ else amount != 0)
-    weight = _weights(amount.ravel()[some], steps)
-    grid = places.grid
-    source, reference = (
-        _Sums(counted, _summed(place[some], grid, weight))
-        for place, counted in (
-            (places.source, _summed(places.source.compress(valid.ravel()), grid)),
-            (grid.place, _block_counts(valid) if grid.of_view else _summed(grid.place.compress(valid.ravel()), grid)),
-        )
+    grid, within = places.grid, valid.ravel()
+    counted = (
+        _summed(places.source[within], grid),
+        _block_counts(valid) if grid.of_view else _summed(grid.place[within], grid),
     )
-    return PairSums(source, reference, grid)
+    some = [np.flatnonzero(amount if amount.dtype == np.bool_ else amount != 0) for amount in amounts]
+    return [_sums(places, its, amount, steps, counted) for its, amount in zip(some, amounts, strict=True)]
 
 
-def sums_of_some(places: PairPlaces, some: Indices, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairSums:
+def sums_of_some(
+    places: PairPlaces, some: Indices, valid: Mask, amounts: Sequence[Mask | Floats32], steps: int = 1
+) -> list[PairSums]:
     """What some (M,) of the half-resolution pixels, numbered row by row, add to `sums_of_pair`."""
-    grid, within = places.grid, valid.ravel()[some]
-    weight = _weights(amount.ravel()[some], steps)
-    source, reference = (
-        _Sums(_summed(place[within], grid), _summed(place, grid, weight))
-        for place in (places.source[some], grid.place[some])
-    )
-    return PairSums(source, reference, grid)
+    within = some[valid.ravel()[some]]
+    source, reference = (_summed(place[within], places.grid) for place in (places.source, places.grid.place))
+    return [_sums(places, some, amount, steps, (source, reference)) for amount in amounts]
+
+
+def _sums(
+    places: PairPlaces,
+    some: Indices,
+    amount: Mask | Floats32,
+    steps: int,
+    counted: tuple[NDArray[np.number], NDArray[np.number]],
+) -> PairSums:
+    """What is counted in the source's image and in the reference's, and the sums of some pixels' amounts (h, w)."""
+    weight = np.asarray(amount.ravel()[some] * np.float32(steps), dtype=np.float32)
+    source, reference = (_summed(place[some], places.grid, weight) for place in (places.source, places.grid.place))
+    return PairSums(_Sums(counted[0], source), _Sums(counted[1], reference), places.grid)
 
 
 def opposite(cells: PairCells) -> PairCells:
@@ -177,11 +185,7 @@ def opposite(cells: PairCells) -> PairCells:
     return PairCells(Cells(cells.source.valid, -cells.source.total), cells.reference)
 
 
-def _weights(amounts: Mask | Floats32, steps: int) -> Floats32:
-    return np.asarray(amounts * np.float32(steps), dtype=np.float32)
-
-
-def _summed(place: Indices, grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.number]:
+def _summed(place: NDArray[np.signedinteger], grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.number]:
     """(cells,) how many of the places (M,) are each cell's, or the sums of their weights; without what lies outside."""
     cells = grid.rows * grid.columns
     return np.bincount(place, weights=weight, minlength=cells + 1)[:cells]
@@ -200,8 +204,8 @@ def _block_counts(mask: Mask) -> NDArray[np.number]:
     height, width = mask.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE
     padded = cv2.copyMakeBorder(mask.view(np.uint8), 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
-    sums = cv2.boxFilter(padded, cv2.CV_16U, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
-    return np.asarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.intp).ravel()
+    in_rows = reduce(np.add, (padded[row::_HALF_SIDE] for row in range(_HALF_SIDE)))
+    return np.asarray(reduce(np.add, (in_rows[:, column::_HALF_SIDE] for column in range(_HALF_SIDE)))).ravel()
 
 
 @lru_cache(maxsize=8)

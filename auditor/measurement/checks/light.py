@@ -20,8 +20,14 @@ from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
 _NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)
-_WHITE = 255
+_WHITE = np.uint8(255)
 _EVERY = LIGHT.fitted_step
+_LEVELS = np.arange(256, dtype=np.uint8)
+_UNITS, _INFRARED_UNITS = (  # by predicted level, the residual of 1 in grey levels
+    np.float32(level) + np.float32(share) * _LEVELS
+    for level, share in ((LIGHT.level, LIGHT.share), (LIGHT.infrared_level, LIGHT.infrared_share))
+)
+_DIM = (_LEVELS * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +60,8 @@ class View:
     @cached_property
     def brightest(self) -> Image:
         """(h, w) the largest of the channels' means."""
-        return np.asarray(np.max(self.channels, axis=0), dtype=np.uint8)
+        blue, green, red = self.channels
+        return np.asarray(cv2.max(cv2.max(blue, green), red), dtype=np.uint8)
 
     @cached_property
     def classes(self) -> Classes:
@@ -78,10 +85,10 @@ class LightDifference:
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
     warp = _Warp(column * seen)
-    levels = warp.of(source.levels)
+    *others, levels = warp.of_all([*(source.channels if reference.channels else ()), source.levels])
     coloured = None
     if reference.channels and source.channels:
-        channels = _channels(reference, source, warp)
+        channels = _channels(reference, source, others)
         residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
         residual = -_of_mixture(
@@ -103,6 +110,10 @@ class _Warp:
 
     def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
         return warp(image, self.column, how)
+
+    def of_all(self, images: Sequence[Image]) -> tuple[Image, ...]:
+        """Some (h, w) images at once: four take little more time than one."""
+        return _split(self.of(np.asarray(cv2.merge(images), dtype=np.uint8)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +141,21 @@ class Channel:
         return _relative(self.value, predicted, *self.saturated)
 
 
-def _channels(reference: View, source: View, warp: _Warp) -> list[Channel]:
-    channels = zip(
-        reference.channels, source.channels, reference.channel_saturations, source.channel_saturations, strict=True
-    )
-    return [Channel(value, warp.of(other), highest, others) for value, other, highest, others in channels]
+def _channels(reference: View, source: View, others: Sequence[Image]) -> list[Channel]:
+    """The channels of two cameras; `others` are the source's in the reference's view."""
+    saturations = reference.channel_saturations, source.channel_saturations
+    return [Channel(*channel) for channel in zip(reference.channels, others, *saturations, strict=True)]
 
 
 def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
     """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
-    residuals = [
+    mean, *others = (
         np.clip(_alike(one.value, one.other, seen, one.saturation, one.other_saturation), -1, 1) for one in channels
-    ]
-    return np.asarray(np.mean(residuals, axis=0, dtype=np.float32))
+    )
+    for residual in others:  # in place: `np.mean` copies all of them first
+        mean += residual
+    mean /= np.float32(len(channels))
+    return mean
 
 
 def _alike(value: Image, other: Image, seen: Mask, saturation: int, other_saturation: int) -> Floats32:
@@ -182,21 +195,22 @@ def _relative(
     Where the source is saturated there is no upper limit, and what is saturated itself is not darker. A grey camera
     that sees near `infrared` sees plants brighter than colours tell.
     """
-    highest, lowest = cv2.dilate(predicted, _NEARBY), cv2.erode(predicted, _NEARBY)
-    highest = cv2.max(highest, cv2.dilate(source_saturated.view(np.uint8) * np.uint8(_WHITE), _NEARBY))
-    above = cv2.subtract(value, highest).astype(np.float32)
+    highest = cv2.dilate(cv2.max(predicted, source_saturated * _WHITE), _NEARBY)
+    lowest = cv2.erode(predicted, _NEARBY)
     if infrared:  # how dark a grey camera sees what is white in the other's colours, as the sky, is not known well
-        dim = (lowest * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
-        lowest = np.where(cv2.dilate(source_saturated.view(np.uint8), _NEARBY) > 0, dim, lowest)
-    below = (cv2.subtract(lowest, value) * ~saturated).astype(np.float32)
-    level, share = (LIGHT.infrared_level, LIGHT.infrared_share) if infrared else (LIGHT.level, LIGHT.share)
-    above /= np.float32(level) + np.float32(share) * highest
-    below /= np.float32(LIGHT.level) + np.float32(LIGHT.share) * lowest
-    return np.asarray(above - below)
+        lowest = cv2.copyTo(cv2.LUT(lowest, _DIM), cv2.dilate(source_saturated.view(np.uint8), _NEARBY), lowest)
+    lowest *= ~saturated
+    nearest = cv2.min(cv2.max(value, lowest), highest)
+    unit = cv2.LUT(nearest, _UNITS)
+    if infrared:
+        unit = cv2.copyTo(cv2.LUT(nearest, _INFRARED_UNITS), cv2.compare(value, nearest, cv2.CMP_GT), unit)
+    residual = np.asarray(cv2.subtract(value, nearest, dtype=cv2.CV_32F), dtype=np.float32)
+    residual /= unit
+    return residual
 
 
 def _split(colour: Image) -> tuple[Image, ...]:
-    return tuple(np.ascontiguousarray(colour[..., channel]) for channel in range(colour.shape[-1]))
+    return tuple(np.asarray(channel, dtype=np.uint8) for channel in cv2.split(colour))
 
 
 def _means(image: Image) -> Image:

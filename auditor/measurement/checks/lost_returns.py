@@ -78,7 +78,8 @@ def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
     assert view.rig.lidar is not None
     points = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
-    place = _places(points)
+    ahead_m = np.hypot(points[0], points[2])
+    place = _places(points, ahead_m)
     hit = np.zeros((_ROWS, _COLUMNS), dtype=np.bool_)
     hit.ravel()[place[place >= 0]] = True
     scanned = _scanned_rows(hit)
@@ -90,7 +91,7 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    return ScannedView(within, hole, scanned, _road_m(points), view.span_px)
+    return ScannedView(within, hole, scanned, _road_m(points[1], ahead_m), view.span_px)
 
 
 def count_lost_returns(
@@ -178,13 +179,12 @@ def _discs(within_rad: Floats32) -> Floats32:
     return widest
 
 
-def _road_m(points_m: Floats32) -> float:
-    """How far the road is below the LiDAR: the median of what lies steeply below (3, M); without any no road is known.
+def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
+    """How far the road is below the LiDAR: the median of what lies steeply below (M,); without any no road is known.
 
     There most of what returns is the road.
     """
-    x, y, z = points_m
-    below = y[y > LOST_RETURNS.steeply * np.hypot(x, z)]
+    below = below_m[below_m > LOST_RETURNS.steeply * ahead_m]
     return float(np.median(below)) if below.size else np.inf
 
 
@@ -222,7 +222,7 @@ def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices
     pixels: Floats32 = np.stack([found.u_px, found.v_px, np.ones_like(found.u_px)])
     points: Floats32 = inverse.astype(np.float32) @ (pixels * depth)
     points -= start.astype(np.float32)[:, None]
-    return _places(points), np.sqrt(np.einsum("cm,cm->m", points, points)), points[1]
+    return _places(points, np.hypot(points[0], points[2])), np.sqrt(np.einsum("cm,cm->m", points, points)), points[1]
 
 
 def _full_resolution(half_px: Indices) -> Floats32:
@@ -230,10 +230,13 @@ def _full_resolution(half_px: Indices) -> Floats32:
     return np.asarray(HALF * half_px + (HALF - 1) / 2, dtype=np.float32)
 
 
-def _places(points_m: Floats32) -> Indices:
-    """(M,) cells of the finer grid, row by row, of directions (3, M) to right, down and forward; -1 outside."""
+def _places(points_m: Floats32, ahead_m: Floats32) -> Indices:
+    """(M,) cells of the finer grid, row by row, of directions (3, M) to right, down and forward; -1 outside.
+
+    `ahead_m` (M,) is how far they are without what is down.
+    """
     x, y, z = points_m
-    row = np.floor(np.arctan2(y, np.hypot(x, z)) / np.float32(_RADIANS)).astype(np.intp) + _ROWS // 2
+    row = np.floor(np.arctan2(y, ahead_m) / np.float32(_RADIANS)).astype(np.intp) + _ROWS // 2
     column = np.floor(np.arctan2(x, z) / np.float32(_RADIANS)).astype(np.intp) + _COLUMNS // 2
     inside = (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS)
     return np.where(inside, row * _COLUMNS + column, -1)

@@ -35,6 +35,24 @@ class Matches:
 
 
 @dataclass(frozen=True, eq=False)
+class Patches:
+    """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
+
+    pixels: Image
+    mean: Floats32
+    norm: Floats32
+
+    @classmethod
+    def of(cls, image: Image) -> "Patches":
+        """Those of a half-resolution grey image (h, w)."""
+        mean, power = _mean(image), _mean(_products(image, image))
+        power -= mean * mean
+        np.clip(power, 0, np.inf, out=power)
+        power *= _AREA
+        return cls(image, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
+
+
+@dataclass(frozen=True, eq=False)
 class PairConsistency:
     """A pair's images compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
@@ -60,22 +78,22 @@ def matches_of(stereo: StereoMap) -> Matches:
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     unknown = np.isnan(column)
-    seen = _inside(valid) & ~_occluded(column, unknown)
+    seen = _inside(valid) & ~_occluded(column, unknown, stereo.range_px // HALF)
     column[unknown] = -1
     return Matches(column, seen)
 
 
 def photometric_consistency(
-    reference: Image, source: Image, stereo: StereoMap, *, mixed: bool = False
+    still: Patches, source: Image, stereo: StereoMap, *, mixed: bool = False
 ) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution.
+    """Warp the source image by DM_{i,k} and correlate it with the reference's patches, both (h, w) at half resolution.
 
     Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
     brighter than the sky in the infrared, and darker in colours.
     """
     matches = matches_of(stereo)
-    still, warped = _Patches.of(reference), _Patches.of(warp(source, matches.column))
-    ncc = _mean(still.pixels * warped.pixels)
+    warped = Patches.of(warp(source, matches.column))
+    ncc = _mean(_products(still.pixels, warped.pixels))
     ncc -= still.mean * warped.mean
     ncc *= _AREA
     ncc /= (still.norm + _NORM_FLOOR) * (warped.norm + _NORM_FLOOR)
@@ -87,22 +105,6 @@ def photometric_consistency(
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
 
 
-@dataclass(frozen=True, eq=False)
-class _Patches:
-    """The patches around all pixels (h, w) of an image: their means, and their norms without the means."""
-
-    pixels: Floats32
-    mean: Floats32
-    norm: Floats32
-
-    @classmethod
-    def of(cls, image: Image) -> "_Patches":
-        pixels = image.astype(np.float32)
-        mean, power = _mean(pixels), _mean(pixels * pixels)
-        power -= mean * mean
-        return cls(pixels, mean, np.asarray(cv2.sqrt(np.clip(power, 0, np.inf) * _AREA), dtype=np.float32))
-
-
 def _inside(valid: Mask) -> Mask:
     """The valid pixels without invalid ones beside them: next to those the true match often lies outside the image."""
     kernel = np.ones((1, PHOTOMETRIC_CONSISTENCY.beside_invalid_px), dtype=np.uint8)
@@ -110,11 +112,14 @@ def _inside(valid: Mask) -> Mask:
     return np.asarray(eroded, dtype=np.bool_)
 
 
-def _occluded(column: Floats32, unknown: Mask) -> Mask:
-    """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs."""
+def _occluded(column: Floats32, unknown: Mask, range_px: int) -> Mask:
+    """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs.
+
+    What lies farther right than the largest disparity, `range_px`, has its match right of them.
+    """
     leftmost, reach = column.copy(), 1
     leftmost[unknown] = np.inf
-    while reach < column.shape[1]:  # the least of the next 4, 16, 64 ... pixels
+    while reach < range_px:  # the least of the next 4, 16, 64 ... pixels
         leftmost = np.asarray(cv2.erode(leftmost, _every(reach), anchor=(0, 0)), dtype=np.float32)
         reach *= _TOGETHER
     occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
@@ -160,8 +165,15 @@ def _projection(patch: Floats32, other: Floats32) -> Floats32:
     return np.asarray(np.einsum("mrc,mrc->m", patch, other) / norm, dtype=np.float32)
 
 
-def _mean(image: Floats32) -> Floats32:
-    return np.asarray(cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE)), dtype=np.float32)
+def _products(a: Image, b: Image) -> NDArray[np.uint16]:
+    return np.multiply(a, b, dtype=np.uint16)
+
+
+def _mean(values: NDArray[np.unsignedinteger]) -> Floats32:
+    """The means of patches: sums of whole numbers are exact, and faster than those of fractions."""
+    mean = np.asarray(cv2.boxFilter(values, cv2.CV_32F, (_SIDE, _SIDE), normalize=False), dtype=np.float32)
+    mean /= np.float32(_AREA)
+    return mean
 
 
 def _oversampled(image: Image) -> Image:

@@ -6,7 +6,6 @@ in the same rows: the mean levels of a row, by blocks of columns, are compared w
 nearby. Before that each row is compared with those around it, so that gains and slow changes take no part.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -39,7 +38,8 @@ class Rows:
         """The rows of a half-resolution grey image (h, w)."""
         usable = np.zeros(_LEVELS.size, dtype=np.float32)
         usable[1 : saturation_level(grey)] = 1
-        share, total = _by_block(cv2.merge([cv2.LUT(grey, usable), cv2.LUT(grey, _LEVELS * usable)]))
+        upright = cv2.transpose(grey)
+        share, total = (_by_block(cv2.LUT(upright, of_level)) for of_level in (usable, _LEVELS * usable))
         known = share >= np.float32(STRIPED_LIGHT.usable_share)
         level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
         around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
@@ -62,10 +62,10 @@ class Rows:
         return min(max(shown, 0.0), 1.0)
 
 
-def _by_block(values: cv2.typing.MatLike) -> Sequence[cv2.typing.MatLike]:
-    """Of each channel of (h, w, channels) the (h, blocks) means."""
-    size = (STRIPED_LIGHT.blocks, len(values))
-    return cv2.split(cv2.resize(values, size, interpolation=cv2.INTER_AREA))
+def _by_block(transposed: cv2.typing.MatLike) -> Floats32:
+    """Of a transposed image (w, h) the (h, blocks) means: OpenCV adds up whole rows faster than parts of them."""
+    size = (transposed.shape[1], STRIPED_LIGHT.blocks)
+    return np.ascontiguousarray(cv2.resize(transposed, size, interpolation=cv2.INTER_AREA).T, dtype=np.float32)
 
 
 def _means(values: Floats32) -> Floats32:

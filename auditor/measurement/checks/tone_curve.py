@@ -19,6 +19,7 @@ _LEVELS = 256
 _WHITE = 255
 _BINS = TONE_CURVE.bins
 _WIDTH = _LEVELS // _BINS
+_OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)
 
 Classes = NDArray[np.uint8]
 """(h, w) the class of chroma of each pixel."""
@@ -34,7 +35,7 @@ class Prediction:
         """The levels predicted from the source's (h, w) levels, and its classes where there are several."""
         if classes is None:
             return np.asarray(cv2.LUT(source, self.table[0]), dtype=np.uint8)
-        return np.asarray(self.table.ravel()[classes.astype(np.intp) * _LEVELS + source], dtype=np.uint8)
+        return np.asarray(self.table.take(classes * np.uint16(_LEVELS) + source), dtype=np.uint8)
 
 
 def predict(source: Image, target: Image, usable: Mask, classes: Classes | None = None) -> Prediction:
@@ -60,10 +61,11 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     b, g, r = (channel.astype(np.float32) for channel in (blue, green, red))
     whole = b + g + r + np.float32(CHROMA.dark)
     found = np.zeros(g.shape, dtype=np.uint8)
-    for weight, one in ((len(CHROMA.edges) + 1, r), (1, b)):
+    for one in (r, b):
+        found *= np.uint8(len(CHROMA.edges) + 1)
         share = (one - g) / whole
         for edge in CHROMA.edges:
-            found += (share > np.float32(edge)).view(np.uint8) * np.uint8(weight)
+            found += (share > np.float32(edge)).view(np.uint8)
     return found
 
 
@@ -90,13 +92,12 @@ def tone_curve(source: Image, target: Image) -> Image:
 
 def _medians(source: Image, target: Image) -> tuple[Floats, Floats]:
     """By bin with enough samples: the mean of the source's levels, and the median of the target's."""
-    place = source // np.uint8(_WIDTH)
-    counts = np.bincount(place, minlength=_BINS)
-    ordered = np.sort(place.astype(np.uint16) * np.uint16(_LEVELS) + target) % np.uint16(_LEVELS)
-    start = np.cumsum(counts) - counts
+    levels = np.bincount(source, minlength=_LEVELS).reshape(_BINS, _WIDTH)
+    counts, sums = levels.sum(axis=1), (levels * _OF_BINS).sum(axis=1)
     used = np.flatnonzero(counts >= TONE_CURVE.fewest)
-    low, high = (ordered[start[used] + (counts[used] - odd) // 2] for odd in (1, 0))
-    sums = np.bincount(place, weights=source, minlength=_BINS)
+    ordered = np.sort(source // np.uint8(_WIDTH) * np.uint16(_LEVELS) + target)
+    start = (counts.cumsum() - counts)[used]
+    low, high = (ordered[start + (counts[used] - odd) // 2] % np.uint16(_LEVELS) for odd in (1, 0))
     return np.asarray(sums[used] / counts[used]), np.asarray((low + high) / 2)
 
 

@@ -88,10 +88,9 @@ def _nearest(
     pixel = row * camera.width_px + column
     order = np.argsort(-depth)  # far to near: of several points in a pixel the last, nearest stays
     owner = np.empty(camera.height_px * camera.width_px, dtype=np.intp)
-    owned = np.zeros(owner.size, dtype=np.bool_)
     owner[pixel[order]] = points[order]
-    owned[pixel] = True
-    return owner[np.flatnonzero(owned)]
+    pixel.sort()
+    return np.asarray(owner[pixel[np.diff(pixel, prepend=-1) > 0]])
 
 
 def _span(u_px: Floats32) -> tuple[float, float]:
@@ -99,8 +98,8 @@ def _span(u_px: Floats32) -> tuple[float, float]:
     if not u_px.size:
         return 0.0, 0.0
     few = int(LIDAR_PROJECTION.beside_span * u_px.size)
-    ordered = np.partition(u_px, (few, u_px.size - 1 - few))
-    return float(ordered[few]), float(ordered[u_px.size - 1 - few])
+    first, last = (float(np.partition(u_px, place)[place]) for place in (few, u_px.size - 1 - few))
+    return first, last
 
 
 def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32) -> Mask:

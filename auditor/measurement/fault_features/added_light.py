@@ -91,7 +91,7 @@ def _alone_near(row: int, column: int, saturated: Mapping[int, Mask], camera: in
     beside = np.ones(ADDED_LIGHT.beside_px, dtype=np.uint8)
     votes = np.zeros(own.shape, dtype=np.intp)
     for mask in others:
-        part = mask[top - above : bottom + rows, left - before : end + columns].astype(np.uint8)
-        near = cv2.dilate(part, beside)[above:, before:][: own.shape[0], : own.shape[1]]
-        votes += near.astype(np.intp)
+        part = mask[top - above : bottom + rows, left - before : end + columns].view(np.uint8)
+        near = np.asarray(cv2.dilate(part, beside), dtype=np.uint8)
+        votes += near[above:, before:][: own.shape[0], : own.shape[1]]
     return int(np.count_nonzero(own & (votes * 2 < len(others))))

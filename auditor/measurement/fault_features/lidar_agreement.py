@@ -79,8 +79,8 @@ def _differences(points: LidarComparison, sure_px: Floats32, right: int = 0, dow
     height, width = sure_px.shape
     row, column = (points.row + down) // HALF, (points.column + right) // HALF
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    ds = sure_px[np.where(inside, row, 0), np.where(inside, column, 0)]
-    return np.asarray(np.where(inside, ds - points.d0_px, np.nan), dtype=np.float32)
+    ds = sure_px.take(np.where(inside, row * width + column, 0))
+    return np.where(inside, ds - points.d0_px, np.float32(np.nan))
 
 
 def _agreeing(difference: Floats32) -> float:

@@ -30,7 +30,7 @@ def damaged_pixels(arrays: FrameArrays, camera: int) -> Mask:
     """
     differences = _warped_differences(arrays, camera) if arrays.pairs else _differences(arrays, camera)
     if not differences:
-        return np.zeros(_shrunk(arrays.views[camera]).shape, dtype=np.bool_)
+        return np.zeros(arrays.small_views[camera].shape, dtype=np.bool_)
     brighter, darker = (_solid(np.nan_to_num(d)) for d in (np.fmin.reduce(differences), -np.fmax.reduce(differences)))
     return brighter if np.count_nonzero(brighter) >= np.count_nonzero(darker) else darker
 
@@ -48,13 +48,12 @@ def _warped_differences(arrays: FrameArrays, camera: int) -> list[Floats32]:
 def _differences(arrays: FrameArrays, camera: int) -> list[Floats32]:
     """(h, w) each: by how much a camera's image is brighter than another's, warped into it."""
     rig = arrays.rig
-    small = {number: _shrunk(half) for number, half in arrays.views.items()}
-    still = small[camera].astype(np.float32)
+    still = arrays.small_views[camera].astype(np.float32)
     nearness, sure = _nearness(camera, rig, arrays.lidar, arrays.maps, arrays.frame_checks.consistencies, still.shape)
     place = np.indices(still.shape).astype(np.float32)
     row, column = place[0], place[1]
     differences = []
-    for other, seen in small.items():
+    for other, seen in arrays.small_views.items():
         if other != camera:
             there = column - nearness * np.float32(_direction(rig, camera, other) / REGION_STEP)
             warped = cv2.remap(seen, there, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -68,11 +67,6 @@ def _differences(arrays: FrameArrays, camera: int) -> list[Floats32]:
 
 def _shrunk_mask(sees: Mask) -> Image:
     return sees[::REGION_STEP, ::REGION_STEP].astype(np.uint8)
-
-
-def _shrunk(half: Image) -> Image:
-    size = (-(-half.shape[1] * HALF // REGION_STEP), -(-half.shape[0] * HALF // REGION_STEP))
-    return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _direction(rig: Rig, camera: int, other: int) -> float:
@@ -110,8 +104,9 @@ def _nearness(
     for (i, k), stereo in maps.items():
         step, every = HALF // stereo.step, REGION_STEP // HALF
         consistent = consistencies[i, k].comparable & (consistencies[i, k].ncc > DAMAGED_PIXELS.consistent)
-        row, column = np.nonzero(consistent[::every, ::every])
-        disparity = stereo.disparity_px[:: step * every, :: step * every][row, column]
+        consistent = consistent[::every, ::every]
+        row, column = np.divmod(np.flatnonzero(consistent), consistent.shape[1])
+        disparity = stereo.disparity_px[:: step * every, :: step * every][consistent]
         u = (column * REGION_STEP).astype(np.float32)
         place = put(k, u, row * REGION_STEP, disparity / np.float32(rig.baseline_m(i, k)))
         if camera in (i, k):

@@ -218,15 +218,15 @@ def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
 def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool) -> Asked:
     stored = [store.measurement(known) for store, known in measurements]
     groups = groups_of(one.recording_id for one in stored)
-    of_groups, of_recordings = Counter[int](), Counter[str]()
+    of_groups, of_recordings = Counter[str | int](), Counter[str]()
     for one in stored:
         of_groups[groups[one.recording_id]] += one.frames
         of_recordings[one.recording_id] += one.frames
     return Asked(
         system_of(measurements[0][0].rig(stored[0].rig_id)),
         r,
-        largest_asked_for(of_groups.total(), max(of_groups.values())),
-        errors_asked_for(r, of_recordings.total(), max(of_recordings.values())),
+        largest_asked_for(of_groups),
+        errors_asked_for(r, of_recordings),
         frames,
         recount,
     )

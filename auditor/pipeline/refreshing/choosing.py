@@ -41,6 +41,16 @@ class Known:
     waiting: Mapping[str, Quarantined] = field(default_factory=dict)
 
     @property
+    def clean(self) -> Sequence[CleanFrames]:
+        """The recordings of the version in force; none where there is none."""
+        return self.parent.clean if self.parent is not None else ()
+
+    @property
+    def in_force(self) -> frozenset[str]:
+        """The ids of the recordings of the version in force."""
+        return frozenset(self.parent.recordings if self.parent is not None else ())
+
+    @property
     def judges(self) -> str:
         """Which thresholds new logs are judged by."""
         return "the version in force" if self.parent is not None else "the prior"
@@ -145,8 +155,8 @@ def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
     named, others, barred = _eligible(group, known)
     others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, known)])
-    base = thresholds_of(known.parent.clean if known.parent is not None else (), system, r)
-    in_force = set(known.parent.recordings) if known.parent is not None else set()
+    base = thresholds_of(known.clean, system, r)
+    in_force = known.in_force
     by = known.judges if known.parent is not None else f"{known.judges} and the others"
     chosen = [_chosen(log, known, LABELLED if log.labelled else NAMED) for log in named] + _gone(known, group)
     raised = list[UsedRecording]()
@@ -236,25 +246,21 @@ def _gone(known: Known, group: Group) -> list[Chosen]:
     used = {one.recording_id: one for one in known.before}
     return [
         Chosen(used[one.recording_id], Drive(Source(one.recording_id, *used[one.recording_id].origin), one))
-        for one in (known.parent.clean if known.parent is not None else ())
+        for one in known.clean
         if one.recording_id not in there and one.recording_id in used
     ]
 
 
 def _chosen(log: Log, known: Known, reason: str) -> Chosen:
-    drive = _drive(log, known)
+    drive = Drive(log.source, _kept_frames(log, known) or log.frames())
     hour = log.circumstances().time_of_day
     used = replace(taken(log.used, drive.clean), reason=reason, time_of_day=hour.value if hour else None)
     return Chosen(used, drive)
 
 
-def _drive(log: Log, known: Known) -> Drive:
-    """The frames of a log: those that the version in force keeps, or the store's."""
-    return Drive(log.source, _kept_frames(log, known.parent) or log.frames())
-
-
-def _kept_frames(log: Log, parent: Calibration | None) -> CleanFrames | None:
-    of_log = [one for one in parent.clean if one.recording_id == log.used.recording_id] if parent else []
+def _kept_frames(log: Log, known: Known) -> CleanFrames | None:
+    """The frames of a log that the version in force keeps; None where it has none, or those of several rigs."""
+    of_log = [one for one in known.clean if one.recording_id == log.used.recording_id]
     return of_log[0] if len(of_log) == 1 else None
 
 

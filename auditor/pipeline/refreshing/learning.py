@@ -61,12 +61,12 @@ def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decima
     choice = choose(group, known, system, r)
     waiting = _too_few(choice, group, parent)
     if waiting:
-        return Learnt(_decision(group, parent, choice, Decided.WAITING, [waiting]))
+        return Learnt(_decision(group, known, choice, Decided.WAITING, [waiting]))
     calibration = make_calibration(history.rig_kind, history.procedure, [one.drive.clean for one in choice.chosen])
     if parent is not None and calibration.calibration_id == parent.calibration_id:
         refused = list(_too_many_raised(choice)) if choice.judged else []
         decided = Decided.REFUSED if refused else Decided.NOTHING_NEW
-        return Learnt(_decision(group, parent, choice, decided, [*refused, *_raised_line(choice)]))
+        return Learnt(_decision(group, known, choice, decided, [*refused, *_raised_line(choice)]))
     return Learnt(_decide(group, known, calibration, choice, system, r, in_force), calibration)
 
 
@@ -93,7 +93,7 @@ def _decide(
     drives = [one.drive.clean for one in choice.chosen]
     shown = [one.shown for one in choice.chosen if one.shown is not None]
     after = thresholds_of(calibration.clean, system, r)
-    before = thresholds_of(known.parent.clean, system, r) if known.parent is not None else after
+    before = thresholds_of(known.clean, system, r) if known.parent is not None else after
     confirmed = thresholds_of(known.confirmed.clean, system, r) if known.confirmed is not None else before
     found = planted_found(drives, system, after)
     step, creep = (compared(drives, system, one, after, found) for one in (before, confirmed))
@@ -109,7 +109,7 @@ def _decide(
     decided = Decided.REFUSED if refused else Decided.HELD if held else Decided.PROMOTED
     first = known.parent is None
     return replace(
-        _decision(group, known.parent, choice, decided, [*refused, *held, *_raised_line(choice)]),
+        _decision(group, known, choice, decided, [*refused, *held, *_raised_line(choice)]),
         calibration_id=calibration.calibration_id,
         in_force=calibration.calibration_id if decided is Decided.PROMOTED else group.history.in_force,
         by_others=Interval(*false_alarms(shown)) if shown else None,
@@ -131,7 +131,7 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
 
 def _raised_named(choice: Choice, known: Known, r: Decimal) -> Iterator[str]:
     """The recordings that are named clean now; those in force already make nothing worse, and are listed alone."""
-    in_force = set(known.parent.recordings) if known.parent is not None else set()
+    in_force = known.in_force
     for one in choice.chosen:
         new = one.used.recording_id not in in_force
         if new and one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
@@ -192,10 +192,8 @@ def _used_before(store: Store, parent: Calibration | None) -> tuple[UsedRecordin
     return version.included if version is not None else ()
 
 
-def _decision(
-    group: Group, parent: Calibration | None, choice: Choice, decided: Decided, reasons: Sequence[str]
-) -> Decision:
-    known = set(parent.recordings) if parent is not None else set()
+def _decision(group: Group, known: Known, choice: Choice, decided: Decided, reasons: Sequence[str]) -> Decision:
+    in_force = known.in_force
     doubted = {one.used.recording_id for one in choice.chosen if _doubted(one)}
     used = [replace(one, look_at=one.look_at or one.recording_id in doubted) for one in considered(choice)]
     return Decision(
@@ -208,7 +206,7 @@ def _decision(
         in_force=group.history.in_force,
         provisional=decided is not Decided.WAITING and not group.history.vouched and not choice.some_named,
         recordings=tuple(used),
-        new=sum(one.used.recording_id not in known for one in choice.chosen),
+        new=sum(one.used.recording_id not in in_force for one in choice.chosen),
     )
 
 

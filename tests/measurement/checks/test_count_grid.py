@@ -30,7 +30,7 @@ def matches(height, width, shift=0.0):
 
 
 def cells_of_pair(found, valid, amount, steps, grid):
-    return sums_of_pair(places_of(found, grid), valid, amount, steps).cells
+    return sums_of_pair(places_of(found, grid), valid, [amount], steps)[0].cells
 
 
 def by_hand(values, rows, columns):
@@ -141,14 +141,17 @@ def test_what_is_left_without_some_pixels_is_counted_as_if_they_were_not_there(s
     places = places_of(matches(13, 22, 3), grid)
     valid, hidden = rng.random((13, 22)) < 0.7, rng.random((13, 22)) < share
     residual = np.where(valid, rng.uniform(-1, 1, (13, 22)), 0).astype(np.float32)
-    for amount, steps in ((valid & (residual > 0.5), 1), (residual, LIGHT_STEPS)):
-        some = sums_of_some(places, np.flatnonzero(hidden), valid, amount, steps)
-        left = sums_of_pair(places, valid, amount, steps).without(some).cells
-        expected = sums_of_pair(places, valid & ~hidden, np.where(hidden, amount.dtype.type(0), amount), steps).cells
-        for image in ("source", "reference"):
-            one, other = getattr(left, image), getattr(expected, image)
-            assert one.valid.tolist() == other.valid.tolist()
-            assert one.total.tolist() == other.total.tolist()
+    for amounts, steps in (([valid & (residual > 0.5)], 1), ([residual, residual * (residual > 0.5)], LIGHT_STEPS)):
+        some = sums_of_some(places, np.flatnonzero(hidden), valid, amounts, steps)
+        whole = sums_of_pair(places, valid, amounts, steps)
+        for amount, of_all, of_some in zip(amounts, whole, some, strict=True):
+            left = of_all.without(of_some).cells
+            shown = np.where(hidden, amount.dtype.type(0), amount)
+            (expected,) = sums_of_pair(places, valid & ~hidden, [shown], steps)
+            for image in ("source", "reference"):
+                one, other = getattr(left, image), getattr(expected.cells, image)
+                assert one.valid.tolist() == other.valid.tolist()
+                assert one.total.tolist() == other.total.tolist()
 
 
 def towards(rows_down, columns_right, range_m=10.0):

@@ -5,7 +5,12 @@ import pytest
 
 from auditor.measurement.checks import lidar_conflict
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
-from auditor.measurement.checks.photometric_consistency import Matches, PairConsistency, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import (
+    Matches,
+    PairConsistency,
+    Patches,
+    photometric_consistency,
+)
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -17,6 +22,10 @@ DEPTH_M = 9.0
 BORDER_PX = 4  # the last columns have nothing beside them to be matched by
 
 
+def consistency(half_res, stereo):
+    return photometric_consistency(Patches.of(half_res[0]), half_res[1], stereo)
+
+
 def judged(cloud, images=None):
     """Verify conflicts of S_1 and S_3's images of a plane 9 m away with a cloud."""
     rig = plane_rig()
@@ -24,7 +33,7 @@ def judged(cloud, images=None):
     half_res = halve(images[3]), halve(images[1])
     stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in half_res))
     view = lidar_view(PointCloud(0, cloud), rig, 3)
-    return verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, 1, half_res)
+    return verify_conflicts(view, stereo, consistency(half_res, stereo), rig, 1, half_res)
 
 
 def consistency_of(ncc):
@@ -72,7 +81,7 @@ def test_points_moved_by_one_period_of_a_texture_are_in_conflict_only_with_a_pai
     for source in (1, 2):
         half_res = halve(images[3]), halve(images[source])
         stereo = stereo_map(SgbmMatcher(), images[3], images[source], *(textured(half) for half in half_res))
-        found = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, source, half_res)
+        found = verify_conflicts(view, stereo, consistency(half_res, stereo), rig, source, half_res)
         conflicts[source] = int(found.lidar_conflicts[found.column < WIDTH - period].sum())
     assert conflicts[2] > 3000
     assert conflicts[1] < conflicts[2] / 50
@@ -123,7 +132,7 @@ def test_a_surface_that_the_beam_passes_over_is_no_conflict():
     for name, vehicle in (("above", lifted), ("beside", rig)):
         points = cloud if name == "above" else plane_cloud(DEPTH_M)
         view = lidar_view(PointCloud(0, points), vehicle, 3)
-        result = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), vehicle, 1, half_res)
+        result = verify_conflicts(view, stereo, consistency(half_res, stereo), vehicle, 1, half_res)
         band = (result.row > top + 8) & (result.row < top + 20) & (result.column > 155) & (result.column < 190)
         results[name] = int(result.lidar_conflicts[band].sum())
     # The beam from the camera's own place would have to go through the post: there it is a conflict.

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from auditor.measurement.checks.photometric_consistency import (
+    Patches,
     matchable,
     matches_of,
     ncc_at,
@@ -25,6 +26,10 @@ def flat_map(disparity_px, step=2):
     return StereoMap(disparity, valid, np.ones(shape, dtype=bool), step, 128)
 
 
+def consistency(reference, source, stereo):
+    return photometric_consistency(Patches.of(reference), source, stereo)
+
+
 @pytest.fixture
 def half_res():
     images = plane_images(plane_rig(), DEPTH_M)
@@ -32,7 +37,7 @@ def half_res():
 
 
 def test_images_of_one_plane_are_consistent_at_its_disparity(half_res):
-    pair = photometric_consistency(*half_res, flat_map(20))
+    pair = consistency(*half_res, flat_map(20))
     assert np.median(pair.ncc[:, 20:]) > 0.9
     assert pair.comparable[:, 22:].all()
     assert not pair.comparable[:, :22].any()  # ten without a match, and twelve beside them
@@ -41,8 +46,8 @@ def test_images_of_one_plane_are_consistent_at_its_disparity(half_res):
 
 def test_a_full_resolution_map_gives_the_same_ncc(half_res):
     coarse, fine = (
-        photometric_consistency(*half_res, flat_map(20)),
-        photometric_consistency(*half_res, flat_map(20, step=1)),
+        consistency(*half_res, flat_map(20)),
+        consistency(*half_res, flat_map(20, step=1)),
     )
     np.testing.assert_array_equal(coarse.ncc, fine.ncc)
     np.testing.assert_array_equal(coarse.comparable, fine.comparable)
@@ -50,7 +55,7 @@ def test_a_full_resolution_map_gives_the_same_ncc(half_res):
 
 def test_a_change_of_brightness_and_contrast_is_consistent(half_res):
     reference, source = half_res
-    pair = photometric_consistency(reference, (source * 0.7 + 40).astype(np.uint8), flat_map(20))
+    pair = consistency(reference, (source * 0.7 + 40).astype(np.uint8), flat_map(20))
     assert not pair.inconsistent.any()
 
 
@@ -58,7 +63,7 @@ def test_where_one_camera_sees_something_else_they_are_inconsistent_and_nowhere_
     reference, source = half_res
     source = source.copy()
     source[10:50, 60:110] = 255
-    pair = photometric_consistency(reference, source, flat_map(20))
+    pair = consistency(reference, source, flat_map(20))
     assert pair.inconsistent[
         16:44, 78:112
     ].all()  # ten half-resolution pixels to the right of it, less the patch's radius
@@ -75,13 +80,13 @@ def striped(amplitude):
 def test_what_has_texture_in_either_image_is_comparable(textured, amplitude, comparable):
     pair = [striped(0), striped(0)]
     pair[textured] = striped(amplitude)
-    found = photometric_consistency(*pair, flat_map(0))
+    found = consistency(*pair, flat_map(0))
     assert found.comparable[5:-5, 5:-5].all() == comparable
     np.testing.assert_array_equal(found.inconsistent, found.comparable)
 
 
 def test_where_neither_image_has_texture_nothing_is_comparable():
-    assert not photometric_consistency(striped(0), striped(0) + np.uint8(90), flat_map(0)).comparable.any()
+    assert not consistency(striped(0), striped(0) + np.uint8(90), flat_map(0)).comparable.any()
 
 
 @pytest.mark.parametrize("gain", [0.4, 1.5])
@@ -90,13 +95,13 @@ def test_a_sky_that_saturates_is_not_inconsistent_beside_a_camera_of_another_gai
     scene = np.repeat(np.repeat(scene[::6, ::6], 6, axis=0), 6, axis=1)[:60, :160]
     scene[:20] = 400
     source = np.clip(scene * gain, 0, 255).astype(np.uint8)
-    assert not photometric_consistency(np.clip(scene, 0, 255).astype(np.uint8), source, flat_map(0)).inconsistent.any()
+    assert not consistency(np.clip(scene, 0, 255).astype(np.uint8), source, flat_map(0)).inconsistent.any()
 
 
 def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(half_res):
     stereo = flat_map(20)
     stereo.disparity_px[:, 90:120] = 80  # lands at columns 50 to 80: what lies there at a disparity of 20 is hidden
-    comparable = photometric_consistency(*half_res, stereo).comparable
+    comparable = consistency(*half_res, stereo).comparable
     assert not comparable[:, 62:90].any()
     assert comparable[:, 125:].all()
 
@@ -104,14 +109,14 @@ def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(half_res):
 def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_consistent(half_res):
     stereo = flat_map(20)
     stereo.disparity_px[30, 80] = 90
-    assert not photometric_consistency(*half_res, stereo).inconsistent.any()
+    assert not consistency(*half_res, stereo).inconsistent.any()
 
 
 def test_pixels_without_a_disparity_are_not_comparable(half_res):
     nothing = StereoMap(
         np.full((60, 160), np.nan, np.float32), np.zeros((60, 160), bool), np.ones((60, 160), bool), 2, 128
     )
-    assert not photometric_consistency(*half_res, nothing).comparable.any()
+    assert not consistency(*half_res, nothing).comparable.any()
 
 
 def test_single_points_are_consistent_at_the_right_disparity_and_half_a_pixel_beside_it_only(half_res):
@@ -155,7 +160,7 @@ def test_the_correlation_of_two_pictures_is_that_of_each_patch_by_itself(contras
     column = np.clip(np.arange(90) - disparity.astype(int) // 2, 0, 89)
     warped = np.take_along_axis(source, column, axis=1)
     expected = correlated(patches(reference, "reflect"), patches(warped, "reflect"))
-    np.testing.assert_allclose(photometric_consistency(reference, source, stereo).ncc, expected, atol=2e-4)
+    np.testing.assert_allclose(consistency(reference, source, stereo).ncc, expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("contrast", [1.0, 0.05])
@@ -182,14 +187,14 @@ def test_what_lands_more_than_two_pixels_left_of_its_left_neighbours_hides_them(
     # The surface to the right of column 80 lands `gap_px` / 2 half-resolution pixels further left than its neighbour.
     stereo = flat_map(20)
     stereo.disparity_px[:, 80:] = 20 + 2 + gap_px
-    pair = photometric_consistency(*(striped(40),) * 2, stereo)
+    pair = consistency(*(striped(40),) * 2, stereo)
     assert pair.comparable[30, 79] == comparable
 
 
 def test_invalid_pixels_and_twelve_on_each_side_of_them_are_not_comparable():
     stereo = flat_map(0)
     stereo.valid[30, 80] = False
-    comparable = photometric_consistency(*(striped(40),) * 2, stereo).comparable
+    comparable = consistency(*(striped(40),) * 2, stereo).comparable
     expected = np.ones((60, 160), dtype=np.bool_)
     expected[30, 68:93] = False
     np.testing.assert_array_equal(comparable, expected)
