@@ -5,6 +5,7 @@ before the first table is read, and the one that is left can only read (`sandbox
 statements or functions decides.
 """
 
+import atexit
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator
@@ -133,6 +134,13 @@ class _Filling:
         except duckdb.Error:
             return False
         return True
+
+
+@atexit.register
+def _close_kept() -> None:
+    """Close what is kept while DuckDB is still whole: at the end of Python it is taken down in no order."""
+    if kept := _KEPT.pop(os.getpid(), None):
+        kept.connection.close()
 
 
 def _without_files() -> duckdb.DuckDBPyConnection:

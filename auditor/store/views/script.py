@@ -6,6 +6,7 @@ of a manifest name the files of other tables. So one text stays right after new 
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from auditor import __version__
@@ -159,8 +160,14 @@ def _macros() -> Iterator[str]:
 def _views() -> Iterator[str]:
     for view in in_order(set(views())):
         yield f"CREATE OR REPLACE TEMP VIEW {view} AS\n{views()[view].sql.strip()};\n"
+    yield _comments() + "\n"
+
+
+@cache
+def _comments() -> str:
+    """They are the same of every store."""
     with connected(None) as connection:
-        yield comments(connection) + "\n"
+        return comments(connection)
 
 
 def _variable(name: str) -> str:
