@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from auditor.identification.causes.faults import TONES, faults_of
+from auditor.identification.causes.faults import FAULTS, TONES, faults_of
 from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
@@ -19,6 +19,7 @@ from auditor.identification.prior import (
     DriveValues,
     OwnLevel,
     drive_values,
+    expected,
     expected_after,
     joint_limit,
     log_odds,
@@ -215,11 +216,17 @@ def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel |
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
-    """What is expected of a fault's score; what is usual of a rig only its own drives say."""
+    """What is expected of a fault's score; what tones are usual of a rig only its own drives say.
+
+    Of faults that are findings by themselves drives narrow nothing: most vehicles are well adjusted, and say little
+    about the few that are less.
+    """
     prior, means = prior_of_cause(cause), drives.mean[drives.frames > 0]
     if cause[0] in TONES and means.size:
         prior = prior._replace(mean=float(np.median(means)))
-    return expected_after(prior, drives, believed=True)
+    found = expected_after(prior, drives, believed=True)
+    least = expected(prior, ()).deviation if cause[0] in FAULTS else 0.0
+    return replace(found, deviation=max(found.deviation, least))
 
 
 def _statistics_of(one: CleanFrames, check: SensorCheck) -> DriveValues:
