@@ -220,4 +220,4 @@ class CaseSeries:
 def _around_s() -> float:
     """The seconds around a case that its verdict and its incident follow from: half of them before it."""
     of_incidents = 2 * (INCIDENTS.quiet_s + INCIDENTS.background_s)
-    return max(LONGEST_WINDOW_S, LIGHT_OF_CAUSES.nearby_s, of_incidents)
+    return max(LONGEST_WINDOW_S, LIGHT_OF_CAUSES.nearby_s, 2 * LIGHT_OF_CAUSES.further_s, of_incidents)

@@ -84,8 +84,8 @@ class CheckPriors:
     light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.75), unit=_OF_PRIOR, source=_PRIOR)
     darkness: tuple[float, ...] = parameter((-3.05, 0.3, 0.27, 1.85), unit=_OF_PRIOR, source=_PRIOR)
     darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 2.0), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 2.0), unit=_OF_PRIOR, source=_LONE_COLOURS)
-    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.75), unit=_OF_PRIOR, source=_LONE_COLOURS)
+    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.8), unit=_OF_PRIOR, source=_LONE_COLOURS)
+    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.6), unit=_OF_PRIOR, source=_LONE_COLOURS)
     inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.45), unit=_OF_PRIOR, source=_PRIOR)
     coloured_light: tuple[float, ...] = parameter(
         (-3.1, 0.36, 0.25, 1.8), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
