@@ -126,7 +126,8 @@ class CaseSeries:
         together: dict[tuple[object, ...], list[int]] = defaultdict(list)
         for place in chosen:
             together[self._shared(place)].append(place)
-        parts = [self._part(places) for places in together.values()]
+        # Backwards in time: a frame of one part is never taken for what follows on another's last (`bounds_nearby`).
+        parts = sorted(map(self._part, together.values()), key=lambda part: -int(part.stamps_ns[0]))
         lengths = [len(part.places) for part in parts]
         places = np.concatenate([part.places for part in parts])
         stamps = np.concatenate([part.stamps_ns for part in parts])

@@ -58,7 +58,7 @@ def attacked_sets():
     return sorted(sets | set(combinations(RIG.sensors, 2)))
 
 
-APART_NS = 2 * 10**9
+APART_NS = 6 * 10**9
 """Between two frames: so far apart that each is judged as if it were alone."""
 
 
@@ -177,8 +177,9 @@ def judged_robustly(statistics, system, thresholds, runs):
     """The verdicts by all its checks, where every sensor was there and no fault is known; `runs` follow each other."""
     values = columns_of(statistics, system)
     nowhere = np.zeros((len(values), len(system.sensors)), dtype=np.bool_)
-    stamps = np.arange(len(values), dtype=np.int64) * PERIOD_NS
-    series = FrameSeries(stamps, np.array(runs, dtype=np.int64), values, ~nowhere, nowhere)
+    numbers = np.array(runs, dtype=np.int64)
+    stamps = np.arange(len(values), dtype=np.int64) * PERIOD_NS + numbers * 60 * 10**9  # none is nearby another run's
+    series = FrameSeries(stamps, numbers, values, ~nowhere, nowhere)
     return judge_frames(series, system, thresholds, without_causes=True)
 
 

@@ -42,7 +42,7 @@ def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices
     """
     first, end = window_bounds(stamps_ns, LIGHT_OF_CAUSES.nearby_s, runs)
     step = np.diff(stamps_ns)
-    close = (step >= 0) & (step <= LIGHT_OF_CAUSES.further_s * NANOSECONDS)
+    close = (step > 0) & (step <= LIGHT_OF_CAUSES.further_s * NANOSECONDS)
     places = np.arange(len(stamps_ns))
     first = first - ((first == places) & np.concatenate([[False], close]))
     end = end + ((end == places + 1) & np.concatenate([close, [False]]))
