@@ -93,8 +93,7 @@ def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.Record
     with connected(store, text, limits) as connection, _in_one_line("SQL", limits):
         connection.execute(_READ_ONLY)
         answer = connection.sql(text)
-        reading = getattr(answer, "to_arrow_reader", None) or answer.fetch_arrow_reader  # its name before DuckDB 1.5
-        yield reading(_BATCH_ROWS)
+        yield answer.to_arrow_reader(_BATCH_ROWS)
 
 
 def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa.Table:
@@ -112,9 +111,7 @@ def _answer(connection: duckdb.DuckDBPyConnection, text: str, values: Mapping[st
     answer = connection.execute(text, values)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Arrow output", UserWarning)  # DuckDB 2 says that it copies the rows
-        in_arrow = "to_arrow_table" if hasattr(answer, "to_arrow_table") else "fetch_arrow_table"  # before DuckDB 1.5
-        table: pa.Table = getattr(answer, in_arrow)()
-        return table
+        return answer.to_arrow_table()
 
 
 @contextmanager
