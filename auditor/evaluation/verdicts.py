@@ -104,13 +104,14 @@ def _thresholds(
         recording: np.concatenate([one.statistics_of(system.sensor_checks) for one in own])
         for recording, own in frames_of.items()
     }
+    stamps_ns = {recording: np.concatenate([one.stamps_ns for one in own]) for recording, own in frames_of.items()}
 
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
         found = thresholds_of(clean, system, JUDGED_R)
         halvings = halvings_of_points(clean, rig, returns[recording])
         found = for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
-        return for_drive(found, system.sensor_checks, statistics[recording])
+        return for_drive(found, system.sensor_checks, statistics[recording], stamps_ns[recording])
 
     @cache
     def of_recording(recording: str) -> dict[str, RobustThresholds]:

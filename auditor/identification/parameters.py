@@ -39,8 +39,8 @@ _ONE_COLOUR = "lasers of one colour on three real drives, against benchmark beni
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
-_RARE_FRAMES = "streets 5000 to 5041: 0.75, 0.8, 0.85, 0.9 and 1 tried (docs/decisions.md)"
-_TAIL = "streets 7000 to 7159 at r = 0.1, 1, 5 and 20 %, and real drives (docs/decisions.md)"
+_TAIL = "streets 7000 to 7159 and 9800 to 9845 at r = 0.1, 1, 5 and 20 %, and real drives (docs/decisions.md)"
+_STRETCHES = "streets 9800 to 9845, of ten seconds, and real drives: chosen on them (docs/decisions.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 
 
@@ -128,12 +128,21 @@ class Hierarchy:
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
     widest: float = parameter(2.0, unit="times the prior's deviation within drives, at most", source=BY_HAND)
-    narrowest: float = parameter(0.8, unit="times the prior's deviation within drives, at least", source=_RARE_FRAMES)
+    narrowest: float = parameter(0.85, unit="times the prior's deviation within drives, at least", source=_STRETCHES)
+    narrowest_of_any: float = parameter(
+        0.75, unit="times the prior's deviation of frames of any drive, at least", source=_STRETCHES
+    )
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(
         0.9,
         unit="share of the variance between drives that a drive's own frames can say at most",
         source="streets 2000 to 2053: 0.7, 0.85, 0.9 and 1 tried (docs/decisions.md)",
+    )
+    stretch_s: float = parameter(5.0, unit="s, of a stretch of road", source=_STRETCHES)
+    stretch_step: float = parameter(0.2, unit="share of a stretch, after which the next begins", source=BY_HAND)
+    fewest_of_stretch: int = parameter(9, unit="frames of a stretch of road, however slow the camera", source=BY_HAND)
+    of_stretches: float = parameter(
+        0.9, unit="quantile of the medians of a drive's stretches, that is its own level", source=_STRETCHES
     )
     of_median: float = parameter(
         1.57, unit="times the variance of a mean, that of a median", source="pi / 2, of normal distributions"
@@ -144,7 +153,7 @@ class Hierarchy:
 class JointTail:
     """The largest z of all checks of a clean frame."""
 
-    stretch: float = parameter(1.27, unit="times the normal distribution's quantile", source=_TAIL)
+    stretch: float = parameter(1.25, unit="times the normal distribution's quantile", source=_TAIL)
     independent: float = parameter(
         0.47, unit="power of the number of checks that so many independent ones are", source=_TAIL
     )

@@ -5,8 +5,8 @@ score) is the mean of its drive and a deviation within the drive of standard dev
 from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
 tell little about the next one, however many frames they have: its standard deviation is
 sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives. Rare values lie farther out than a normal distribution's; the
-prior says by which factor, and deviations are given times it. A drive that is judged shows its own mean too: what most
-of its frames have, attacks being brief.
+prior says by which factor, and deviations are given times it. A drive that is judged shows its own level too: what most
+frames of its busier stretches of road have, attacks being brief.
 """
 
 from collections.abc import Iterable, Sequence
@@ -55,9 +55,9 @@ class Prior(NamedTuple):
 
 
 class OwnLevel(NamedTuple):
-    """The level of the drive that is judged: the median of its values, and how many independent frames it is worth."""
+    """The level of the drive that is judged, and how many independent frames its values are worth."""
 
-    median: float
+    level: float
     worth: float
 
 
@@ -136,9 +136,9 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end, nor
-    narrows it: usual frames say little about rare ones. Where drives are `believed` there are no such bounds: nobody
-    attacks by a fault.
+    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation within without
+    end, nor narrows the deviations: usual frames say little about rare ones, and usual roads about rare roads. Where
+    drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
     return expected_after(prior, Drives.of(chain.from_iterable(seen)), believed=believed)
@@ -158,34 +158,46 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
     means = np.clip(seen.mean, prior.mean - reach, prior.mean + reach)
     weights = 1 / (prior.between**2 + within / seen.worth)
-    of_prior = HIERARCHY.rig_kind / prior.between**2
-    mean = (of_prior * prior.mean + float(weights @ means)) / (of_prior + float(weights.sum()))
+    weight = HIERARCHY.rig_kind / prior.between**2
+    mean = (weight * prior.mean + float(weights @ means)) / (weight + float(weights.sum()))
     beyond = _sum(np.maximum((means - mean) ** 2 - within / seen.worth, 0.0))
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
-    deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
-    return Expected(mean, prior.tail * deviation, prior.tail * sqrt(within), D, int(seen.frames.sum()))
+    between *= 1 + 1 / (HIERARCHY.rig_kind + D)
+    of_any_drive = within + between
+    if not believed:
+        of_prior = prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind)
+        of_any_drive = max(of_any_drive, HIERARCHY.narrowest_of_any**2 * of_prior)
+    deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
+    return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
 
 
-def own_level(values: Floats) -> OwnLevel | None:
-    """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any."""
+def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
+    """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any.
+
+    `of_stretches` (P,) are the medians of its stretches of road. Beside leaves or water a check shows more for seconds
+    than most of the road, so the level is that of the busier stretches.
+    """
     known = values[~np.isnan(values)]
-    return OwnLevel(float(np.median(known)), effective_size(known)) if known.size else None
+    if not known.size:
+        return None
+    level = np.quantile(of_stretches[~np.isnan(of_stretches)], HIERARCHY.of_stretches)
+    return OwnLevel(float(level), effective_size(known))
 
 
 def of_drive(one: Expected, own: OwnLevel | None, limit: float) -> Expected:
     """What is expected of the frames of the drive that is judged.
 
-    Its median shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
-    since its later scenes may differ as drives do. A drive that is attacked for most of its time would hide that in its
-    median: so what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
+    Its level shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
+    since its later scenes may differ as drives do. A drive that is attacked for long would hide that in its level: so
+    what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
     """
     if own is None or limit <= 0:
         return one
-    between = one.deviation**2 - one.within**2
+    between = one.between**2
     of_median = HIERARCHY.of_median * one.within**2 / own.worth
     learnt = between / (between + of_median)
     deviation = sqrt(one.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
-    mean = one.mean + learnt * (own.median - one.mean)
+    mean = one.mean + learnt * (own.level - one.mean)
     return replace(one, mean=min(mean, one.mean + limit * (one.deviation - deviation)), deviation=deviation)
 
 

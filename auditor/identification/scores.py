@@ -28,8 +28,9 @@ from auditor.identification.prior import (
     prior_of_cause,
     prior_of_check,
 )
+from auditor.identification.statistics import stretch_medians
 from auditor.identification.thresholds import checked
-from auditor.model.arrays import Flags, Floats
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Cause, CauseIn
@@ -189,14 +190,13 @@ class CleanDrives:
 
 
 def for_drive(
-    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
 ) -> RobustThresholds:
-    """The thresholds for the drive that is judged, whose statistics are (F, M): what is expected of its own frames.
+    """The thresholds for the drive that is judged: what is expected of its own frames, and of attacked copies of them.
 
-    They hold for any of its frames, and for attacked copies of them.
+    Its `statistics` are (F, M), those of frames at `stamps_ns` (F,).
     """
-    columns = zip(sensor_checks, log_odds(statistics).T, strict=True)
-    return _with_own(thresholds, {check: own_level(odds) for check, odds in columns})
+    return _with_own(thresholds, _own_levels(sensor_checks, statistics, stamps_ns))
 
 
 def for_clean_drive(
@@ -205,8 +205,16 @@ def for_clean_drive(
     """As `for_drive`, for a recording that is judged by many thresholds."""
     own = _OWN_LEVELS.setdefault(one, {})
     if new := [check for check in sensor_checks if check not in own]:
-        own.update(zip(new, map(own_level, log_odds(one.statistics_of(new)).T), strict=True))
+        own.update(_own_levels(new, one.statistics_of(new), one.stamps_ns))
     return _with_own(thresholds, {check: own[check] for check in sensor_checks})
+
+
+def _own_levels(
+    sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
+) -> dict[SensorCheck, OwnLevel | None]:
+    odds = log_odds(statistics)
+    of_stretches = stretch_medians(odds, stamps_ns)
+    return dict(zip(sensor_checks, map(own_level, odds.T, of_stretches.T), strict=True))
 
 
 def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:

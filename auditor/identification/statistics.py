@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil, inf
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
+from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
 from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
 from auditor.model.checks import (
     DIRECTION_CHECKS,
@@ -209,6 +211,26 @@ def runs_of(stamp_ns: Integers) -> Integers:
     step = np.diff(stamp_ns, prepend=stamp_ns[:1])
     usual = np.median(step[1:]) if step.size > 1 else 0
     return np.asarray(np.cumsum((step < 0) | (step > TEMPORAL_WINDOW.gap_periods * usual)))
+
+
+def stretch_medians(values: Floats, stamp_ns: Integers) -> Floats:
+    """(P, M) medians of the measured values in stretches of a drive, (F, M) of successive frames with stamps (F,).
+
+    A stretch has as many frames as are usual in its seconds, a few at least or all, and most of it is the next one's as
+    well. NaN where none of its values was measured.
+    """
+    F = len(stamp_ns)
+    if not F:
+        return values
+    period = float(np.median(np.diff(stamp_ns))) if F > 1 else 0.0
+    usual = HIERARCHY.stretch_s * NANOSECONDS / period if period > 0 else inf
+    W = int(min(max(usual, HIERARCHY.fewest_of_stretch), F))
+    step = max(W * HIERARCHY.stretch_step, 1)
+    first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
+    ordered = np.sort(sliding_window_view(values, W, axis=0)[first], axis=-1)  # NaN last
+    last = np.count_nonzero(~np.isnan(ordered), axis=-1, keepdims=True) - 1
+    middle = (np.take_along_axis(ordered, np.maximum(places, 0), axis=-1) for places in (last // 2, (last + 1) // 2))
+    return np.asarray(np.where(last < 0, np.nan, sum(middle) / 2)[..., 0])
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

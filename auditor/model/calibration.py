@@ -190,9 +190,10 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a frame of a clean drive is expected to have: a mean and a standard deviation, `within` that of one drive.
+    """What a frame of a clean drive is expected to have: a mean and a standard deviation.
 
     Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
+    `within` is the standard deviation within one drive, `between` that of the means of drives of the rig kind.
     `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
     the prior.
     """
@@ -202,6 +203,7 @@ class Expected:
     within: float
     drives: int
     samples: int
+    between: float = 0.0
 
 
 @dataclass(frozen=True)

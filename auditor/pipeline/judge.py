@@ -246,7 +246,7 @@ def judge_measurement(
         robust = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         if marks.other_lidar:
             robust = for_sparser_lidar(robust, halvings)
-        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics)
+        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
         rows = _judge_robust(store, measurement, rig, robust, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)

@@ -22,7 +22,7 @@ import numpy as np
 
 from auditor.evaluation.sources import Street
 from auditor.identification.prior import statistic_at
-from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.identification.statistics import IMAGE_WINDOW, WindowMeans, vote, window_means_of
 from auditor.identification.systems import System
 from auditor.measurement import use_one_thread
@@ -130,9 +130,7 @@ def show(picture: Picture, scenes: Sequence[Scene]) -> Shown:
     learnt = [clean_frames(one, system_of(one, picture.cameras)) for one in scenes if one.family != scene.family]
     thresholds, _ = thresholds_of(learnt, system, RATE)
     judged = judge_scene(_with(scene, case), system, thresholds, None)
-    thresholds = for_drive(
-        thresholds, system.sensor_checks, clean_frames(scene, system).statistics_of(system.sensor_checks)
-    )
+    thresholds = for_clean_drive(thresholds, system.sensor_checks, clean_frames(scene, system))
     z, statistics = _scores(case, rig, system, thresholds)
     (verdict,) = (one.robust for one in judged if (one.case.attack, one.case.frame) == (case.attack, case.frame))
     limit = thresholds.limit

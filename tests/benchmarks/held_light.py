@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.identification.scores import for_drive
+from auditor.identification.scores import for_clean_drive
 from auditor.identification.systems import System
 from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.rates import ByOtherFamilies, brightness_of, clean_frames, frames_of, system_of
@@ -32,8 +32,8 @@ def held(
     by_others = ByOtherFamilies(scenes, cameras, r)
     for scene in scenes:
         system = system_of(scene, cameras)
-        own = clean_frames(scene, system).statistics_of(system.sensor_checks)
-        thresholds = for_drive(by_others.of(scene.family, system)[0], system.sensor_checks, own)
+        learnt, _ = by_others.of(scene.family, system)
+        thresholds = for_clean_drive(learnt, system.sensor_checks, clean_frames(scene, system))
         before = {case.frame: case for case in scene.cases if not case.attack}
         for case in scene.cases:
             if len(case.attacked) == 1 and case.attacked[0] in cameras:

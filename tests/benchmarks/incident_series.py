@@ -25,7 +25,7 @@ from auditor.identification.incidents import evidence_of, frame_worth
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
-from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.scores import for_clean_drive, for_drive, normalised_scores
 from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds
@@ -71,12 +71,13 @@ class Drive:
 
     def own(self, series: FrameSeries) -> RobustThresholds:
         """The thresholds with what is usual of the drive itself."""
-        return for_drive(self.thresholds, self.system.sensor_checks, series.statistics)
+        return for_drive(self.thresholds, self.system.sensor_checks, series.statistics, series.stamps_ns)
 
     def scores(self) -> np.ndarray:
         """(F,) the largest z of each clean frame."""
-        statistics = clean_frames(self.scene, self.system).statistics_of(self.system.sensor_checks)
-        own = for_drive(self.thresholds, self.system.sensor_checks, statistics)
+        clean = clean_frames(self.scene, self.system)
+        statistics = clean.statistics_of(self.system.sensor_checks)
+        own = for_clean_drive(self.thresholds, self.system.sensor_checks, clean)
         z = normalised_scores(statistics, [own.expected.get(check) for check in self.system.sensor_checks])
         return attack_scores(z, self.system, [frozenset()] * len(z))
 

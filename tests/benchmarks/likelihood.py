@@ -39,7 +39,7 @@ from auditor.identification.likelihood import (
 )
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import effective_size
-from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Integers
 from auditor.model.rig import LIDAR
@@ -77,7 +77,7 @@ def scored(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Scored]:
     for scene in scenes:
         system = system_of(scene, cameras)
         learnt, _ = thresholds.of(scene.family, system)
-        own = for_drive(learnt, system.sensor_checks, clean_frames(scene, system).statistics_of(system.sensor_checks))
+        own = for_clean_drive(learnt, system.sensor_checks, clean_frames(scene, system))
         groups = defaultdict(list)
         for case in scene.cases:
             if set(case.attacked) <= set(system.sensors):

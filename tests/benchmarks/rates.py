@@ -126,7 +126,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         own.strengths,
         brightness_of(clean, system),
     )
-    thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
+    thresholds = for_drive(thresholds, system.sensor_checks, series.statistics, series.stamps_ns)
     verdicts = judge_frames(series, system, thresholds)
     places = {case.frame: place for place, case in enumerate(clean)}
     attacked = [case for case in cases if case.attack]

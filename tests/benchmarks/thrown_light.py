@@ -28,7 +28,7 @@ from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.causes.light_causes import Seen, seen_of
 from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.naming import name_attacked
-from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
 from auditor.lab.simulation.stray_light import SunSeen
@@ -107,8 +107,8 @@ def shown(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Shown]:
     for scene in scenes:
         system = system_of(scene, cameras)
         others = [clean_frames(one, system) for one in scenes if one.family != scene.family]
-        own = clean_frames(scene, system).statistics_of(system.sensor_checks)
-        thresholds = for_drive(thresholds_of(others, system, R)[0], system.sensor_checks, own)
+        learnt, _ = thresholds_of(others, system, R)
+        thresholds = for_clean_drive(learnt, system.sensor_checks, clean_frames(scene, system))
         cases = [case for case in scene.cases if len(case.attacked) == 1 and set(case.attacked) <= set(cameras)]
         statistics = frames_of(scene, system, cases).statistics_of(system.sensor_checks)
         z = normalised_scores(statistics, [thresholds.expected.get(check) for check in system.sensor_checks])

@@ -19,7 +19,7 @@ from auditor.evaluation.sources import Recorded
 from auditor.identification.incidents import events, evidence_of, incident_limit
 from auditor.identification.naming import attack_scores
 from auditor.identification.parameters import SCORE_LIMITS
-from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.identification.statistics import runs_of, sensor_statistics
 from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula, draw_wall
@@ -64,8 +64,7 @@ class Judge:
         self.rig = target.rig
         self.system: System = system_of(target, [camera.number for camera in target.rig.cameras])
         learnt, _ = thresholds_of([clean_frames(one, self.system) for one in scenes], self.system, R)
-        own = clean_frames(target, self.system).statistics_of(self.system.sensor_checks)
-        self._thresholds = for_drive(learnt, self.system.sensor_checks, own)
+        self._thresholds = for_clean_drive(learnt, self.system.sensor_checks, clean_frames(target, self.system))
         self._expected = [self._thresholds.expected.get(check) for check in self.system.sensor_checks]
 
     def sees(self, frame: Frame) -> bool:

@@ -93,7 +93,7 @@ def test_what_two_cameras_alone_show_names_the_one_that_the_votes_of_the_others_
 def test_where_no_set_is_likely_enough_none_is_named_and_the_shares_are_said():
     verdict = one({by(1, 2): 5.0, of_all(2): 2.0, of_all(1): 1.9})
     assert (verdict.kind, verdict.attacked) == (VerdictKind.UNIDENTIFIED, ())
-    assert verdict.reason == "S_2 (55 %) or S_1 (45 %): less than 70 % for any set of sensors"
+    assert verdict.reason == "S_2 (56 %) or S_1 (44 %): less than 70 % for any set of sensors"
     assert verdict.alternatives[0] == ((2,), 0.0)
     assert verdict.alternatives[1].attacked == (1,)
     assert verdict.posterior * 10 ** -verdict.alternatives[1].worse_by < verdict.posterior < 0.6

@@ -19,6 +19,7 @@ from auditor.identification.prior import (
     prior_of_check,
     statistic_at,
 )
+from auditor.identification.statistics import stretch_medians
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
 
@@ -85,11 +86,21 @@ def test_more_frames_of_one_drive_are_no_second_drive():
 
 def test_many_drives_are_believed():
     rng = np.random.default_rng(3)
-    means = rng.normal(-1.3, 0.2, 200)
+    means = rng.normal(-1.3, 0.6, 200)
     found = expected(PRIOR, [drive(mean, within=0.27, seed=n) for n, mean in enumerate(means)])
     assert found.mean == pytest.approx(means.mean(), abs=0.02)
-    assert found.deviation == pytest.approx(PRIOR.tail * math.hypot(0.27, 0.2), rel=0.1)
+    assert found.deviation == pytest.approx(PRIOR.tail * math.hypot(0.27, 0.6), rel=0.1)
+    assert found.between == pytest.approx(PRIOR.tail * 0.6, rel=0.1)
     assert found.drives == 200
+
+
+def test_drives_that_are_all_alike_narrow_what_is_expected_of_any_drive_to_so_much_at_most():
+    found = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)])
+    assert found.between < 0.2 * PRIOR.tail * PRIOR.between
+    assert found.deviation > math.hypot(found.within, found.between)
+    assert found.deviation == pytest.approx(HIERARCHY.narrowest_of_any * expected(PRIOR, []).deviation)
+    believed = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)], believed=True)
+    assert believed.deviation < 0.8 * found.deviation, "of faults there is no such bound"
 
 
 def test_frames_that_are_all_the_same_narrow_the_deviation_within_to_so_much_at_most():
@@ -227,34 +238,52 @@ def threshold_of(one, limit=3.5):
     return one.mean + limit * one.deviation
 
 
+def level_of(values):
+    """The level of a drive at 10 Hz."""
+    return own_level(values, stretch_medians(values[:, None], np.arange(len(values)) * 10**8)[:, 0])
+
+
 def test_a_quiet_drive_has_a_mean_of_its_own_and_lower_thresholds():
-    own = of_drive(EXPECTED, own_level(drive(-2.6)), 3.5)
-    assert own.mean == pytest.approx(-2.6, abs=0.02)
+    own = of_drive(EXPECTED, level_of(drive(-2.6)), 3.5)
+    assert own.mean == pytest.approx(-2.6, abs=0.1)
     assert EXPECTED.within < own.deviation < EXPECTED.deviation
     assert threshold_of(own) < threshold_of(EXPECTED) - 0.5
 
 
-@pytest.mark.parametrize("mean", [-1.0, 0.0, 3.0])
+@pytest.mark.parametrize("mean", [-0.5, 0.0, 3.0])
 def test_no_drive_raises_a_threshold_by_its_own_frames(mean):
-    assert threshold_of(of_drive(EXPECTED, own_level(drive(mean)), 3.5)) == pytest.approx(threshold_of(EXPECTED))
+    assert threshold_of(of_drive(EXPECTED, level_of(drive(mean)), 3.5)) == pytest.approx(threshold_of(EXPECTED))
 
 
 def test_a_few_attacked_frames_hardly_move_what_is_expected_of_their_drive():
     frames = drive(-2.6)
     attacked = np.where(np.arange(400) % 5 == 0, 4.0, frames)
-    assert of_drive(EXPECTED, own_level(attacked), 3.5).mean == pytest.approx(
-        of_drive(EXPECTED, own_level(frames), 3.5).mean, abs=0.15
+    assert of_drive(EXPECTED, level_of(attacked), 3.5).mean == pytest.approx(
+        of_drive(EXPECTED, level_of(frames), 3.5).mean, abs=0.15
     )
 
 
 def test_more_frames_say_more_of_a_drive_and_none_say_all():
-    deviations = [of_drive(EXPECTED, own_level(drive(-2.6, n)), 3.5).deviation for n in (1, 4, 40, 4000)]
+    deviations = [of_drive(EXPECTED, level_of(drive(-2.6, n)), 3.5).deviation for n in (1, 4, 40, 4000)]
     assert deviations == sorted(deviations, reverse=True)
-    between = EXPECTED.deviation**2 - EXPECTED.within**2
-    assert deviations[-1] ** 2 > EXPECTED.within**2 + (1 - HIERARCHY.most_learnt) * between
+    assert deviations[-1] ** 2 > EXPECTED.within**2 + (1 - HIERARCHY.most_learnt) * EXPECTED.between**2
 
 
 def test_a_drive_without_measured_frames_and_a_rate_without_limit_expect_what_they_did():
-    assert of_drive(EXPECTED, own_level(np.full(5, NAN)), 3.5) == EXPECTED
-    assert of_drive(EXPECTED, own_level(np.zeros(0)), 3.5) == EXPECTED
-    assert of_drive(EXPECTED, own_level(drive(-2.6)), -math.inf) == EXPECTED
+    assert of_drive(EXPECTED, level_of(np.full(5, NAN)), 3.5) == EXPECTED
+    assert of_drive(EXPECTED, level_of(np.zeros(0)), 3.5) == EXPECTED
+    assert of_drive(EXPECTED, level_of(drive(-2.6)), -math.inf) == EXPECTED
+
+
+def test_the_level_of_a_drive_is_that_of_its_busier_stretches_of_road():
+    frames = drive(-2.6, 600)
+    busy = frames + np.where(np.arange(600) // 100 % 3 == 1, 0.5, 0.0)  # ten seconds of thirty beside leaves
+    assert np.median(busy) == pytest.approx(-2.5, abs=0.06)
+    assert level_of(busy).level == pytest.approx(-2.1, abs=0.06)
+    assert level_of(busy[:30]).level == np.median(busy[:30]), "a drive shorter than a stretch is one"
+
+
+def test_what_lasts_for_a_small_share_of_a_drive_leaves_its_level():
+    frames = drive(-2.6, 600)
+    attacked = frames + np.where(np.arange(600) < 60, 4.0, 0.0)
+    assert level_of(attacked).level == pytest.approx(level_of(frames).level, abs=0.1)

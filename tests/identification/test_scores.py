@@ -178,7 +178,7 @@ def test_damage_is_looked_for_in_sensors_with_an_unusual_statistic():
 
 def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():
     thresholds = thresholds_from([clean("a", {LIT: 0.1}), clean("b", {LIT: 0.12})], CHECKS, 11, R)
-    own = for_drive(thresholds, [LIT], np.full((30, 1), 0.02))
+    own = for_drive(thresholds, [LIT], np.full((30, 1), 0.02), np.arange(30) * 10**8)
     assert own.expected[LIT].mean < thresholds.expected[LIT].mean
     assert {check: one for check, one in own.expected.items() if check != LIT} == {
         check: one for check, one in thresholds.expected.items() if check != LIT

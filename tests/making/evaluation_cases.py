@@ -157,7 +157,8 @@ def learnt(cases, keeps, system, r, drive):
         clean += [CleanFrames(recording, stamps, {}, statistics, {})] if kept else []
     thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, r)
     own = columns_of([case.statistics for case in cases["clean", drive]], system)
-    return for_drive(thresholds, system.sensor_checks, own)
+    stamps = np.array([case.stamp_ns for case in cases["clean", drive]], dtype=np.int64)
+    return for_drive(thresholds, system.sensor_checks, own, stamps)
 
 
 def columns_of(statistics, system):

@@ -224,7 +224,8 @@ def test_without_any_other_recording_the_thresholds_are_the_prior_and_its_own_fr
     system = system_of(RIG.sensors)
     prior = thresholds_from([], system.sensor_checks, system.judged_together, R)
     statistics = [case.statistics for case in cases]
-    own = for_drive(prior, system.sensor_checks, columns_of(statistics, system))
+    stamps = np.array([case.stamp_ns for case in cases], dtype=np.int64)
+    own = for_drive(prior, system.sensor_checks, columns_of(statistics, system), stamps)
     expected = judged_alone(statistics, system, own)
     for left_out in ("block", "recording"):  # all ten frames are one block
         of_it = [row for row in rows if row["left_out"] == left_out]

@@ -45,7 +45,8 @@ def verdict(request, attacked_frame):
         thresholds = thresholds_from([], checks, system.judged_together, Decimal("0.01"))
     else:
         thresholds = thresholds_from([], checks, system.judged_together, Decimal("0.001"))
-        thresholds = for_drive(thresholds, checks, np.array([attacked_frame.statistics({})], dtype=np.float64))
+        clean = np.array([attacked_frame.statistics({})], dtype=np.float64)
+        thresholds = for_drive(thresholds, checks, clean, np.zeros(1, dtype=np.int64))
 
     def judge(attacks):
         statistics = np.array([attacked_frame.statistics(attacks)], dtype=np.float64)
