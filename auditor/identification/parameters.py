@@ -104,7 +104,7 @@ class CausePriors:
     late_camera: tuple[float, ...] = parameter((-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
     late_lidar: tuple[float, ...] = parameter((-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
     displaced_camera: tuple[float, ...] = parameter((0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
-    displaced_lidar: tuple[float, ...] = parameter((-2.0, 0.27, 0.5, 1.2), unit=_OF_PRIOR, source=_TILTED)
+    displaced_lidar: tuple[float, ...] = parameter((-2.0, 0.25, 0.5, 1.15), unit=_OF_PRIOR, source=_TILTED)
     exposure: tuple[float, ...] = parameter((0.0, 0.15, 0.2), unit=_OF_PRIOR, source=_LEVELS)
     white_balance: tuple[float, ...] = parameter((0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_WARMTH)
     others: tuple[float, ...] = parameter((-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
@@ -200,6 +200,7 @@ class TemporalWindow:
     """Means of fault features over time, and where a run of frames ends."""
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
+    lasting_s: float = parameter(5.0, unit="s around a frame, of a sensor that has turned", source=_STRETCHES)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
 

@@ -100,6 +100,7 @@ def fault_scores(
 ) -> dict[CauseIn, Floats]:
     """(F,) score of each fault over the temporal window; 1 is just enough.
 
+    A sensor that has turned stays so: what seems to come and go within seconds are near edges beside the road.
     `stamp_ns` (F,) are the frames' stamps, `runs` (F,) number their runs where they are known. NaN where nothing was
     measured.
     """
@@ -117,8 +118,11 @@ def fault_scores(
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T) / FAULT_SCORES.glare
-    means = window_means(np.stack([*found.values()], axis=1), stamp_ns, TEMPORAL_WINDOW.seconds, runs)
-    return dict(zip(found, np.ascontiguousarray(means.T), strict=True))
+    lasting = np.array([cause is Cause.DISPLACED for cause, _ in found])
+    scores = np.stack([*found.values()], axis=1)
+    for those, seconds in ((~lasting, TEMPORAL_WINDOW.seconds), (lasting, TEMPORAL_WINDOW.lasting_s)):
+        scores[:, those] = window_means(scores[:, those], stamp_ns, seconds, runs)
+    return dict(zip(found, np.ascontiguousarray(scores.T), strict=True))
 
 
 def fault_hypotheses(
