@@ -19,8 +19,8 @@ from auditor.model.checks import IMAGE_CHECKS, Check
 _AT_ONCE = 4096
 """Frames whose windows are in memory at once."""
 
-BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS})
-"""The checks whose clean frames are raised in rows; those of the LiDAR by cameras are raised in single ones."""
+BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS, Check.POINT_DROPOUT, Check.LOST_RETURNS})
+"""The checks whose clean frames are raised in rows; LiDAR conflicts are raised in single ones."""
 
 
 def background(levels: Floats, limit: float) -> Floats:

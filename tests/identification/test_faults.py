@@ -173,6 +173,19 @@ def test_a_fault_score_is_a_mean_over_half_a_second():
     assert lagging[20] == pytest.approx(0.9 / 0.2 / 5)
 
 
+def test_the_score_of_a_sensor_that_has_turned_is_a_mean_over_five_seconds():
+    frames = 141
+    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
+    columns["rotated_only"], columns["unrotated_only"] = np.zeros((2, frames, 2))
+    columns["rotated_only"][65:75] = 90.0  # an edge beside the road: a second
+    stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
+    turned = fault_scores(ObservedFeatures(PAIRS, columns, CAMERAS, brightness(frames, 60.0, 0.0)), stamps_ns, SENSORS)[
+        Cause.DISPLACED, 0
+    ]
+    assert np.flatnonzero(turned > 1e-9).tolist() == list(range(40, 100))
+    assert turned.max() == pytest.approx(0.9 / 0.2 * 10 / 51)
+
+
 def test_a_rig_without_a_lidar_has_none_of_its_causes():
     found = fault_scores(seen(), STAMPS_NS, (1, 2, 3))
     assert {sensor for _, sensor in found} == {1, 2, 3, None}

@@ -88,7 +88,7 @@ def test_the_evidence_of_an_incident_must_exceed_the_score():
 def hovering(z, *, check, steady=2.9, begin=40, end=60):
     """Frames at 10 Hz in which a check of S_1 shows a level just below the limit, and from `begin` on more."""
     frames = 80
-    at = columns_of(0 if check is Check.LIDAR_CONFLICT else 1, check)
+    at = columns_of(0 if check in (Check.LIDAR_CONFLICT, Check.POINT_DROPOUT) else 1, check)
     values = np.full((frames, len(SYSTEM.sensor_checks)), -2.0)
     values[:, at], values[begin:end, at] = -2.0 + 0.5 * steady, -2.0 + 0.5 * z
     here = np.ones((frames, 4), dtype=np.bool_)
@@ -111,6 +111,11 @@ def test_what_is_hardly_more_than_the_check_showed_before_is_no_incident_however
 
 def test_what_is_much_more_than_the_check_showed_before_is_an_incident():
     assert incident_of(hovering(6.5, check=Check.ADDED_LIGHT))[:1] == [40]
+
+
+def test_points_that_a_wet_road_loses_for_seconds_are_no_incident():
+    assert not incident_of(hovering(4.2, check=Check.POINT_DROPOUT))
+    assert incident_of(hovering(4.2, check=Check.POINT_DROPOUT, steady=-1.0))
 
 
 def test_a_check_whose_clean_frames_do_not_come_in_rows_has_no_background():

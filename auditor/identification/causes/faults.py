@@ -42,7 +42,7 @@ from auditor.model.verdict import (
     VerdictKind,
 )
 
-LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds
+LONGEST_WINDOW_S = max(TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.lasting_s)
 """No fault score depends on frames further away than half of this."""
 
 MIN_FRAMES = FROZEN.least_repeats
