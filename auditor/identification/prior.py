@@ -174,14 +174,13 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
 def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
     """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any.
 
-    `of_stretches` (P,) are the medians of its stretches of road. Beside leaves or water a check shows more for seconds
-    than most of the road, so the level is that of the busier stretches.
+    `of_stretches` (P,) are the medians of those of its stretches of road in which some were measured. Beside leaves or
+    water a check shows more for seconds than most of the road, so the level is that of the busier stretches.
     """
     known = values[~np.isnan(values)]
     if not known.size:
         return None
-    level = np.quantile(of_stretches[~np.isnan(of_stretches)], HIERARCHY.of_stretches)
-    return OwnLevel(float(level), effective_size(known))
+    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(known))
 
 
 def of_drive(one: Expected, own: OwnLevel | None, limit: float) -> Expected:

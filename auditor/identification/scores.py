@@ -212,9 +212,8 @@ def for_clean_drive(
 def _own_levels(
     sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
 ) -> dict[SensorCheck, OwnLevel | None]:
-    odds = log_odds(statistics)
-    of_stretches = stretch_medians(odds, stamps_ns)
-    return dict(zip(sensor_checks, map(own_level, odds.T, of_stretches.T), strict=True))
+    columns = zip(sensor_checks, log_odds(statistics).T, strict=True)
+    return {check: own_level(odds, stretch_medians(odds, stamps_ns)) for check, odds in columns}
 
 
 def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:

@@ -214,10 +214,10 @@ def runs_of(stamp_ns: Integers) -> Integers:
 
 
 def stretch_medians(values: Floats, stamp_ns: Integers) -> Floats:
-    """(P, M) medians of the measured values in stretches of a drive, (F, M) of successive frames with stamps (F,).
+    """(P,) medians of the measured values in stretches of a drive, (F,) of successive frames with these stamps.
 
     A stretch has as many frames as are usual in its seconds, a few at least or all, and most of it is the next one's as
-    well. NaN where none of its values was measured.
+    well. Those in which nothing was measured have none.
     """
     F = len(stamp_ns)
     if not F:
@@ -227,10 +227,11 @@ def stretch_medians(values: Floats, stamp_ns: Integers) -> Floats:
     W = int(min(max(usual, HIERARCHY.fewest_of_stretch), F))
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
-    ordered = np.sort(sliding_window_view(values, W, axis=0)[first], axis=-1)  # NaN last
-    last = np.count_nonzero(~np.isnan(ordered), axis=-1, keepdims=True) - 1
-    middle = (np.take_along_axis(ordered, np.maximum(places, 0), axis=-1) for places in (last // 2, (last + 1) // 2))
-    return np.asarray(np.where(last < 0, np.nan, sum(middle) / 2)[..., 0])
+    stretches = np.sort(sliding_window_view(values, W)[first], axis=1)  # NaN last
+    measured = np.count_nonzero(~np.isnan(stretches), axis=1)
+    stretches, last = stretches[measured > 0], measured[measured > 0] - 1
+    at = np.arange(len(last))
+    return np.asarray((stretches[at, last // 2] + stretches[at, (last + 1) // 2]) / 2)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:
