@@ -155,7 +155,8 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
         narrowest, widest = ((times * prior.within) ** 2 for times in (HIERARCHY.narrowest, HIERARCHY.widest))
         within = min(max(within, narrowest), widest)
     far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (D - 1)
-    reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
+    of_prior = prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind)
+    reach = far * sqrt(of_prior)
     means = np.clip(seen.mean, prior.mean - reach, prior.mean + reach)
     weights = 1 / (prior.between**2 + within / seen.worth)
     weight = HIERARCHY.rig_kind / prior.between**2
@@ -165,7 +166,6 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     between *= 1 + 1 / (HIERARCHY.rig_kind + D)
     of_any_drive = within + between
     if not believed:
-        of_prior = prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind)
         of_any_drive = max(of_any_drive, HIERARCHY.narrowest_of_any**2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
     return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)

@@ -212,8 +212,8 @@ def for_clean_drive(
 def _own_levels(
     sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
 ) -> dict[SensorCheck, OwnLevel | None]:
-    columns = zip(sensor_checks, log_odds(statistics).T, strict=True)
-    return {check: own_level(odds, stretch_medians(odds, stamps_ns)) for check, odds in columns}
+    columns = log_odds(statistics).T
+    return dict(zip(sensor_checks, map(own_level, columns, stretch_medians(columns, stamps_ns)), strict=True))
 
 
 def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:

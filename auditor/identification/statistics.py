@@ -1,6 +1,6 @@
 """The statistics of the sensor checks, from counts on grids; and means of scores over the temporal window."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
 
@@ -213,25 +213,27 @@ def runs_of(stamp_ns: Integers) -> Integers:
     return np.asarray(np.cumsum((step < 0) | (step > TEMPORAL_WINDOW.gap_periods * usual)))
 
 
-def stretch_medians(values: Floats, stamp_ns: Integers) -> Floats:
-    """(P,) medians of the measured values in stretches of a drive, (F,) of successive frames with these stamps.
+def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[Floats]:
+    """Of each column (F,) of values the (P,) medians of what was measured in stretches of a drive, with F stamps.
 
     A stretch has as many frames as are usual in its seconds, a few at least or all, and most of it is the next one's as
     well. Those in which nothing was measured have none.
     """
     F = len(stamp_ns)
     if not F:
-        return values
+        yield from columns
+        return
     period = float(np.median(np.diff(stamp_ns))) if F > 1 else 0.0
     usual = HIERARCHY.stretch_s * NANOSECONDS / period if period > 0 else inf
     W = int(min(max(usual, HIERARCHY.fewest_of_stretch), F))
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
-    stretches = np.sort(sliding_window_view(values, W)[first], axis=1)  # NaN last
-    measured = np.count_nonzero(~np.isnan(stretches), axis=1)
-    stretches, last = stretches[measured > 0], measured[measured > 0] - 1
-    at = np.arange(len(last))
-    return np.asarray((stretches[at, last // 2] + stretches[at, (last + 1) // 2]) / 2)
+    for values in columns:
+        stretches = np.sort(sliding_window_view(values, W)[first], axis=1)  # NaN last
+        measured = np.count_nonzero(~np.isnan(stretches), axis=1)
+        stretches, last = stretches[measured > 0], measured[measured > 0] - 1
+        at = np.arange(len(last))
+        yield np.asarray((stretches[at, last // 2] + stretches[at, (last + 1) // 2]) / 2)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

@@ -240,7 +240,8 @@ def threshold_of(one, limit=3.5):
 
 def level_of(values):
     """The level of a drive at 10 Hz."""
-    return own_level(values, stretch_medians(values, np.arange(len(values)) * 10**8))
+    [medians] = stretch_medians([values], np.arange(len(values)) * 10**8)
+    return own_level(values, medians)
 
 
 def test_a_quiet_drive_has_a_mean_of_its_own_and_lower_thresholds():

@@ -303,10 +303,16 @@ def test_windows_are_those_of_the_parameters():
     assert (Window(6, 8, 200, 200), Window(6, 6, 40, 20)) == (IMAGE_WINDOW, CONFLICT_WINDOW)
 
 
+def medians_of(values, stamp_ns):
+    """Those of one column."""
+    [found] = stretch_medians([values], stamp_ns)
+    return found
+
+
 def test_stretches_have_the_frames_of_their_seconds_at_any_rate():
     values = np.arange(400.0)
     for period_ns, frames in ((10**8, 50), (5 * 10**7, 100), (10**9, 9), (10**10, 9)):
-        found = stretch_medians(values, np.arange(400) * period_ns)
+        found = medians_of(values, np.arange(400) * period_ns)
         assert (found[0], found[-1]) == ((frames - 1) / 2, 399 - (frames - 1) / 2)
         assert (np.diff(found) <= max(0.2 * frames, 2)).all(), "each begins within the one before"
 
@@ -315,15 +321,15 @@ def test_stretches_have_the_frames_of_their_seconds_at_any_rate():
     ("values", "median"), [([1.0, np.nan, 3.0, 5.0], [3.0]), ([5.0, 1.0, 2.0, 9.0], [3.5]), ([np.nan] * 4, [])]
 )
 def test_a_stretch_is_the_median_of_what_was_measured_in_it(values, median):
-    assert stretch_medians(np.array(values), np.arange(4) * 10**8).tolist() == median
+    assert medians_of(np.array(values), np.arange(4) * 10**8).tolist() == median
 
 
 def test_stretches_in_which_nothing_was_measured_have_no_median():
     values = np.full(200, np.nan)
     values[:10] = 2.0
-    assert stretch_medians(values, np.arange(200) * 10**8).tolist() == [2.0]
+    assert medians_of(values, np.arange(200) * 10**8).tolist() == [2.0]
 
 
 def test_a_drive_without_a_clock_is_one_stretch_and_none_has_none():
-    assert stretch_medians(np.arange(60.0), np.zeros(60, dtype=np.int64)).tolist() == [29.5]
-    assert stretch_medians(np.zeros(0), np.zeros(0, dtype=np.int64)).size == 0
+    assert medians_of(np.arange(60.0), np.zeros(60, dtype=np.int64)).tolist() == [29.5]
+    assert medians_of(np.zeros(0), np.zeros(0, dtype=np.int64)).size == 0
