@@ -20,7 +20,7 @@ _AT_ONCE = 4096
 """Frames whose windows are in memory at once."""
 
 BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS, Check.POINT_DROPOUT, Check.LOST_RETURNS})
-"""The checks whose clean frames are raised in rows; LiDAR conflicts are raised in single ones, light in rows in none."""
+"""The checks whose clean frames are raised in rows; LiDAR conflicts are in single ones, light in rows in none."""
 
 
 def background(levels: Floats, limit: float) -> Floats:
