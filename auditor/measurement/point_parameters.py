@@ -8,6 +8,7 @@ _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/causes.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
 _HOLES = "three real drives, streets 2000 to 2039, 5000 to 5041 and 6000 to 6017 (docs/decisions.md)"
+_FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and 9900 to 9939 (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
 
@@ -70,6 +71,12 @@ class LostReturns:
         0.1,
         unit="NCC at stereo's disparity less that at 0, where the sky is: it is no sky",
         source="streets 5000 to 5016, 6000 to 6017 and three real drives: 0.05, 0.1 and 0.2 tried (docs/decisions.md)",
+    )
+    foot_behind_m: float = parameter(
+        5.0, unit="m from a surface back to what returns next below it, at most: a car's length", source=_FEET
+    )
+    foot_nearer: float = parameter(
+        0.8, unit="of a surface's range: under an open sky the next return below it is as far at least", source=_FEET
     )
     least_crossed: float = parameter(0.25, unit="share of a cell row's columns with returns: scanned", source=_REMOVED)
     finer: int = parameter(2, unit="cells a cell of the count grid, and samples of surfaces", source=BY_HAND)

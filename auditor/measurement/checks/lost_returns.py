@@ -7,7 +7,9 @@ surface is lost only where a disc as wide as a vehicle's side holds no return at
 
 Two images may be wrong about what they see there. Along their rows a level edge, as the roof of a dark car, matches
 itself at any disparity. So the images have to match less well at that of the sky, 0, and what is seen stands on the
-road, not in it.
+road, not in it. Beside a facade the sky takes its disparity, and where the road falls away the sky begins below the
+LiDAR's horizon. So what is seen has to stand there: the next return below it is as far away, not of a field beyond or,
+under an open sky, of a hedge before it.
 """
 
 import math
@@ -37,13 +39,15 @@ class ScannedView:
 
     A hole is what lacks returns among others. `within_rad` (rows, columns) is how far each of its directions is from
     its edge, and `hole_rad` (rows, columns) the radius of the widest disc of the hole that covers the direction,
-    infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `scanned` (rows,) are the
-    rows between the horizon, or the LiDAR's uppermost beam, and its lowest; `road_m` is how far the road is below the
-    LiDAR; `span_px` are the columns of the view within its field.
+    infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `nearest_m` (rows, columns)
+    is how far the nearest return of each direction is, infinite without any. `scanned` (rows,) are the rows between the
+    horizon, or the LiDAR's uppermost beam, and its lowest; `road_m` is how far the road is below the LiDAR; `span_px`
+    are the columns of the view within its field.
     """
 
     within_rad: Floats32
     hole_rad: Floats32
+    nearest_m: Floats32
     scanned: Mask
     road_m: float
     span_px: tuple[float, float]
@@ -80,8 +84,10 @@ def scanned_view(view: LidarView) -> ScannedView:
     points = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
     ahead_m = np.hypot(points[0], points[2])
     place = _places(points, ahead_m)
-    hit = np.zeros((_ROWS, _COLUMNS), dtype=np.bool_)
-    hit.ravel()[place[place >= 0]] = True
+    inside = place >= 0
+    nearest_m = np.full((_ROWS, _COLUMNS), np.inf, dtype=np.float32)
+    np.minimum.at(nearest_m.ravel(), place[inside], np.sqrt(ahead_m * ahead_m + points[1] * points[1])[inside])
+    hit = np.isfinite(nearest_m)
     scanned = _scanned_rows(hit)
     scanned[:_HORIZON] = False
     within = np.zeros(hit.shape, dtype=np.float32)
@@ -91,7 +97,7 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    return ScannedView(within, hole, scanned, _road_m(points[1], ahead_m), view.span_px)
+    return ScannedView(within, hole, nearest_m, scanned, _road_m(points[1], ahead_m), view.span_px)
 
 
 def count_lost_returns(
@@ -106,8 +112,8 @@ def count_lost_returns(
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
     consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
-    a sector that lacks all returns. A sample that lacks returns and could be sky is none. `half_res` are the
-    half-resolution grey images of the reference and the source.
+    a sector that lacks all returns. A sample that lacks returns and could be sky, or stands on nothing, is none.
+    `half_res` are the half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
@@ -127,6 +133,7 @@ def count_lost_returns(
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
+    surface[lost] &= np.isinf(hole[lost]) | _stands(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
 
@@ -186,6 +193,20 @@ def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
     """
     below = below_m[below_m > LOST_RETURNS.steeply * ahead_m]
     return float(np.median(below)) if below.size else np.inf
+
+
+def _stands(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:
+    """(M,) mask of the surfaces, at places of the finer grid, that stand on what returns next below them.
+
+    That is the nearest return of three columns, in the first row that has any.
+    """
+    row, column = np.divmod(place, _COLUMNS)
+    above = np.arange(_ROWS) < row[:, None]
+    under_sky = ~(np.isfinite(nearest_m.T[column]) & above).any(axis=1)
+    beside = np.where(above, np.inf, cv2.erode(nearest_m, np.ones((1, 3), dtype=np.uint8)).T[column])
+    foot_m = beside[np.arange(len(place)), np.isfinite(beside).argmax(axis=1)]
+    hidden = under_sky & (foot_m < LOST_RETURNS.foot_nearer * range_m)
+    return np.asarray((foot_m <= range_m + LOST_RETURNS.foot_behind_m) & ~hidden)
 
 
 def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:

@@ -52,6 +52,33 @@ def test_a_hole_is_lost_below_the_horizon_but_for_a_patch_along_its_edge(lost):
         assert (cells.total[row, column] <= cells.valid[row, column]).all()
 
 
+@pytest.mark.parametrize(
+    ("foot", "sky", "found"),
+    [
+        (1.0, False, True),
+        (1.4, False, True),
+        (1.7, False, False),
+        (0.7, False, True),
+        (0.9, True, True),
+        (0.7, True, False),
+    ],
+)
+def test_what_is_seen_stands_on_what_returns_next_below_it(foot, sky, found):
+    # Beside a facade the sky takes its disparity: below lies a field far behind, or a hedge before it.
+    rig = plane_rig()
+    frame = plane_frame(rig, depth_m=DEPTH_M)
+    xyz = frame.cloud.xyz_m
+    left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
+    moved = xyz * np.where(up < -0.8 / DEPTH_M, foot, 1).astype(np.float32)[:, None]
+    kept = outside(left, up, 2.0, 1.6) & ((up < 0.8 / DEPTH_M) if sky else True)
+    cloud = PointCloud(frame.cloud.stamp_ns, moved[kept])
+    cells = measure(replace(frame, cloud=cloud), rig, SgbmMatcher())[0].cells
+    for i in (1, 2):
+        counted = cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)]
+        assert (counted.total.sum() > 150) == found
+        assert (counted.total.sum() > 0) == found
+
+
 def test_above_the_horizon_nothing_is_looked_at(lost):
     for cells in lost(lambda left, up: (np.abs(left) > 0.1) | (up < 0)):
         assert cells.total.sum() == 0
