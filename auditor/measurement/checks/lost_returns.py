@@ -9,7 +9,8 @@ Two images may be wrong about what they see there. Along their rows a level edge
 itself at any disparity. So the images have to match less well at that of the sky, 0, and what is seen stands on the
 road, not in it. Beside a facade the sky takes its disparity, and where the road falls away the sky begins below the
 LiDAR's horizon. So what is seen has to stand there: the next return below it is as far away, not of a field beyond or,
-under an open sky, of a hedge before it.
+under an open sky, of a hedge before it. And the next return above it is not of its own upper edge: a black car returns
+nothing from its doors, but does from its roof.
 """
 
 import math
@@ -112,8 +113,8 @@ def count_lost_returns(
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
     consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
-    a sector that lacks all returns. A sample that lacks returns and could be sky, or stands on nothing, is none.
-    `half_res` are the half-resolution grey images of the reference and the source.
+    a sector that lacks all returns. A sample that lacks returns and could be sky, stands on nothing, or returns in part,
+    is none. `half_res` are the half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
@@ -133,7 +134,7 @@ def count_lost_returns(
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
-    surface[lost] &= np.isinf(hole[lost]) | _stands(scanned.nearest_m, place[lost], range_m[lost])
+    surface[lost] &= np.isinf(hole[lost]) | _all_lost(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
 
@@ -195,18 +196,22 @@ def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
     return float(np.median(below)) if below.size else np.inf
 
 
-def _stands(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:
-    """(M,) mask of the surfaces, at places of the finer grid, that stand on what returns next below them.
+def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:
+    """(M,) mask of the surfaces, at places of the finer grid, that stand on what returns next below them, and are lost.
 
-    That is the nearest return of three columns, in the first row that has any.
+    Below that is the nearest return of three columns, in the first row that has any. What returns next above, below the
+    horizon and as far away as the surface, is a car's own roof: it is dark, and not all of it is lost.
     """
     row, column = np.divmod(place, _COLUMNS)
-    above = np.arange(_ROWS) < row[:, None]
-    under_sky = ~(np.isfinite(nearest_m.T[column]) & above).any(axis=1)
-    beside = np.where(above, np.inf, cv2.erode(nearest_m, np.ones((1, 3), dtype=np.uint8)).T[column])
-    foot_m = beside[np.arange(len(place)), np.isfinite(beside).argmax(axis=1)]
-    hidden = under_sky & (foot_m < LOST_RETURNS.foot_nearer * range_m)
-    return np.asarray((foot_m <= range_m + LOST_RETURNS.foot_behind_m) & ~hidden)
+    each, above = np.arange(len(place)), np.arange(_ROWS) < row[:, None]
+    over = np.where(above, nearest_m.T[column], np.inf)
+    under = np.where(above, np.inf, cv2.erode(nearest_m, np.ones((1, 3), dtype=np.uint8)).T[column])
+    roof = _ROWS - 1 - np.isfinite(over)[:, ::-1].argmax(axis=1)
+    roof_m, foot_m = over[each, roof], under[each, np.isfinite(under).argmax(axis=1)]
+    hidden = np.isinf(roof_m) & (foot_m < LOST_RETURNS.foot_nearer * range_m)
+    stands = (foot_m <= range_m + LOST_RETURNS.foot_behind_m) & ~hidden
+    dark = (roof >= _HORIZON) & (np.abs(roof_m - range_m) < LOST_RETURNS.as_far * range_m)
+    return np.asarray(stands & ~dark)
 
 
 def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:

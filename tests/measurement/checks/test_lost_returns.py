@@ -79,6 +79,22 @@ def test_what_is_seen_stands_on_what_returns_next_below_it(foot, sky, found):
         assert (counted.total.sum() > 0) == found
 
 
+def test_a_dark_car_that_returns_from_its_roof_is_not_lost():
+    rig = plane_rig()
+    frame = plane_frame(rig, depth_m=DEPTH_M)
+    xyz = frame.cloud.xyz_m
+    left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
+    kept = (np.abs(left) > 0.1) | (up > -0.03) | (up < -0.14)
+    lost = {}
+    for roof in (0.8, 1.0, 1.5):  # its range of that of the car's side
+        moved = xyz * np.where(up > -0.05, roof, 1).astype(np.float32)[:, None]
+        cells = measure(replace(frame, cloud=PointCloud(0, moved[kept])), rig, SgbmMatcher())[0].cells
+        lost[roof] = np.array([cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)].total.sum() for i in (1, 2)])
+    assert (lost[1.5] > 100).all()
+    assert (lost[0.8] == lost[1.5]).all()
+    assert (lost[1.0] < 0.4 * lost[1.5]).all(), "disparities of 9 px are some per cent off"
+
+
 def test_above_the_horizon_nothing_is_looked_at(lost):
     for cells in lost(lambda left, up: (np.abs(left) > 0.1) | (up < 0)):
         assert cells.total.sum() == 0
