@@ -78,6 +78,7 @@ class LostReturns:
     foot_nearer: float = parameter(
         0.8, unit="of a surface's range: under an open sky the next return below it is as far at least", source=_FEET
     )
+    foot_columns: int = parameter(3, unit="columns in which the next return below is looked for", source=BY_HAND)
     as_far: float = parameter(
         0.07, unit="of a surface's range: within it the next return above is the surface's own", source=_FEET
     )

@@ -113,8 +113,8 @@ def count_lost_returns(
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
     consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
-    a sector that lacks all returns. A sample that lacks returns and could be sky, stands on nothing, or returns in part,
-    is none. `half_res` are the half-resolution grey images of the reference and the source.
+    a sector that lacks all returns. A sample that lacks returns and could be sky, stands on nothing or returns in part is
+    none. `half_res` are the half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
@@ -199,13 +199,14 @@ def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
 def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:
     """(M,) mask of the surfaces, at places of the finer grid, that stand on what returns next below them, and are lost.
 
-    Below that is the nearest return of three columns, in the first row that has any. What returns next above, below the
+    Below that is the nearest return of some columns, in the first row that has any. What returns next above, below the
     horizon and as far away as the surface, is a car's own roof: it is dark, and not all of it is lost.
     """
     row, column = np.divmod(place, _COLUMNS)
     each, above = np.arange(len(place)), np.arange(_ROWS) < row[:, None]
     over = np.where(above, nearest_m.T[column], np.inf)
-    under = np.where(above, np.inf, cv2.erode(nearest_m, np.ones((1, 3), dtype=np.uint8)).T[column])
+    beside = cv2.erode(nearest_m, np.ones((1, LOST_RETURNS.foot_columns), dtype=np.uint8))
+    under = np.where(above, np.inf, beside.T[column])
     roof = _ROWS - 1 - np.isfinite(over)[:, ::-1].argmax(axis=1)
     roof_m, foot_m = over[each, roof], under[each, np.isfinite(under).argmax(axis=1)]
     hidden = np.isinf(roof_m) & (foot_m < LOST_RETURNS.foot_nearer * range_m)
