@@ -113,8 +113,8 @@ def count_lost_returns(
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
     consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
-    a sector that lacks all returns. A sample that lacks returns is none if it could be sky, stands on nothing or returns
-    in part. `half_res` are the half-resolution grey images of the reference and the source.
+    a sector that lacks all returns. One that lacks returns is none if it could be sky, stands on nothing or returns in
+    part. `half_res` are the half-resolution grey images of the reference and the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
