@@ -15,13 +15,18 @@ DEPTH_M = 10.0  # disparities of 18 and 9 px
 
 @pytest.fixture(scope="module")
 def lost():
-    """How many samples of surfaces, and which cells of the LiDAR's directions lack returns, in a cloud (N, 3)."""
+    """How many samples of surfaces, and which cells of the LiDAR's directions lack returns, in a cloud (N, 3).
+
+    Of its directions some are `kept`, and return from so many `times` as far away.
+    """
     rig = plane_rig()
     frame = plane_frame(rig, depth_m=DEPTH_M)
 
-    def of(kept):
+    def of(kept, times=lambda _left, up: np.ones_like(up)):
         xyz = frame.cloud.xyz_m
-        cloud = PointCloud(frame.cloud.stamp_ns, xyz[kept(xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0])])
+        left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
+        moved = xyz * times(left, up).astype(np.float32)[:, None]
+        cloud = PointCloud(frame.cloud.stamp_ns, moved[kept(left, up)])
         cells = measure(replace(frame, cloud=cloud), rig, SgbmMatcher())[0].cells
         return [cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)] for i in (1, 2)]
 
@@ -63,36 +68,28 @@ def test_a_hole_is_lost_below_the_horizon_but_for_a_patch_along_its_edge(lost):
         (0.7, True, False),
     ],
 )
-def test_what_is_seen_stands_on_what_returns_next_below_it(foot, sky, found):
+def test_what_is_seen_stands_on_what_returns_next_below_it(lost, foot, sky, found):
     # Beside a facade the sky takes its disparity: below lies a field far behind, or a hedge before it.
-    rig = plane_rig()
-    frame = plane_frame(rig, depth_m=DEPTH_M)
-    xyz = frame.cloud.xyz_m
-    left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
-    moved = xyz * np.where(up < -0.8 / DEPTH_M, foot, 1).astype(np.float32)[:, None]
-    kept = outside(left, up, 2.0, 1.6) & ((up < 0.8 / DEPTH_M) if sky else True)
-    cloud = PointCloud(frame.cloud.stamp_ns, moved[kept])
-    cells = measure(replace(frame, cloud=cloud), rig, SgbmMatcher())[0].cells
-    for i in (1, 2):
-        counted = cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)]
-        assert (counted.total.sum() > 150) == found
-        assert (counted.total.sum() > 0) == found
+    for cells in lost(
+        lambda left, up: outside(left, up, 2.0, 1.6) & ((up < 0.8 / DEPTH_M) if sky else True),
+        lambda _left, up: np.where(up < -0.8 / DEPTH_M, foot, 1),
+    ):
+        assert (cells.total.sum() > 150) == found
+        assert (cells.total.sum() > 0) == found
 
 
-def test_a_dark_car_that_returns_from_its_roof_is_not_lost():
-    rig = plane_rig()
-    frame = plane_frame(rig, depth_m=DEPTH_M)
-    xyz = frame.cloud.xyz_m
-    left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
-    kept = (np.abs(left) > 0.1) | (up > -0.03) | (up < -0.14)
-    lost = {}
-    for roof in (0.8, 1.0, 1.5):  # its range of that of the car's side
-        moved = xyz * np.where(up > -0.05, roof, 1).astype(np.float32)[:, None]
-        cells = measure(replace(frame, cloud=PointCloud(0, moved[kept])), rig, SgbmMatcher())[0].cells
-        lost[roof] = np.array([cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)].total.sum() for i in (1, 2)])
-    assert (lost[1.5] > 100).all()
-    assert (lost[0.8] == lost[1.5]).all()
-    assert (lost[1.0] < 0.4 * lost[1.5]).all(), "disparities of 9 px are some per cent off"
+def test_a_dark_car_that_returns_from_its_roof_is_not_lost(lost):
+    def with_roof(times):
+        """The samples that are lost where the roof is so many times as far away as the car's side."""
+        cells = lost(
+            lambda left, up: (np.abs(left) > 0.1) | (up > -0.03) | (up < -0.14),
+            lambda _left, up: np.where(up > -0.05, times, 1),
+        )
+        return np.array([one.total.sum() for one in cells])
+
+    assert (with_roof(1.5) > 100).all()
+    assert (with_roof(0.8) == with_roof(1.5)).all()
+    assert (with_roof(1.0) < 0.4 * with_roof(1.5)).all(), "disparities of 9 px are some per cent off"
 
 
 def test_above_the_horizon_nothing_is_looked_at(lost):
