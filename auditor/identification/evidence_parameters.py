@@ -9,6 +9,7 @@ _TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 
 _CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
 _AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
 _PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
+_FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/incidents.md)"
 _BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
@@ -67,9 +68,9 @@ class Incidents:
         0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
     )
     peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
-    prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_PEAKS)
-    prior_hours: float = parameter(0.083, unit="hours of clean driving, of the prior", source=_PEAKS)
-    prior_scale: float = parameter(0.36, unit="mean of what such peaks exceed it by", source=_PEAKS)
+    prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_FULL_SIZE)
+    prior_hours: float = parameter(0.25, unit="hours of clean driving, of the prior", source=_FULL_SIZE)
+    prior_scale: float = parameter(0.42, unit="mean of what such peaks exceed it by", source=_FULL_SIZE)
     gap_s: float = parameter(
         0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
     )
