@@ -70,7 +70,7 @@ class Incidents:
     peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
     prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_FULL_SIZE)
     prior_hours: float = parameter(0.25, unit="hours of clean driving, of the prior", source=_FULL_SIZE)
-    prior_scale: float = parameter(0.42, unit="mean of what such peaks exceed it by", source=_FULL_SIZE)
+    prior_scale: float = parameter(0.46, unit="mean of what such peaks exceed it by", source=_FULL_SIZE)
     gap_s: float = parameter(
         0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
     )
