@@ -82,6 +82,7 @@ PICTURES = (
     Picture("crowns", 9035, 2, 1, frames=250),
     Picture("shadows-on-a-white-wall", 9000, 78, 1, cameras=THREE, frames=250),
     Picture("sky-at-the-edge", 9061, 77, 2, cameras=THREE, frames=250),
+    Picture("sun-behind-a-tree", 10195, 75, 2, frames=100),
 )
 
 
