@@ -228,29 +228,41 @@ def _create_stored(
     """
     name, manifest = schema.name, LARGE.get(schema.name)
     mixed = manifest is None or _versions(filling.connection, manifest) > 1
-    nothing = f"SELECT {', '.join(f'NULL::{c.type} AS {c.name}' for c in schema.columns)} WHERE false"
-    rows = _select(filling, schema, f"raw_{name}", alone, mixed=mixed) or nothing
     kind = "VIEW" if name in LARGE else "TABLE"
     if packs:
-        filling.create(kind, f"raw_{name}_alone", rows)
+        _create_of_files(filling, kind, f"raw_{name}_alone", schema, alone, mixed=mixed)
+        _create_of_files(filling, "VIEW", f"raw_{name}_packs", schema, packs, mixed=mixed)
         filling.create("TABLE", f"raw_{name}_hidden", "SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
-        packed = _select(filling, schema, f"raw_{name}_packs", packs, mixed=mixed)
         counting = f" ANTI JOIN raw_{name}_hidden ON {ID_COLUMNS[name]} = id" if hidden else ""
-        kind, rows = "VIEW", f"FROM raw_{name}_alone UNION ALL {packed}{counting}"
-    filling.create(kind, f"stored_{name}", rows)  # our own names
+        both = f"FROM raw_{name}_alone UNION ALL FROM raw_{name}_packs{counting}"
+        filling.create("VIEW", f"stored_{name}", both)  # our own names
+    else:
+        _create_of_files(filling, kind, f"stored_{name}", schema, alone, mixed=mixed)
     filling.readable.extend([*(alone if name in LARGE else ()), *packs])
 
 
-def _select(filling: _Filling, schema: TableSchema, raw: str, names: list[str], *, mixed: bool) -> str:
-    """SQL of the rows of some files; empty where there are none."""
-    if not names:
-        return ""
+def _create_of_files(
+    filling: _Filling, kind: str, name: str, schema: TableSchema, files: list[str], *, mixed: bool
+) -> None:
+    """A table or view of the rows of some files, with the columns of the schema."""
     # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
-    listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
-    filling.create("VIEW", raw, f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
-    present = {name for name, *_ in filling.connection.execute(f"DESCRIBE {raw}").fetchall()}
-    columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
-    return f"SELECT {columns} FROM {raw}"  # noqa: S608  # our own names
+    listed = ", ".join(f"'{file}'" for file in files)  # our own names: <table>/<id>
+    rows = f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})"
+    if not files:
+        filling.create(kind, name, _select(schema, "WHERE false", present=()))
+        return
+    try:
+        filling.create(kind, name, _select(schema, rows))
+    except duckdb.BinderException:  # an earlier version wrote fewer columns; to ask each time takes twice as long
+        present = {column for column, *_ in filling.connection.execute(f"DESCRIBE {rows}").fetchall()}
+        filling.create(kind, name, _select(schema, rows, present))
+
+
+def _select(schema: TableSchema, rows: str, present: Collection[str] | None = None) -> str:
+    """SQL of the schema's columns of these rows; those that are not `present` are NULL."""
+    have = {column.name for column in schema.columns} if present is None else present
+    columns = ", ".join(f"{c.name if c.name in have else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
+    return f"SELECT {columns} {rows}"  # our own names
 
 
 def _create_pictures(filling: _Filling, files: list[str]) -> None:
