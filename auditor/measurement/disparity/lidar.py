@@ -86,11 +86,15 @@ def _nearest(
 ) -> Indices:
     """Of (M,) points in view the nearest of each pixel, pixel by pixel, row by row."""
     pixel = row * camera.width_px + column
-    order = np.argsort(-depth)  # far to near: of several points in a pixel the last, nearest stays
-    owner = np.empty(camera.height_px * camera.width_px, dtype=np.intp)
-    owner[pixel[order]] = points[order]
-    pixel.sort()
-    return np.asarray(owner[pixel[np.diff(pixel, prepend=-1) > 0]])
+    least = np.full(camera.height_px * camera.width_px, np.inf, dtype=np.float32)
+    np.minimum.at(least, pixel, depth)
+    chosen = np.flatnonzero(depth == least.take(pixel))
+    taken = np.sort(pixel[chosen])
+    if (taken[1:] == taken[:-1]).any():  # several of a pixel are equally near: the last of all from far to near stays
+        chosen, taken = np.argsort(-depth), np.unique(taken)
+    owner = np.empty(least.size, dtype=np.intp)
+    owner[pixel[chosen]] = points[chosen]
+    return np.asarray(owner[taken])
 
 
 def _span(u_px: Floats32) -> tuple[float, float]:
@@ -98,7 +102,8 @@ def _span(u_px: Floats32) -> tuple[float, float]:
     if not u_px.size:
         return 0.0, 0.0
     few = int(LIDAR_PROJECTION.beside_span * u_px.size)
-    first, last = (float(np.partition(u_px, place)[place]) for place in (few, u_px.size - 1 - few))
+    places = few, u_px.size - 1 - few
+    first, last = np.partition(u_px, places)[[*places]].tolist()
     return first, last
 
 

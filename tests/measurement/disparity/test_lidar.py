@@ -35,6 +35,14 @@ def test_of_two_points_in_one_pixel_the_nearer_is_kept() -> None:
     assert view.returns == 3
 
 
+def test_of_points_equally_near_in_one_pixel_one_is_kept_and_all_others_stay_as_they_are() -> None:
+    rig, others = plane_rig(), [at(u, 10.0, 9.0 + u / 100) for u in range(10, 60, 5)]
+    alone = lidar_view(cloud(*others), rig, 3)
+    view = lidar_view(cloud((8.0, 0.0, 0.0), *others, (20.0, 0.0, 0.0), (8.0, 0.001, 0.0)), rig, 3)
+    assert [x for x, y, z in view.point_m.tolist() if z == 0] == [8.0]
+    np.testing.assert_array_equal(view.point_m[view.point_m[:, 2] != 0], alone.point_m)
+
+
 def test_a_point_that_a_nearer_neighbour_hides_is_dropped_and_a_distant_one_is_not() -> None:
     near, hidden, beside = (8.0, 0.0, 0.0), (40.0, 0.4, 0.0), (40.0, 4.0, 0.0)  # 0, 3 and 30 px to the left
     view = lidar_view(cloud(near, hidden, beside), plane_rig(), 3)
