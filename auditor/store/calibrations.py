@@ -171,7 +171,7 @@ def read_calibration(path: Path) -> Calibration:
 
 def _read(parts: "_Parts") -> Calibration:
     path, groups = parts.path, parts.groups
-    first = next((row for group in range(groups) for row in parts.rows(group, _HEAD)), None)
+    first = next((row for group in range(groups) for row in parts.rows(group, _HEAD, most=1)), None)
     if first is None:
         raise ThresholdsError("the calibration has no samples", where=path, remedy=_AGAIN)
     causes = False
@@ -215,6 +215,7 @@ def _read(parts: "_Parts") -> Calibration:
 _HEAD = ("calibration_id", "rig_kind", "matcher", "settings", "counting_version", "calibrated_at")
 _PART = ("part", "recording_id", "stamps_ns", "statistic", "i", "j", "k", "sensor", "others", "versions", "clean")
 _CAUSES = frozenset(Cause)
+_ERRORS = frozenset(Statistic)
 
 
 class _Parts:
@@ -229,9 +230,9 @@ class _Parts:
         """How many row groups the file has."""
         return row_groups(self.path)
 
-    def rows(self, group: int, columns: Sequence[str]) -> list[dict[str, Any]]:
-        """Some columns of the rows of a row group."""
-        return listed(read_table("calibrations", self.path, columns, group=group), self.path)
+    def rows(self, group: int, columns: Sequence[str], most: int | None = None) -> list[dict[str, Any]]:
+        """Some columns of the rows of a row group, or of its first ones."""
+        return listed(read_table("calibrations", self.path, columns, group=group).slice(0, most), self.path)
 
     def clean(self, part: int, groups: Sequence[int]) -> CleanFrames:
         """A recording, whose rows these row groups have."""
@@ -347,12 +348,14 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
     features: dict[tuple[str, Pair], NDArray[np.float64]] = {}
     brightness: dict[tuple[str, int], NDArray[np.float64]] = {}
     returns = np.zeros(0)
-    rows = listed(content.drop_columns(["clean", "stamps_ns"]), path)
+    # Whole lists and maps would become Python's in every row; what is the same in all of them is read once.
+    rows = listed(content.drop_columns(["clean", "stamps_ns", "versions"]), path)
+    [same] = listed(content.select(["stamps_ns", "versions"]).slice(0, 1), path)
     for row, values in zip(rows, content["clean"], strict=True):
         what, i, k, column = row["statistic"], row["i"], row["k"], _column(values)
-        if what in set(Statistic):
+        if what in _ERRORS:
             errors[Statistic(what), Triple(i, row["j"], k)] = column
-        elif what in set(Cause):
+        elif what in _CAUSES:
             fault_scores[Cause(what), i] = column
         elif what in flags:
             flags[what][i] = column > 0
@@ -366,10 +369,9 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
             unmasked[_sensor_check(row, what.removesuffix(_UNMASKED))] = column
         else:
             statistics[_sensor_check(row, what)] = column
-    stamps_ns = np.array(content["stamps_ns"][0].as_py(), dtype=np.int64)
     return CleanFrames(
         rows[0]["recording_id"],
-        stamps_ns,
+        np.array(same["stamps_ns"], dtype=np.int64),
         errors,
         statistics,
         fault_scores,
@@ -379,7 +381,7 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
         features,
         brightness,
         returns,
-        dict(rows[0]["versions"] or {}),
+        dict(same["versions"] or {}),
     )
 
 

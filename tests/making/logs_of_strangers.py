@@ -194,7 +194,7 @@ class _Maker:
 
     def __init__(self, *, ros1: bool) -> None:
         self._ros1 = ros1
-        self.types = _ros1_types() if ros1 else get_typestore(Stores.ROS2_HUMBLE)
+        self.types = _ros1_types() if ros1 else _ros2_types()
 
     def definition(self, schema: str) -> str:
         name = schema.replace("/", "/msg/")
@@ -311,6 +311,12 @@ def _quaternion(R: NDArray[np.float64]) -> tuple[float, float, float, float]:
     w = float(np.sqrt(max(0.0, 1 + np.trace(R)))) / 2
     x, y, z = ((R[2, 1] - R[1, 2]) / (4 * w), (R[0, 2] - R[2, 0]) / (4 * w), (R[1, 0] - R[0, 1]) / (4 * w))
     return float(x), float(y), float(z), w
+
+
+@cache
+@cache
+def _ros2_types() -> Typestore:
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 @cache

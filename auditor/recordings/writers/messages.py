@@ -1,6 +1,7 @@
 """ROS messages made from pixels, points and geometry, for either version of ROS."""
 
 from collections.abc import Mapping
+from functools import cache
 from math import nan
 from typing import Any, Literal
 
@@ -14,6 +15,7 @@ from auditor.model.optics.lenses import NO_LENS, POLYNOMIAL, Lens
 from auditor.model.poses import Pose
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture
+from auditor.recordings.decoding.ros import known_types
 
 Form = Literal["raw", "png", "jpeg"]
 
@@ -27,7 +29,7 @@ class MessageMaker:
 
     def __init__(self, encoding: Literal["cdr", "ros1"]) -> None:
         self.encoding = encoding
-        self.store = _ros1_store() if encoding == "ros1" else get_typestore(Stores.ROS2_HUMBLE)
+        self.store = _ros1_store() if encoding == "ros1" else known_types()
         self._definitions: dict[str, str] = {}
 
     def serialise(self, schema: str, message: object) -> bytes:
@@ -169,6 +171,7 @@ class MessageMaker:
         return self.store.types[schema](**fields)
 
 
+@cache  # it compiles what serialises a type when it is first asked to
 def _ros1_store() -> Typestore:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", schemas.TRANSFORMS))
