@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store, StoredJudgement
+    from auditor.store.sql_files import SqlFile
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -123,16 +124,18 @@ def show_audit(
     decided: list[Decided] = []
     if store is not None:
         asked = store if judged is None else _asked(store, judged, show_known=show_known)
-        answers = run_sqls(
-            asked, {"summary": query("summary"), "incidents": query("incidents"), "single_frames": _SINGLE_FRAMES}
-        )
+        questions: dict[str, str | SqlFile] = {"summary": query("summary"), "single_frames": _SINGLE_FRAMES}
+        if judged is None or any(one.found for one in judged):  # it takes longer than all else that a clean scan asks
+            questions["incidents"] = query("incidents")
+        answers = run_sqls(asked, questions)
         summary = answers["summary"]
         every = recording_ids is None
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
         rows = rows_of(summary)
         allowed = policy or policy_of(None)
-        decided = _decided(rows_of(answers["incidents"]), {row["measurement_id"] for row in rows}, allowed)
+        incidents = rows_of(answers["incidents"]) if "incidents" in answers else []
+        decided = _decided(incidents, {row["measurement_id"] for row in rows}, allowed)
         earlier = {one.measurement_id: one.judgement for one in judged or () if one.found and one.judgement is not None}
         for row in rows:
             earlier.pop(row["measurement_id"], None)
