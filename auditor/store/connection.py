@@ -245,12 +245,12 @@ def _create_of_files(
     filling: _Filling, kind: str, name: str, schema: TableSchema, files: list[str], *, mixed: bool
 ) -> None:
     """A table or view of the rows of some files, with the columns of the schema."""
-    # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
-    listed = ", ".join(f"'{file}'" for file in files)  # our own names: <table>/<id>
-    rows = f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})"
     if not files:
         filling.create(kind, name, _select(schema, "WHERE false", present=()))
         return
+    # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
+    listed = ", ".join(f"'{file}'" for file in files)  # our own names: <table>/<id>
+    rows = f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})"
     try:
         filling.create(kind, name, _select(schema, rows))
     except duckdb.BinderException:  # an earlier version wrote fewer columns; to ask each time takes twice as long

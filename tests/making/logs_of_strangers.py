@@ -314,7 +314,6 @@ def _quaternion(R: NDArray[np.float64]) -> tuple[float, float, float, float]:
 
 
 @cache
-@cache
 def _ros2_types() -> Typestore:
     return get_typestore(Stores.ROS2_HUMBLE)
 

@@ -102,8 +102,8 @@ def _span(u_px: Floats32) -> tuple[float, float]:
     if not u_px.size:
         return 0.0, 0.0
     few = int(LIDAR_PROJECTION.beside_span * u_px.size)
-    places = few, u_px.size - 1 - few
-    first, last = np.partition(u_px, places)[[*places]].tolist()
+    places = [few, u_px.size - 1 - few]
+    first, last = np.partition(u_px, places)[places].tolist()
     return first, last
 
 
