@@ -6,14 +6,14 @@
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
 5. Clean frames that are raised come in rows, where a stretch of road is hard: what exceeds its background alone speaks
-   for an incident (`background`), and it has to be evidence of one and the same sensor. Most of them are explained by a
-   fault as well: such evidence counts for a share, and an attack is an incident by the frames that no fault explains
-   (`Excursion.peak`).
+   for an incident (`background`), and it has to be evidence of one and the same sensor, in as many findings as an
+   incident needs (`Excursion.own`). Most of them are explained by a fault as well: such evidence counts for a share,
+   and an attack is an incident by the frames that no fault explains (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, log
@@ -34,10 +34,11 @@ class Excursion:
     """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
 
     `peak` is of the sensor whose sum is the largest: of the evidence beyond the background that no fault explains, or
-    a share of all that is beyond it.
+    a share of all that is beyond it. `own` are the places at which that evidence of that sensor rose.
     """
 
     rises: tuple[int, ...]
+    own: tuple[int, ...]
     peak: float
 
 
@@ -131,9 +132,9 @@ def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
 def excursions(evidence: Evidence) -> Iterator[Excursion]:
     """The excursions of the sum from zero, in order; it begins anew with each run."""
     for run in _places(evidence.runs):
-        own = slice(run.start, run.stop)
-        frames = zip(evidence.added[own].tolist(), evidence.beyond[own], evidence.unexplained[own], strict=True)
-        yield from _of_run(run, frames, _quiet_frames(evidence, run.start))
+        added = evidence.added[run.start : run.stop].tolist()
+        for rises in _rises(run, added, _quiet_frames(evidence, run.start)):
+            yield _excursion(evidence, rises)
 
 
 def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
@@ -141,24 +142,23 @@ def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
 
     Of clean drives: `incident_limit` follows from them.
     """
-    return [one.peak for one in excursions(evidence) if _enough(evidence, [p for p in one.rises if raised[p]])]
+    return [one.peak for one in excursions(evidence) if _enough(evidence, one, raised)]
 
 
 def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | None) -> list[Event]:
     """The events of F frames in the order of time, where the sum exceeds the `limit`.
 
-    Some frames of an incident must be findings by themselves, as the flags `raised` (F,) say: two at least, and as many
-    as are worth most of an independent one. A raised frame that belongs to no incident is a single-frame event where
-    clean frames are as strong less than `per_hour`, which is the usual rate where it is None.
+    Some frames that speak for the sensor of its peak must be findings by themselves, as the flags `raised` (F,) say:
+    two at least, and as many as are worth most of an independent one. A raised frame that belongs to no incident is a
+    single-frame event where clean frames are as strong less than `per_hour`, which is the usual rate where it is None.
     """
     strong = raised & (evidence.ratios > _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour))
     found: list[Event] = []
     for excursion in excursions(evidence):
-        own = [place for place in excursion.rises if raised[place]]
-        if excursion.peak > limit and _enough(evidence, own):
+        if excursion.peak > limit and _enough(evidence, excursion, raised):
             found.append(Event(excursion.rises))
         else:
-            found += [Event((place,), single=True) for place in own if strong[place]]
+            found += [Event((place,), single=True) for place in excursion.rises if strong[place]]
     return found
 
 
@@ -197,11 +197,12 @@ def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), h
     return least + max(scale * log(rate / allowed), 0.0)
 
 
-def _enough(evidence: Evidence, findings: Sequence[int]) -> bool:
-    """Whether the findings of an excursion, at these places, are enough for an incident."""
+def _enough(evidence: Evidence, excursion: Excursion, raised: Flags) -> bool:
+    """Whether enough of what speaks for the peak of an excursion are findings, as an incident needs."""
+    findings = [place for place in excursion.own if raised[place]]
     if len(findings) < INCIDENTS.fewest_frames:
         return False
-    return bool(evidence.worth[list(findings)].sum() >= INCIDENTS.fewest_worth)
+    return bool(evidence.worth[findings].sum() >= INCIDENTS.fewest_worth)
 
 
 def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
@@ -213,26 +214,40 @@ def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
 
 
-def _of_run(run: range, added: Iterable[tuple[float, Floats, Floats]], quiet: int) -> Iterator[Excursion]:
-    """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run.
+def _rises(run: range, added: Sequence[float], quiet: int) -> Iterator[list[int]]:
+    """The places at which the sum rises in each excursion of one run, in which its frames add so much.
 
-    `added` are what each frame adds, what of it is beyond the background by sensor, and what of that no fault explains.
+    One ends at zero, where the sum has not risen for `quiet` frames, and with the run.
     """
-    total, peak, rises = 0.0, 0.0, list[int]()
-    beyond = unexplained = np.zeros(1)
-    for place, (more, over, own) in zip(run, added, strict=True):
+    total, rises = 0.0, list[int]()
+    for place, more in zip(run, added, strict=True):
         if rises and (total + more <= 0 or (more <= 0 and place - rises[-1] > quiet)):
-            yield Excursion(tuple(rises), peak)
-            total, peak, rises = 0.0, 0.0, []
-            beyond = unexplained = np.zeros(1)
+            yield rises
+            total, rises = 0.0, []
         elif rises or more > 0:
             total += more
-            beyond, unexplained = np.maximum(beyond + over, 0.0), np.maximum(unexplained + own, 0.0)
-            peak = max(peak, float(unexplained.max()), INCIDENTS.explained_share * float(beyond.max()))
             if more > 0:
                 rises.append(place)
     if rises:
-        yield Excursion(tuple(rises), peak)
+        yield rises
+
+
+def _excursion(evidence: Evidence, rises: Sequence[int]) -> Excursion:
+    """The excursion whose sum rises at these places; the sums of sensors begin and end with it."""
+    span = slice(rises[0], rises[-1] + 1)
+    unexplained, beyond = (_highest(one[span]) for one in (evidence.unexplained, evidence.beyond))
+    of_faults = INCIDENTS.explained_share * beyond
+    peaks = np.maximum(unexplained, of_faults)
+    sensor = int(np.argmax(peaks))
+    speaking = (evidence.unexplained if unexplained[sensor] >= of_faults[sensor] else evidence.beyond)[:, sensor]
+    return Excursion(tuple(rises), tuple(place for place in rises if speaking[place] > 0), float(peaks[sensor]))
+
+
+def _highest(added: Floats) -> Floats:
+    """(S,) the largest that the sums of (F, S) numbers become, which are never below zero."""
+    total = np.cumsum(added, axis=0)
+    lowest = np.minimum(np.minimum.accumulate(total, axis=0), 0.0)
+    return np.asarray((total - lowest).max(axis=0))
 
 
 def _quiet_frames(evidence: Evidence, place: int) -> int:

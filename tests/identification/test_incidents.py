@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.background import background, levels_before
+from auditor.identification.background import background, least_background, levels_before
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
@@ -22,6 +22,7 @@ from auditor.identification.incidents import (
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import runs_of
+from auditor.model.checks import Check, SensorCheck
 
 CHECKS = 25
 LIMIT = joint_limit(INCIDENTS.tail_rate, CHECKS)
@@ -127,6 +128,23 @@ def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_what_is_bey
 def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
     (one,) = excursions(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
     assert (one.rises, one.peak) == ((0, 1, 2), 3.0)
+
+
+def test_what_speaks_for_the_peak_is_evidence_of_its_sensor():
+    (one,) = excursions(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
+    assert one.own == (0, 2)
+    (one,) = excursions(added(2, 2, 2, unexplained=[0, 2, 0]))
+    assert one.own == (1,), "what a fault explains does not speak for what none explains"
+    (one,) = excursions(added(2, 2, 2, unexplained=[0, 0, 0]))
+    assert one.own == (0, 1, 2), "all of it is of a fault"
+
+
+def test_findings_of_other_sensors_make_no_incident_of_one():
+    raised = np.ones(4, dtype=np.bool_)
+    in_turn = [[9, -1], [9, -1], [-1, 9], [-1, 9]]
+    assert events(added(9, 9, 9, 9, beyond=in_turn, worth=0.3), raised, 1.0, None) == []
+    one_more = [[9, -1], [9, -1], [-1, 9], [9, -1]]
+    assert events(added(9, 9, 9, 9, beyond=one_more, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3))]
 
 
 def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
@@ -307,5 +325,16 @@ def test_many_places_are_asked_about_a_part_at_a_time():
 
 def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_than_a_bound():
     least, most, over = INCIDENTS.least_background, INCIDENTS.most_background, INCIDENTS.over_background
-    raised = background(np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0]), LIMIT)
-    assert raised.tolist() == pytest.approx([least, least, 1.0, most])
+    levels = np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0])
+    assert background(levels, LIMIT, np.full(4, least)).tolist() == pytest.approx([least, least, 1.0, most])
+
+
+def test_light_that_only_cameras_of_another_spectrum_see_has_to_exceed_the_limit_by_more():
+    usual, unlike = INCIDENTS.least_background, INCIDENTS.least_by_unlike
+    assert usual < unlike <= INCIDENTS.most_background
+    lit = [SensorCheck(Check.ADDED_LIGHT, camera, others) for camera, others in ((1, (2, 3)), (2, (1, 3)), (3, (1, 2)))]
+    changed = SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 2, (1, 3))
+    assert least_background([*lit, changed], {2}).tolist() == [usual, unlike, usual, usual], "colours among grey ones"
+    assert least_background([*lit, changed], {1, 3}).tolist() == [usual, unlike, usual, usual], "grey among colours"
+    for alike in (set(), {1, 2, 3}):
+        assert least_background([*lit, changed], alike).tolist() == [usual] * 4
