@@ -40,8 +40,8 @@ def least_background(checks: Sequence[SensorCheck], coloured: Collection[int]) -
 
 def _least(one: SensorCheck, coloured: Collection[int]) -> float:
     own = one.sensor in coloured
-    unlike = one.check is Check.ADDED_LIGHT and all((other in coloured) != own for other in one.others)
-    return INCIDENTS.least_by_unlike if unlike else INCIDENTS.least_background
+    alone = one.check is Check.ADDED_LIGHT and all((other in coloured) != own for other in one.others)
+    return INCIDENTS.least_by_other_spectrum if alone else INCIDENTS.least_background
 
 
 def levels_before(z: Floats, periods_s: Floats, runs: Integers, places: Integers) -> Floats:

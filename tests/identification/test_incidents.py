@@ -330,11 +330,11 @@ def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_th
 
 
 def test_light_that_only_cameras_of_another_spectrum_see_has_to_exceed_the_limit_by_more():
-    usual, unlike = INCIDENTS.least_background, INCIDENTS.least_by_unlike
-    assert usual < unlike <= INCIDENTS.most_background
+    usual, raised = INCIDENTS.least_background, INCIDENTS.least_by_other_spectrum
+    assert usual < raised <= INCIDENTS.most_background
     lit = [SensorCheck(Check.ADDED_LIGHT, camera, others) for camera, others in ((1, (2, 3)), (2, (1, 3)), (3, (1, 2)))]
     changed = SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 2, (1, 3))
-    assert least_background([*lit, changed], {2}).tolist() == [usual, unlike, usual, usual], "colours among grey ones"
-    assert least_background([*lit, changed], {1, 3}).tolist() == [usual, unlike, usual, usual], "grey among colours"
+    assert least_background([*lit, changed], {2}).tolist() == [usual, raised, usual, usual], "colours among grey ones"
+    assert least_background([*lit, changed], {1, 3}).tolist() == [usual, raised, usual, usual], "grey among colours"
     for alike in (set(), {1, 2, 3}):
         assert least_background([*lit, changed], alike).tolist() == [usual] * 4
