@@ -7,7 +7,6 @@ Johnson, RCA Review 1968), with two differences: the level is bounded, since an 
 is never below the limit that all clean roads share.
 """
 
-from collections.abc import Collection, Sequence
 from math import ceil
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Floats, Integers
-from auditor.model.checks import IMAGE_CHECKS, Check, SensorCheck
+from auditor.model.checks import IMAGE_CHECKS, Check
 
 _AT_ONCE = 4096
 """Frames whose windows are in memory at once."""
@@ -24,24 +23,9 @@ BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS, Check.POINT
 """The checks whose clean frames are raised in rows; LiDAR conflicts are in single ones, light in rows in none."""
 
 
-def background(levels: Floats, limit: float, least: Floats) -> Floats:
-    """By how much z the limit is raised where checks showed such `levels` before; by the `least` where of -inf."""
-    return np.clip(levels + INCIDENTS.over_background - limit, least, INCIDENTS.most_background)
-
-
-def least_background(checks: Sequence[SensorCheck], coloured: Collection[int]) -> Floats:
-    """(C,) by how much z the limit is raised on any road for each of these checks; `coloured` cameras have colours.
-
-    More for light that was added to a camera whose voters all have another spectrum: leaves and lamps, which near
-    infrared shows in another way, make all of them wrong at once.
-    """
-    return np.array([_least(one, coloured) for one in checks], dtype=np.float64)
-
-
-def _least(one: SensorCheck, coloured: Collection[int]) -> float:
-    own = one.sensor in coloured
-    alone = one.check is Check.ADDED_LIGHT and all((other in coloured) != own for other in one.others)
-    return INCIDENTS.least_by_other_spectrum if alone else INCIDENTS.least_background
+def background(levels: Floats, limit: float) -> Floats:
+    """By how much z the limit is raised where checks showed such `levels` before; as little as on any road of -inf."""
+    return np.clip(levels + INCIDENTS.over_background - limit, INCIDENTS.least_background, INCIDENTS.most_background)
 
 
 def levels_before(z: Floats, periods_s: Floats, runs: Integers, places: Integers) -> Floats:

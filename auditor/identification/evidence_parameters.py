@@ -11,7 +11,6 @@ _AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half
 _PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
 _FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/incidents.md)"
 _BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
-_SPECTRA = "attacked frames of three real drives, and streets 10023, 10058 and 10200 (docs/decisions.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -57,11 +56,6 @@ class Incidents:
     )
     least_background: float = parameter(
         0.25, unit="z above the limit, where they begin on any road for checks of light", source=_BACKGROUND
-    )
-    least_by_other_spectrum: float = parameter(
-        0.75,
-        unit="z above the limit, where light begins that was added to a camera all of whose voters see other spectra",
-        source=_SPECTRA,
     )
     most_background: float = parameter(
         1.5, unit="z above the limit, where they begin at most: slow ramps are attacks", source=_BACKGROUND

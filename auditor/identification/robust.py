@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.background import BACKGROUND_CHECKS, background, least_background, levels_before
+from auditor.identification.background import BACKGROUND_CHECKS, background, levels_before
 from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
@@ -74,12 +74,6 @@ class FrameSeries:
         return cls(
             clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths, clean.brightness
         )
-
-    @property
-    def coloured(self) -> frozenset[int]:
-        """The cameras of which colours were measured."""
-        blue = ((camera, values) for (name, camera), values in self.brightness.items() if name == "blue_level")
-        return frozenset(camera for camera, values in blue if not np.isnan(values).all())
 
     def brightness_in(self, frame: int) -> dict[tuple[str, int], float]:
         """What is known of the cameras' brightness in the frame at this place."""
@@ -173,12 +167,10 @@ class _Judge:
 
     def _background(self, places: Integers, periods_s: Floats, limit: float) -> Floats:
         """(P, M) by how much the `limit` of each check is raised, in frames at P places, by what it showed before."""
-        checks = self._system.sensor_checks
-        columns = np.array([one.check in BACKGROUND_CHECKS for one in checks])
+        columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
         raised = np.zeros((len(places), len(columns)))
         before = levels_before(self._z[:, columns], periods_s, self._series.runs, places)
-        least = least_background(checks, self._series.coloured)
-        raised[:, columns] = background(before, limit, least[columns])
+        raised[:, columns] = background(before, limit)
         return raised
 
     def verdicts(self, places: Collection[int]) -> dict[int, Verdict]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.background import background, least_background, levels_before
+from auditor.identification.background import background, levels_before
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
@@ -22,7 +22,6 @@ from auditor.identification.incidents import (
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import runs_of
-from auditor.model.checks import Check, SensorCheck
 
 CHECKS = 25
 LIMIT = joint_limit(INCIDENTS.tail_rate, CHECKS)
@@ -325,16 +324,5 @@ def test_many_places_are_asked_about_a_part_at_a_time():
 
 def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_than_a_bound():
     least, most, over = INCIDENTS.least_background, INCIDENTS.most_background, INCIDENTS.over_background
-    levels = np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0])
-    assert background(levels, LIMIT, np.full(4, least)).tolist() == pytest.approx([least, least, 1.0, most])
-
-
-def test_light_that_only_cameras_of_another_spectrum_see_has_to_exceed_the_limit_by_more():
-    usual, raised = INCIDENTS.least_background, INCIDENTS.least_by_other_spectrum
-    assert usual < raised <= INCIDENTS.most_background
-    lit = [SensorCheck(Check.ADDED_LIGHT, camera, others) for camera, others in ((1, (2, 3)), (2, (1, 3)), (3, (1, 2)))]
-    changed = SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 2, (1, 3))
-    assert least_background([*lit, changed], {2}).tolist() == [usual, raised, usual, usual], "colours among grey ones"
-    assert least_background([*lit, changed], {1, 3}).tolist() == [usual, raised, usual, usual], "grey among colours"
-    for alike in (set(), {1, 2, 3}):
-        assert least_background([*lit, changed], alike).tolist() == [usual] * 4
+    raised = background(np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0]), LIMIT)
+    assert raised.tolist() == pytest.approx([least, least, 1.0, most])

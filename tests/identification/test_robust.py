@@ -118,17 +118,6 @@ def test_points_that_a_wet_road_loses_for_seconds_are_no_incident():
     assert incident_of(hovering(4.2, check=Check.POINT_DROPOUT, steady=-1.0))
 
 
-@pytest.mark.parametrize(("coloured", "incident"), [((), True), ((2,), True), ((1, 2, 3), True), ((1,), False)])
-def test_light_on_a_camera_is_weaker_evidence_where_no_camera_of_its_spectrum_sees_the_place(coloured, incident):
-    series = hovering(4.0, check=Check.ADDED_LIGHT, steady=-1.0)
-    blue = {("blue_level", camera): np.full(80, 90.0 if camera in coloured else np.nan) for camera in (1, 2, 3)}
-    series = replace(series, brightness=blue)
-    assert series.coloured == frozenset(coloured)
-    assert bool(incident_of(series)) is incident
-    verdicts = judge_frames(series, SYSTEM, THRESHOLDS)
-    assert {verdicts[f].kind for f in range(40, 60)} == {VerdictKind.ATTACKED}, "the frames are raised all the same"
-
-
 def test_a_check_whose_clean_frames_do_not_come_in_rows_has_no_background():
     assert incident_of(hovering(4.2, check=Check.LIDAR_CONFLICT))
 
