@@ -7,8 +7,8 @@
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
 5. Clean frames that are raised come in rows, where a stretch of road is hard: what exceeds its background alone speaks
    for an incident (`background`), and it has to be evidence of one and the same sensor, in as many findings as an
-   incident needs (`Excursion.own`). Most of them are explained by a fault as well: such evidence counts for a share,
-   and an attack is an incident by the frames that no fault explains (`Excursion.peak`).
+   incident needs. Most of them are explained by a fault as well: such evidence counts for a share, and an attack is an
+   incident by the frames that no fault explains (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 """
@@ -33,12 +33,11 @@ _S_PER_HOUR = 3600
 class Excursion:
     """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
 
-    `peak` is of the sensor whose sum is the largest: of the evidence beyond the background that no fault explains, or
-    a share of all that is beyond it. `own` are the places at which that evidence of that sensor rose.
+    `peak` is the largest sum of a sensor that enough findings speak for: of the evidence beyond the background that no
+    fault explains, or a share of all that is beyond it. It is 0 where there is no such sensor.
     """
 
     rises: tuple[int, ...]
-    own: tuple[int, ...]
     peak: float
 
 
@@ -129,12 +128,15 @@ def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
     return periods
 
 
-def excursions(evidence: Evidence) -> Iterator[Excursion]:
-    """The excursions of the sum from zero, in order; it begins anew with each run."""
+def excursions(evidence: Evidence, raised: Flags) -> Iterator[Excursion]:
+    """The excursions of the sum from zero, in order; it begins anew with each run.
+
+    The frames that `raised` (F,) flags are findings by themselves.
+    """
     for run in _places(evidence.runs):
         added = evidence.added[run.start : run.stop].tolist()
         for rises in _rises(run, added, _quiet_frames(evidence, run.start)):
-            yield _excursion(evidence, rises)
+            yield Excursion(tuple(rises), _peak(evidence, rises, raised))
 
 
 def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
@@ -142,20 +144,20 @@ def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
 
     Of clean drives: `incident_limit` follows from them.
     """
-    return [one.peak for one in excursions(evidence) if _enough(evidence, one, raised)]
+    return [one.peak for one in excursions(evidence, raised) if one.peak > 0]
 
 
 def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | None) -> list[Event]:
     """The events of F frames in the order of time, where the sum exceeds the `limit`.
 
-    Some frames that speak for the sensor of its peak must be findings by themselves, as the flags `raised` (F,) say:
+    Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
     two at least, and as many as are worth most of an independent one. A raised frame that belongs to no incident is a
     single-frame event where clean frames are as strong less than `per_hour`, which is the usual rate where it is None.
     """
     strong = raised & (evidence.ratios > _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour))
     found: list[Event] = []
-    for excursion in excursions(evidence):
-        if excursion.peak > limit and _enough(evidence, excursion, raised):
+    for excursion in excursions(evidence, raised):
+        if excursion.peak > limit:
             found.append(Event(excursion.rises))
         else:
             found += [Event((place,), single=True) for place in excursion.rises if strong[place]]
@@ -197,14 +199,6 @@ def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), h
     return least + max(scale * log(rate / allowed), 0.0)
 
 
-def _enough(evidence: Evidence, excursion: Excursion, raised: Flags) -> bool:
-    """Whether enough of what speaks for the peak of an excursion are findings, as an incident needs."""
-    findings = [place for place in excursion.own if raised[place]]
-    if len(findings) < INCIDENTS.fewest_frames:
-        return False
-    return bool(evidence.worth[findings].sum() >= INCIDENTS.fewest_worth)
-
-
 def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
     """(F,) the ratio that clean frames exceed `per_hour` times an hour at the rate of each frame's run.
 
@@ -232,15 +226,17 @@ def _rises(run: range, added: Sequence[float], quiet: int) -> Iterator[list[int]
         yield rises
 
 
-def _excursion(evidence: Evidence, rises: Sequence[int]) -> Excursion:
-    """The excursion whose sum rises at these places; the sums of sensors begin and end with it."""
-    span = slice(rises[0], rises[-1] + 1)
-    unexplained, beyond = (_highest(one[span]) for one in (evidence.unexplained, evidence.beyond))
-    of_faults = INCIDENTS.explained_share * beyond
-    peaks = np.maximum(unexplained, of_faults)
-    sensor = int(np.argmax(peaks))
-    speaking = (evidence.unexplained if unexplained[sensor] >= of_faults[sensor] else evidence.beyond)[:, sensor]
-    return Excursion(tuple(rises), tuple(place for place in rises if speaking[place] > 0), float(peaks[sensor]))
+def _peak(evidence: Evidence, rises: Sequence[int], raised: Flags) -> float:
+    """The peak of the excursion whose sum rises at these places; the sums of sensors begin and end with it."""
+    span, findings = slice(rises[0], rises[-1] + 1), [place for place in rises if raised[place]]
+
+    def highest(added: Floats) -> float:
+        speaking = added[findings] > 0
+        enough = np.count_nonzero(speaking, axis=0) >= INCIDENTS.fewest_frames
+        enough &= evidence.worth[findings] @ speaking >= INCIDENTS.fewest_worth
+        return float((_highest(added[span]) * enough).max())
+
+    return max(highest(evidence.unexplained), INCIDENTS.explained_share * highest(evidence.beyond))
 
 
 def _highest(added: Floats) -> Floats:

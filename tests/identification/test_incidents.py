@@ -54,6 +54,11 @@ def added(*values, runs=None, period=1.0, beyond=None, unexplained=None, worth=1
     return Evidence(values, *parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
 
 
+def parts_of(evidence):
+    """The excursions, where all frames are findings."""
+    return list(excursions(evidence, np.ones(len(evidence.added), dtype=np.bool_)))
+
+
 def test_the_ratio_compares_a_flat_density_with_the_tail_of_clean_frames():
     scores = np.array([LIMIT, LIMIT + 1, -np.inf, np.nan])
     ratios = log_ratios(scores, CHECKS)
@@ -81,61 +86,54 @@ def test_a_frame_whose_rate_is_not_known_is_worth_one():
 
 
 def test_an_excursion_goes_from_zero_to_zero_and_lists_its_rises():
-    one, other = excursions(added(-1, 2, -1, 3, -1, -1, -1, -1, 1, -2))
+    one, other = parts_of(added(-1, 2, -1, 3, -1, -1, -1, -1, 1, -2))
     assert (one.rises, one.peak) == ((1, 3), 4.0)
-    assert (other.rises, other.peak) == ((8,), 1.0)
+    assert (other.rises, other.peak) == ((8,), 0.0), "one finding is not enough"
 
 
 def test_an_excursion_ends_where_the_sum_has_not_risen_for_some_time_however_high_it_is():
     quiet = [-0.01] * INCIDENTS.quiet_frames
-    assert [one.rises for one in excursions(added(9, *quiet, 9))] == [(0, 6)]
-    assert [one.rises for one in excursions(added(9, *quiet, -0.01, 9))] == [(0,), (7,)]
+    assert [one.rises for one in parts_of(added(9, *quiet, 9))] == [(0, 6)]
+    assert [one.rises for one in parts_of(added(9, *quiet, -0.01, 9))] == [(0,), (7,)]
     long = round(INCIDENTS.quiet_s / 0.1)
-    assert [one.rises for one in excursions(added(9, *[-0.01] * long, 9, period=0.1))] == [(0, long + 1)]
-    assert [one.rises for one in excursions(added(9, *[-0.01] * (long + 1), 9, period=0.1))] == [(0,), (long + 2,)]
+    assert [one.rises for one in parts_of(added(9, *[-0.01] * long, 9, period=0.1))] == [(0, long + 1)]
+    assert [one.rises for one in parts_of(added(9, *[-0.01] * (long + 1), 9, period=0.1))] == [(0,), (long + 2,)]
 
 
 def test_the_sum_begins_anew_after_a_gap():
-    assert [one.peak for one in excursions(added(2, 2, 2, runs=[0, 0, 1]))] == [4.0, 2.0]
+    assert [one.peak for one in parts_of(added(2, 2, 3, 3, runs=[0, 0, 1, 1]))] == [4.0, 6.0]
 
 
 def test_what_a_fault_explains_counts_for_a_share_and_what_nothing_explains_for_all():
     def peak(*explained):
-        return next(excursions(added(-1, 2, 2, 2, unexplained=[-1, *(0 if one else 2 for one in explained)]))).peak
+        own = [-1, *(0 if one else 2 for one in explained)]
+        return parts_of(added(-1, 2, 2, 2, 2, unexplained=own))[0].peak
 
     share = INCIDENTS.explained_share
-    assert peak(False, False, False) == 6
-    assert peak(True, False, False) == 4
-    assert peak(True, True, True) == pytest.approx(6 * share)
-    assert peak(False, True, True) == 2 > 6 * share
+    assert peak(False, False, False, False) == 8
+    assert peak(True, False, False, False) == 6
+    assert peak(True, True, True, True) == pytest.approx(8 * share)
+    assert peak(False, False, True, True) == 4 > 8 * share
+    assert peak(False, True, True, True) == pytest.approx(8 * share), "one finding that nothing explains is not enough"
 
 
 def test_quiet_frames_between_lower_the_sum_that_no_fault_explains_but_never_below_zero():
-    one = next(excursions(added(2, 2, -1, 2, unexplained=[0, 0, -1, 2])))
-    assert one.peak == pytest.approx(2)
+    [one] = parts_of(added(2, 2, -1, 2, 2, unexplained=[0, 0, -1, 2, 2]))
+    assert one.peak == pytest.approx(4)
 
 
 def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_what_is_beyond_the_background():
-    (one,) = excursions(added(2, 2, 2, -1, 2, beyond=[2, -1, -1, -1, 1.5]))
+    (one,) = parts_of(added(2, 2, 2, -1, 2, beyond=[2, -1, -1, -1, 1.5]))
     assert (one.rises, one.peak) == ((0, 1, 2, 4), 2.0)
-    (one,) = excursions(added(2, 2, 2, beyond=[2, 2, 2], unexplained=[0, 0, 0]))
+    (one,) = parts_of(added(2, 2, 2, beyond=[2, 2, 2], unexplained=[0, 0, 0]))
     assert one.peak == pytest.approx(6 * INCIDENTS.explained_share)
-    (one,) = excursions(added(2, 2, 2, beyond=[2, -0.5, -0.5], unexplained=[0, 0, 0]))
-    assert one.peak == pytest.approx(2 * INCIDENTS.explained_share)
+    (one,) = parts_of(added(2, 2, 2, beyond=[2, -0.5, 1], unexplained=[0, 0, 0]))
+    assert one.peak == pytest.approx(2.5 * INCIDENTS.explained_share)
 
 
 def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
-    (one,) = excursions(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
+    (one,) = parts_of(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
     assert (one.rises, one.peak) == ((0, 1, 2), 3.0)
-
-
-def test_what_speaks_for_the_peak_is_evidence_of_its_sensor():
-    (one,) = excursions(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
-    assert one.own == (0, 2)
-    (one,) = excursions(added(2, 2, 2, unexplained=[0, 2, 0]))
-    assert one.own == (1,), "what a fault explains does not speak for what none explains"
-    (one,) = excursions(added(2, 2, 2, unexplained=[0, 0, 0]))
-    assert one.own == (0, 1, 2), "all of it is of a fault"
 
 
 def test_findings_of_other_sensors_make_no_incident_of_one():
@@ -144,6 +142,14 @@ def test_findings_of_other_sensors_make_no_incident_of_one():
     assert events(added(9, 9, 9, 9, beyond=in_turn, worth=0.3), raised, 1.0, None) == []
     one_more = [[9, -1], [9, -1], [-1, 9], [9, -1]]
     assert events(added(9, 9, 9, 9, beyond=one_more, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3))]
+
+
+def test_flashes_on_another_sensor_hide_no_incident_however_strong_they_are():
+    raised = np.ones(5, dtype=np.bool_)
+    beside = [[2, -1], [2, 9], [2, 9], [2, -1], [2, -1]]
+    assert events(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3, 4))]
+    [one] = parts_of(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3))
+    assert one.peak == 10.0, "of the five frames of the first, not of the two of the second"
 
 
 def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
@@ -219,7 +225,7 @@ def test_a_ramp_is_one_incident_that_begins_before_its_first_raised_frame():
 
 def test_frames_that_are_no_findings_by_themselves_make_no_incident():
     scores = np.full(300, LIMIT - 0.05)
-    assert max(one.peak for one in excursions(evidence_at(10, scores))) > incident_limit()
+    assert max(one.peak for one in parts_of(evidence_at(10, scores))) > incident_limit()
     assert found(10, scores) == []
     scores[:3] = LIMIT + 0.05
     assert len(found(10, scores)) == 1
