@@ -209,8 +209,7 @@ class _Run(Generic[Item, Result]):
             finally:
                 if futures:
                     with _uninterrupted():
-                        pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
-                        pool.join()
+                        _stop(pool)
 
     def _arguments(self, index: int) -> list[object]:
         return [self._task, self._items[index], index, self._limits[index].seconds]
@@ -250,6 +249,18 @@ class _Run(Generic[Item, Result]):
             what = f"its process died (exit code {death.exitcode})"
             remedy = "it may have run out of memory: run it again with --jobs 1"
             return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
+
+
+def _stop(pool: ProcessPool) -> None:
+    """End the workers and then the pool.
+
+    Pebble removes the locks of its channels first, and a worker that was just forked complains that it finds none.
+    """
+    pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
+    if pool._pool_manager_loop is not None:
+        pool._pool_manager_loop.join()  # which would start others
+        pool._pool_manager.worker_manager.force_stop_workers()  # type: ignore[no-untyped-call]
+    pool.join()
 
 
 def _context() -> ForkServerContext:

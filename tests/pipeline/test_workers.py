@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from pebble.pool.process import WorkerManager
 
 from auditor.errors import LimitError, RecordingError
 from auditor.pipeline.many import MeasureSettings, find_batch
@@ -167,6 +168,25 @@ def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() ->
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.stderr == "interrupted\n"
+
+
+def test_workers_end_before_the_locks_that_a_new_one_opens_are_removed(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[int] = []
+    removed = WorkerManager.close_channels
+
+    def close_channels(manager: WorkerManager) -> None:
+        left.append(len(manager.workers))
+        removed(manager)  # type: ignore[no-untyped-call]  # pebble annotates all but this
+
+    monkeypatch.setattr(WorkerManager, "close_channels", close_channels)
+    running = run_all(square_or_wait, [1, 0, 0], 2, lambda *_: None)
+    assert next(running).result == 1
+    running.close()  # type: ignore[attr-defined]  # as an exception in whoever asks does
+    assert set(left) == {0}, "once where it is stopped, once where it is closed"
+
+
+def square_or_wait(item: int, progress: Progress) -> int:
+    return square(item, progress) if item else report_and_wait(item, progress)
 
 
 def report_and_wait(item: int, progress: Progress) -> int:
