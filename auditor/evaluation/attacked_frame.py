@@ -16,7 +16,7 @@ from auditor.measurement.checks.disparity_error import compare_cameras, compare_
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.matchers import Matcher
-from auditor.measurement.disparity.matchers.interface import PairMatcher
+from auditor.measurement.disparity.matchers.interface import PairMatcher, for_pair
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.fault_features.added_light import AddedLight, added_light
@@ -177,6 +177,7 @@ class AttackedFrame:
 
     def match_pairs(self, pairs: Sequence[Pair], cases: Sequence[Attacks]) -> None:
         """Make the maps of these pairs, which share a view, of all cases at once."""
+        assert isinstance(self._matcher, PairMatcher)
         wanted = {((i, attacks.get(i)), (k, attacks.get(k))): attacks for attacks in cases for i, k in pairs}
         missing = {key: attacks for key, attacks in wanted.items() if _map_key(*key) not in self._made}
         of_image = {image: attacks for key, attacks in missing.items() for image in key}
@@ -236,7 +237,8 @@ class AttackedFrame:
                 own = self._pairs[i, k].stereo_map(*OF_TWO, of_two(attacks, (i, k)))
                 return self._seen.pairs[i, k].to_shared.stereo(own)
             reference, source = self._matched(k, attacks), self._matched(i, attacks)
-            return stereo_map(self._matcher, reference, source, self._texture(k, attacks), self._texture(i, attacks))
+            matcher = for_pair(self._matcher, self._seen.rig, i, k)
+            return stereo_map(matcher, reference, source, self._texture(k, attacks), self._texture(i, attacks))
 
         return self.memoise("map", (i, k), attacks, (i, k), match)
 

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
+from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
-from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
+from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
 from auditor.measurement.fault_features.added_light import added_light, with_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
@@ -156,7 +156,22 @@ def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFr
 
 
 def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Maps]]:
-    """The maps of all that is matched in each frame; the matcher gets the pairs of all frames at once."""
+    """The maps of all that is matched in each frame."""
+    if isinstance(matcher, PairMatcher):
+        return _match_together(prepared, matcher)
+    return [[_maps_of(part, matcher) for part in frame.matched] for frame in prepared]
+
+
+def _maps_of(part: RectifiedFrame, matcher: Matcher) -> Maps:
+    inputs, texture = part.inputs, part.texture
+    return {
+        (i, k): stereo_map(for_pair(matcher, part.rig, i, k), inputs[k], inputs[i], texture[k], texture[i])
+        for i, k in part.pairs
+    }
+
+
+def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) -> list[list[Maps]]:
+    """The matcher gets the pairs of all frames at once."""
     every = [one for frame in prepared for one in frame.matched]
     images = {(at, number): pixels for at, one in enumerate(every) for number, pixels in one.inputs.items()}
     texture = {(at, number): mask for at, one in enumerate(every) for number, mask in one.texture.items()}

@@ -41,7 +41,10 @@ class Texture:
 class Sgbm:
     """Semi-global matching; in pixels of the grid that it matches on, the range apart."""
 
-    range_px: int = parameter(128, unit="px of disparity", source=BY_HAND)
+    range_px: int = parameter(128, unit="px of disparity, at most", source=BY_HAND)
+    nearest_m: float = parameter(
+        2.0, unit="m of depth; no pair searches nearer", source="docs/decisions.md, the range of near cameras"
+    )
     block_px: int = parameter(5, unit="grid px", source=BY_HAND)
     smoothness_1: int = parameter(8, unit="P1 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
     smoothness_2: int = parameter(32, unit="P2 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
@@ -184,6 +187,11 @@ class Light:
         0.5, unit="of the prediction, the least a grey camera shows of what saturates colours", source=_STREETS
     )
     colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
+    as_predicted: float = parameter(
+        0.1,
+        unit="largest residual of what saturates in one camera as the other predicts",
+        source="docs/decisions.md, what one camera overexposes",
+    )
 
 
 @dataclass(frozen=True)
@@ -240,6 +248,11 @@ class LidarAgreement:
     differ_px: int = parameter(2, unit="px of disparity", source=_FEATURES)
     largest_bias_px: int = parameter(24, unit="px of disparity", source=BY_HAND)
     bias_window_px: int = parameter(3, unit="px of disparity: a whole one and its neighbours", source=BY_HAND)
+    tolerated_px: int = parameter(
+        2,
+        unit="px right or down: a LiDAR that agrees as well once moved by so little has not turned",
+        source="docs/decisions.md, a LiDAR that is turned by a little: 2 and 3 tried on three real drives and a street",
+    )
     shifts_px: tuple[int, ...] = parameter(
         (-16, -12, -8, 8, 12, 16),
         unit="px right or down",

@@ -9,6 +9,7 @@ from auditor.errors import SettingError
 from auditor.measurement import measure, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.model.frames import Skipped
+from tests.making.matchers import WholeRange
 from tests.making.scenes import plane_frame, plane_rig
 
 RIG = plane_rig((0.6, 0.3, 0.0))
@@ -53,7 +54,7 @@ def frames(count: int, skipped: int | None = None):
 def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pairs_at_once, groups) -> None:
     matcher = Batching(pairs_at_once)
     found = list(measure_stream(frames(7, skipped=2), RIG, matcher))
-    plain = [one if isinstance(one, Skipped) else measure(one, RIG, SgbmMatcher()) for one in frames(7, skipped=2)]
+    plain = [one if isinstance(one, Skipped) else measure(one, RIG, WholeRange()) for one in frames(7, skipped=2)]
     assert [isinstance(one, Skipped) for one in found] == [number == 2 for number in range(7)]
     for one, other in zip(found, plain, strict=True):
         if not isinstance(other, Skipped):

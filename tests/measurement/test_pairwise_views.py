@@ -21,6 +21,7 @@ from auditor.model.optics.common_view import common_view
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import LIDAR, Rig
 from auditor.training.samples import lidar_sample
+from tests.making.matchers import WholeRange
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import moved
 
@@ -134,7 +135,7 @@ class Pairing(SgbmMatcher):
 
 def test_a_matcher_of_many_pairs_sees_those_of_several_frames_at_once(bent: SyntheticDrive) -> None:
     frames, matcher = [without(bent.frame(0)), without(bent.frame(1), LIDAR)], Pairing()
-    plain = [measure(frame, bent.rig, SgbmMatcher())[0] for frame in frames]
+    plain = [measure(frame, bent.rig, WholeRange())[0] for frame in frames]
     streamed = [item[0] for item in measure_stream(frames, bent.rig, matcher)]
     assert [m.counts for m in streamed] == [m.counts for m in plain]
     assert matcher.pairs_matched == [3 + 2]  # without a LiDAR the pair (S_1, S_2) is in no triple

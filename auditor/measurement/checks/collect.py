@@ -204,7 +204,8 @@ class _PairSums(NamedTuple):
 
 
 def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
-    (inconsistencies,) = summed(seen.comparable, [seen.inconsistent])
+    exposed = ~light.overexposed
+    (inconsistencies,) = summed(seen.comparable & exposed, [seen.inconsistent & exposed])
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)

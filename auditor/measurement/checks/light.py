@@ -74,11 +74,13 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour.
+    cameras: the same of light of one colour. `overexposed` (h, w): it saturates in one camera alone, as the other
+    predicts, so that nothing of what the other sees can show in it.
     """
 
     residual: Floats32
     comparable: Mask
+    overexposed: Mask
     coloured: Floats32 | None = None
 
 
@@ -99,9 +101,11 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         residual = _of_mixture(reference.levels, reference.saturation, levels, source, seen, classes, brightest)
     else:
         residual = _alike(reference.levels, levels, seen, reference.saturation, source.saturation)
-    comparable = seen & ((reference.levels < reference.saturation) | (levels < source.saturation))
+    saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
+    comparable = seen & ~(saturated & source_saturated)
     residual = np.clip(residual, -1, 1) * comparable
-    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
+    overexposed = np.asarray((saturated != source_saturated) & (np.abs(residual) < LIGHT.as_predicted))
+    return LightDifference(residual, comparable, overexposed, None if coloured is None else coloured * comparable)
 
 
 @dataclass(frozen=True, eq=False)

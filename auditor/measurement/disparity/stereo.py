@@ -7,7 +7,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from auditor.measurement.disparity.matchers.interface import Matcher, match_pairs
+from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher
 from auditor.measurement.parameters import HALF, TEXTURE
 from auditor.model.arrays import Floats32, Image, Mask
 
@@ -46,18 +46,18 @@ def stereo_map(
 
 
 def stereo_maps(
-    matcher: Matcher,
+    matcher: PairMatcher,
     images: Mapping[Key, Image],
     texture: Mapping[Key, Mask],
     pairs: Iterable[tuple[Key, Key]],
 ) -> dict[tuple[Key, Key], StereoMap]:
-    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them; the matcher gets all pairs at once.
+    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them, of a matcher that takes all pairs at once.
 
     A key is the name of an image: a camera, or a frame and a camera.
     """
     pairs, cameras = list(pairs), list(images)
     places = [(cameras.index(k), cameras.index(i)) for i, k in pairs]
-    disparities = match_pairs(matcher, list(images.values()), places)
+    disparities = matcher.match_pairs(list(images.values()), places)
     return {
         (i, k): _stereo_map(matcher, disparity, texture[k], texture[i])
         for (i, k), disparity in zip(pairs, disparities, strict=True)

@@ -58,6 +58,7 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
     moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
     moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
     (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
+    least = _moved_little(now, difference, most, right, down)
     earlier = None if before is None else _differences(now, before.sure_px)
     return Agreement(
         compared=float(compared),
@@ -67,11 +68,21 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
         right_px=float(right),
         down_px=float(down),
         rotated=_agreeing(most),
-        rotated_only=_only(most, difference),
-        unrotated_only=_only(difference, most),
+        rotated_only=_only(most, least),
+        unrotated_only=_only(least, most),
         before_only=nan if earlier is None else _only(earlier, difference),
         now_only=nan if earlier is None else _only(difference, earlier),
     )
+
+
+def _moved_little(now: LidarComparison, unmoved: Floats32, moved: Floats32, right: int, down: int) -> Floats32:
+    """The differences that those of `moved` points are held against: of points as they are, or moved by a little.
+
+    A LiDAR whose points agree at least as well once moved by the tolerated offset is as vehicles are built.
+    """
+    by = LIDAR_AGREEMENT.tolerated_px
+    little = _differences(now, now.sure_px, right=int(np.sign(right)) * by, down=int(np.sign(down)) * by)
+    return unmoved if _only(moved, little) > _only(little, moved) else little
 
 
 def _differences(points: LidarComparison, sure_px: Floats32, right: int = 0, down: int = 0) -> Floats32:

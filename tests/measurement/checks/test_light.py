@@ -147,6 +147,32 @@ def test_what_is_saturated_itself_is_not_darker():
     assert strongest(reference, source)[1] > -0.05
 
 
+def overexposed_wall():
+    """A wall with shadows, 200 to 240 grey levels, and what a camera with a longer exposure makes of the picture."""
+    reference, source = scene(high=120)
+    shadows = cv2.resize(np.random.default_rng(8).integers(200, 240, (10, 20)).astype(np.uint8), (200, 100))
+    reference[40:140, 100:300], source[40:140, 80:280] = shadows, shadows
+    return np.clip(reference * 1.4, 0, 255).astype(np.uint8), source
+
+
+WALL = np.s_[60:120, 120:280]
+
+
+def test_a_wall_that_one_camera_overexposes_as_the_other_predicts_is_marked():
+    longer, source = overexposed_wall()
+    assert compared(longer, source).overexposed[WALL].mean() > 0.95
+    found = compared(source, longer)  # the camera with the longer exposure as the source
+    assert found.overexposed[60:120, 140:280].mean() > 0.95
+    assert not compared(source, source).overexposed.any()
+
+
+def test_a_facula_that_saturates_is_not_taken_for_an_exposure():
+    reference, source = scene(high=180)
+    lit = np.s_[80:100, 210:230]
+    assert not compared(facula(reference, 2000), source).overexposed[lit].any()
+    assert not compared(reference, facula(source, 2000, centre=(90, 220 - SHIFT))).overexposed[lit].any()
+
+
 def test_where_both_are_saturated_nothing_is_comparable(greys):
     reference, source = (facula(one, 3000, centre=(90, 220 - at)) for one, at in zip(greys, (0, SHIFT), strict=True))
     comparable = compared(reference, source).comparable

@@ -102,6 +102,14 @@ def test_a_rotated_lidar_agrees_once_all_its_points_are_moved():
     assert straight.rotated_only < rotated.rotated_only / 10
 
 
+def test_a_lidar_turned_by_no_more_than_is_tolerated_has_not_turned():
+    # 4 px: moved back by 8 it agrees no better than moved by the 3 px that vehicles are built to.
+    little = observed(step(4))[2, 3].agreement
+    assert little.rotated_only <= little.unrotated_only
+    much = observed(step(8))[2, 3].agreement
+    assert much.rotated_only > 5 * much.unrotated_only
+
+
 def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
     far, near = scene(), scene(depth_m=NEAR_M)
     now, lagging = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))

@@ -3,6 +3,7 @@ import pytest
 
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.disparity.matchers.interface import for_pair
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from tests.making.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
@@ -31,6 +32,31 @@ def test_no_pixel_is_left_out_where_the_images_do_not_match_at_all() -> None:
 def test_odd_sizes_keep_their_last_row_and_column() -> None:
     image = np.random.default_rng(0).integers(0, 256, (75, 301)).astype(np.uint8)
     assert SgbmMatcher().match(image, image).shape == (38, 151)
+
+
+def test_near_cameras_are_searched_only_as_far_as_what_is_two_metres_away():
+    # f b of KITTI's cameras 0.07, 0.13 and 0.54 m apart, and of two that are nearly one.
+    ranges = [SgbmMatcher().reaching(disparity_1m_px).range_px for disparity_1m_px in (48.0, 94.0, 390.0, 1.0)]
+    assert ranges == [32, 64, 128, 32]
+    assert SgbmMatcher(1).reaching(30.0).range_px == 16
+
+
+def test_near_cameras_have_the_disparities_that_the_whole_range_gives():
+    images = plane_images(plane_rig(), depth_m=9.0)
+    whole, near = (matcher.match(images[3], images[2]) for matcher in (SgbmMatcher(), SgbmMatcher().reaching(60.0)))
+    assert np.mean(np.abs(whole[:, 12:] - near[:, 12:]) < 0.5) > 0.98
+    assert np.median(near) == np.median(whole) == pytest.approx(10, abs=0.25)
+
+
+def test_the_pair_of_a_rig_is_matched_by_its_own_distance():
+    class Networks:
+        range_px = 192
+
+    rig, network = plane_rig(), Networks()
+    wide, narrow = (for_pair(SgbmMatcher(), rig, *pair) for pair in ((1, 3), (1, 2)))
+    assert wide.range_px == SgbmMatcher().reaching(rig.camera(3).focal_px * rig.baseline_m(1, 3)).range_px
+    assert narrow.range_px <= wide.range_px
+    assert for_pair(network, rig, 1, 2) is network
 
 
 def test_settings_differ_where_disparities_can() -> None:

@@ -6,13 +6,15 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.model.rig import Rig
+
 
 class Matcher(Protocol):
     """Finds, for each pixel of the left image, its match in the same row of the right image.
 
     `name` and `settings` (canonical JSON of all that can change a disparity) bind thresholds to it; `range_px` is the
-    largest disparity it can give, `step` the width in full-resolution pixels of one of its own, `colour` whether it
-    wants BGR images instead of grey ones.
+    largest disparity it can give of any pair, `step` the width in full-resolution pixels of one of its own, `colour`
+    whether it wants BGR images instead of grey ones.
     """
 
     @property
@@ -32,7 +34,7 @@ class Matcher(Protocol):
 
 
 @runtime_checkable
-class PairMatcher(Protocol):
+class PairMatcher(Matcher, Protocol):
     """A matcher that gains from seeing many pairs at once: those of a frame, or of several.
 
     `pairs_at_once` is how many its device works on together; 1 on the CPU, which has no time to spare beside them.
@@ -47,13 +49,20 @@ class PairMatcher(Protocol):
         ...
 
 
-def match_pairs(
-    matcher: Matcher, images: Sequence[NDArray[np.uint8]], pairs: Sequence[tuple[int, int]]
-) -> list[NDArray[np.float32]]:
-    """Disparities of each pair (left, right) of positions in `images`: all at once, or one by one."""
-    if isinstance(matcher, PairMatcher):
-        return matcher.match_pairs(images, pairs)
-    return [matcher.match(images[left], images[right]) for left, right in pairs]
+@runtime_checkable
+class RangedMatcher(Matcher, Protocol):
+    """A matcher that takes less time where it searches less far, as a pair of near cameras lets it."""
+
+    def reaching(self, disparity_1m_px: float) -> Matcher:
+        """This matcher for a pair in which what is 1 m away has that disparity, f b by Eq. 1."""
+        ...
+
+
+def for_pair(matcher: Matcher, rig: Rig, i: int, k: int) -> Matcher:
+    """The matcher of cameras (i, k) of a rectified rig: it searches as far as near surfaces have disparities there."""
+    if not isinstance(matcher, RangedMatcher):
+        return matcher
+    return matcher.reaching(rig.camera(k).focal_px * rig.baseline_m(i, k))
 
 
 def pairs_at_once(matcher: Matcher) -> int:
