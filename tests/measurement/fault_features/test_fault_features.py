@@ -8,6 +8,7 @@ import pytest
 from auditor.lab.attacks.faults import ShiftedCamera
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.fault_features.lidar_agreement import LidarComparison, agreement
 from auditor.model.checks import COLUMNS, PairFaultFeatures
 from tests.making.scenes import WIDTH, plane_cloud, plane_rig
 from tests.making.textured_scenes import DEPTH_M, RIG, scene
@@ -102,12 +103,21 @@ def test_a_rotated_lidar_agrees_once_all_its_points_are_moved():
     assert straight.rotated_only < rotated.rotated_only / 10
 
 
-def test_a_lidar_turned_by_no_more_than_is_tolerated_has_not_turned():
-    # 4 px: moved back by 8 it agrees no better than moved by the 3 px that vehicles are built to.
-    little = observed(step(4))[2, 3].agreement
-    assert little.rotated_only <= little.unrotated_only
-    much = observed(step(8))[2, 3].agreement
-    assert much.rotated_only > 5 * much.unrotated_only
+def edge_seen_aside(aside_px):
+    """The agreement with stereo of a LiDAR that sees the edge of a near surface some pixels too far right."""
+    half_px = np.arange(200)
+    sure_px = np.tile(np.where(half_px < 100, 20, 40).astype(np.float32), (60, 1))
+    row, column = (one.ravel().astype(np.int32) for one in np.mgrid[0:120:2, 100:300])
+    d0_px = np.where(column < 200 + aside_px, 20, 40).astype(np.float32)
+    return agreement(LidarComparison(sure_px, row, column, d0_px), None)
+
+
+def test_a_lidar_turned_by_less_than_half_of_what_is_looked_for_has_not_turned():
+    little, much = edge_seen_aside(4), edge_seen_aside(8)
+    assert (little.right_px, much.right_px) == (-8, -8)
+    assert little.rotated_only < little.unrotated_only  # moved by 2 px it agrees better than moved by 8
+    assert much.rotated_only == 8 * 60
+    assert much.unrotated_only == 0
 
 
 def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
