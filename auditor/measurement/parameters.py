@@ -187,6 +187,11 @@ class Light:
         0.5, unit="of the prediction, the least a grey camera shows of what saturates colours", source=_STREETS
     )
     colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
+    overexposed_from: int = parameter(
+        170,
+        unit="grey levels of the other camera, the least that one may overexpose",
+        source="docs/decisions.md, what one camera overexposes: 128, 150, 170 and 190 tried",
+    )
     as_predicted: float = parameter(
         0.1,
         unit="largest residual of what saturates in one camera as the other predicts",

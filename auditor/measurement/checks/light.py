@@ -74,8 +74,8 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour. `overexposed` (h, w): it saturates in one camera alone, as the other
-    predicts, so that nothing of what the other sees can show in it.
+    cameras: the same of light of one colour. `overexposed` (h, w): it is bright, and saturates in one camera alone
+    as the other predicts, so that nothing of what the other sees can show in it.
     """
 
     residual: Floats32
@@ -104,7 +104,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
     comparable = seen & ~(saturated & source_saturated)
     residual = np.clip(residual, -1, 1) * comparable
-    overexposed = np.asarray((saturated != source_saturated) & (np.abs(residual) < LIGHT.as_predicted))
+    # A facula over most of an image bends the curve until it predicts it: what it saturates is dark in the other.
+    bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
+    overexposed = np.asarray((saturated != source_saturated) & bright & (np.abs(residual) < LIGHT.as_predicted))
     return LightDifference(residual, comparable, overexposed, None if coloured is None else coloured * comparable)
 
 
