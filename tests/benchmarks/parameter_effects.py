@@ -206,8 +206,11 @@ class RememberedMatcher:
     def __getattr__(self, name: str) -> object:
         return getattr(self.matcher, name)
 
+    def reaching(self, disparity_1m_px):
+        return RememberedMatcher(self.matcher.reaching(disparity_1m_px), self.maps)
+
     def match(self, left, right):
-        key = sha256(left.tobytes() + right.tobytes()).digest()
+        key = self.matcher.range_px, sha256(left.tobytes() + right.tobytes()).digest()
         if key not in self.maps:
             self.maps[key] = self.matcher.match(left, right)
         return self.maps[key].copy()

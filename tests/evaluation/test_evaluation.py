@@ -28,6 +28,7 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_query, run_sql
 from auditor.store.evaluation_tables import INTERVAL_FRAMES, CaseFeatures, EvaluationPart
+from tests.making.matchers import WholeRange
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -44,7 +45,7 @@ class CountingMatcher:
 
     def __init__(self):
         self.calls = 0
-        self._sgbm = find_matcher("sgbm")
+        self._sgbm = WholeRange()
 
     def __getattr__(self, name):
         return getattr(self._sgbm, name)
@@ -105,7 +106,7 @@ def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice(
     attacked_frame.match_together(cases)
     # 6 pairs; S_1 in three of them, S_4 in three, both in one.
     assert (matched, matcher.calls) == ([6 + 3 + 3], 12)
-    plain = AttackedFrame(frame, RIG, find_matcher("sgbm"))
+    plain = AttackedFrame(frame, RIG, WholeRange())
     assert [attacked_frame.counts(case) for case in cases] == [plain.counts(case) for case in cases]
     attacked_frame.match_together(cases)
     assert (sum(matched), matcher.calls) == (12, 12)
