@@ -43,7 +43,9 @@ class Sgbm:
 
     range_px: int = parameter(128, unit="px of disparity, at most", source=BY_HAND)
     nearest_m: float = parameter(
-        2.0, unit="m of depth; no pair searches nearer", source="docs/decisions.md, the range of near cameras"
+        2.0,
+        unit="m of depth; no pair searches nearer",
+        source="docs/decisions.md, a pair is searched no nearer than 2 m",
     )
     block_px: int = parameter(5, unit="grid px", source=BY_HAND)
     smoothness_1: int = parameter(8, unit="P1 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")

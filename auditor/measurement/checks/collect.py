@@ -204,8 +204,8 @@ class _PairSums(NamedTuple):
 
 
 def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
-    exposed = ~light.overexposed
-    (inconsistencies,) = summed(seen.comparable & exposed, [seen.inconsistent & exposed])
+    usable = ~light.overexposed
+    (inconsistencies,) = summed(seen.comparable & usable, [seen.inconsistent & usable])
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)

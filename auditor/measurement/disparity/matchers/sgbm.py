@@ -14,7 +14,7 @@ from auditor.measurement.parameters import SGBM
 
 _BLOCK = SGBM.block_px
 _SIXTEENTHS = 16  # OpenCV's disparities are whole numbers of them
-_RANGES = 16  # and it searches multiples of so many
+_RANGE_STEP = 16  # and it searches multiples of so many
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class SgbmMatcher:
 
     def reaching(self, disparity_1m_px: float) -> "SgbmMatcher":
         """The same that searches no nearer than `nearest_m`: a pair 7 cm apart takes half of the time."""
-        multiple_px = _RANGES * self.step
+        multiple_px = _RANGE_STEP * self.step
         needed_px = ceil(disparity_1m_px / SGBM.nearest_m / multiple_px) * multiple_px
         return replace(self, range_px=min(max(needed_px, multiple_px), self.range_px))
 
