@@ -204,8 +204,11 @@ class _PairSums(NamedTuple):
 
 
 def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
-    usable = ~light.overexposed
-    (inconsistencies,) = summed(seen.comparable & usable, [seen.inconsistent & usable])
+    of_reference, of_source = (
+        summed(seen.comparable & ~mask, [seen.inconsistent & ~mask])[0]
+        for mask in (light.overexposed, light.source_overexposed)
+    )
+    inconsistencies = PairSums(of_source.source, of_reference.reference, of_source.grid)
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)

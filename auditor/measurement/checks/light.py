@@ -74,13 +74,14 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour. `overexposed` (h, w): it is bright, and saturates in one camera alone
-    as the other predicts, so that nothing of what the other sees can show in it.
+    cameras: the same of light of one colour. `overexposed` and `source_overexposed` (h, w): it is bright, and saturates
+    in the reference alone, or in the source, as the other predicts, so that nothing of what that one sees can show.
     """
 
     residual: Floats32
     comparable: Mask
     overexposed: Mask
+    source_overexposed: Mask
     coloured: Floats32 | None = None
 
 
@@ -106,8 +107,14 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     residual = np.clip(residual, -1, 1) * comparable
     # A facula over most of an image bends the curve until it predicts it: what it saturates is dark in the other.
     bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
-    overexposed = np.asarray((saturated != source_saturated) & bright & (np.abs(residual) < LIGHT.as_predicted))
-    return LightDifference(residual, comparable, overexposed, None if coloured is None else coloured * comparable)
+    as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
+    return LightDifference(
+        residual,
+        comparable,
+        overexposed=np.asarray(as_predicted & saturated),
+        source_overexposed=np.asarray(as_predicted & source_saturated),
+        coloured=None if coloured is None else coloured * comparable,
+    )
 
 
 @dataclass(frozen=True, eq=False)
