@@ -192,12 +192,12 @@ class Light:
     overexposed_from: int = parameter(
         170,
         unit="grey levels of the other camera, the least that one may overexpose",
-        source="docs/decisions.md, what one camera overexposes: 128, 150, 170 and 190 tried",
+        source="docs/decisions.md, what a camera overexposes: 128, 150, 170 and 190 tried",
     )
     as_predicted: float = parameter(
         0.1,
         unit="largest residual of what saturates in one camera as the other predicts",
-        source="docs/decisions.md, what one camera overexposes",
+        source="docs/decisions.md, what a camera overexposes",
     )
 
 
@@ -258,7 +258,7 @@ class LidarAgreement:
     tolerated_px: int = parameter(
         2,
         unit="px right or down: a LiDAR that agrees as well once moved by so little has not turned",
-        source="docs/decisions.md, a LiDAR that is turned by a little: 2 and 3 tried on three real drives and a street",
+        source="docs/decisions.md, a LiDAR has not turned: 2 and 3 tried on three real drives and a street",
     )
     shifts_px: tuple[int, ...] = parameter(
         (-16, -12, -8, 8, 12, 16),
