@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from auditor.lab.simulation.sensors import camera_rays
 from auditor.lab.simulation.surfaces import Piece, gather
 from auditor.lab.simulation.textures import SIZE, Atlas, Tile, level_of, make_atlas
 from auditor.model.optics.geometry import motion
+from auditor.model.optics.lenses import Lens
 from auditor.model.rig import Camera
 
 FOCAL = 100.0
@@ -115,3 +118,20 @@ def test_a_lidar_meets_what_it_meets_where_every_beam_is_tried(monkeypatch: pyte
     monkeypatch.setattr(raycasting, "_beams", every_beam)
     assert np.array_equal(drive.cloud(2).xyz_m, bounded)
     assert tried[0] < 16, "most beams pass most pieces by"
+
+
+@pytest.mark.parametrize("lens", [None, Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0, 0.0))])
+def test_pieces_met_together_are_met_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch, lens: Lens | None) -> None:
+    drive = make_drive(5, 10, width_px=310, height_px=94)
+    camera = drive.rig.camera(2)
+    if lens is not None:
+        camera = replace(camera, lens=lens, rectified=False)
+    forward = motion(np.eye(3), np.array([0.0, 1.65, -6.0]))
+    surfaces, grids = placed(drive.surfaces, forward, 0.4), []
+    for few in (0, 2000, 10**9):
+        monkeypatch.setattr(raycasting, "_FEW", few)
+        grids.append(cast(camera_rays(camera), surfaces, drive.atlas))
+    assert np.unique(grids[0].piece).size > 100
+    for together in grids[1:]:
+        for name in ("piece", "s", "t", "distance"):
+            assert np.array_equal(getattr(grids[0], name), getattr(together, name))

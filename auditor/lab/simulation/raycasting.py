@@ -1,6 +1,8 @@
 """Casts rays at a scene: the first piece that each ray meets, the place on it, and the distance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,8 @@ _FAR_M = 180.0
 _SLACK_M = 0.02  # that rounding may add to a piece
 _CAMERA_MARGIN = 2
 _LIDAR_MARGIN = 24  # columns: its beams do not start from one place
+_TOGETHER = 128  # pieces
+_FEW = 2000  # rays: a piece with more of them is met alone
 _THERE = 0.5  # of a mask
 _GLASS = 0.11
 
@@ -71,18 +75,39 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
         distance=np.full(rays.shape, np.inf, dtype=np.float32),
     )
     nearest, boxes = _boxes(rays, surfaces)
-    planes = _planes(surfaces)
-    seen = (boxes[:, 0] < boxes[:, 1]) & (boxes[:, 2] < boxes[:, 3]) & (nearest < _FAR_M)
-    order = np.flatnonzero(seen)
-    moved = _moved(rays)
+    seen = np.flatnonzero((boxes[:, 0] < boxes[:, 1]) & (boxes[:, 2] < boxes[:, 3]) & (nearest < _FAR_M))
+    order = seen[np.argsort(nearest[seen])]
+    rank = np.zeros(len(surfaces), dtype=np.intp)
+    rank[order] = np.arange(order.size)
+    target = _Target(rays, surfaces, atlas, _planes(surfaces), _footprints(rays, surfaces), nearest, boxes, rank)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for piece in order[np.argsort(nearest[order])].tolist():
-            top, bottom, left, right = boxes[piece].tolist()
-            window = (slice(top, bottom), slice(left, right))
-            # A ray is at least as long as the depth that it reaches, from where it starts.
-            if hits.distance[window].max() > nearest[piece] - moved:
-                _meet(rays, surfaces, planes[piece], atlas, piece, window, hits, rng)
+        if rng is not None:  # What is drawn depends on the pieces before.
+            _meet_in_turn(target, order, hits, rng)
+        else:
+            few = _areas(boxes) <= _FEW
+            for first in range(0, order.size, _TOGETHER):
+                part = order[first : first + _TOGETHER]
+                _meet_in_turn(target, part[~few[part]], hits, rng)
+                _meet_together(target, part[few[part]], hits)
     return hits
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """What rays are cast at: N pieces with what is needed to meet each.
+
+    `planes` are of `_planes`, `footprint` of `_footprints`, `nearest` and `boxes` of `_boxes`; `rank` is the place of
+    each in the order in which they are met.
+    """
+
+    rays: Rays
+    surfaces: Surfaces
+    atlas: Atlas
+    planes: Floats
+    footprint: Floats
+    nearest: Floats
+    boxes: NDArray[np.int32]
+    rank: NDArray[np.intp]
 
 
 def _planes(surfaces: Surfaces) -> Floats:
@@ -92,19 +117,30 @@ def _planes(surfaces: Surfaces) -> Floats:
     return np.stack([surfaces.corner, np.cross(across, up), *along], axis=1)
 
 
+def _footprints(rays: Rays, surfaces: Surfaces) -> Floats:
+    """(N,) The share of its tile that a ray covers at a distance of 1, straight on, across each piece."""
+    width_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
+    return np.asarray(rays.pixel / width_m, dtype=np.float32)
+
+
+def _meet_in_turn(target: _Target, pieces: NDArray[np.intp], hits: Hits, rng: np.random.Generator | None) -> None:
+    """Enter pieces into the hits, one after the other."""
+    moved = _moved(target.rays)
+    for piece in pieces.tolist():
+        top, bottom, left, right = target.boxes[piece].tolist()
+        window = (slice(top, bottom), slice(left, right))
+        # A ray is at least as long as the depth that it reaches, from where it starts.
+        if hits.distance[window].max() > target.nearest[piece] - moved:
+            _meet(target, piece, window, hits, rng)
+
+
 def _meet(
-    rays: Rays,
-    surfaces: Surfaces,
-    plane: Floats,
-    atlas: Atlas,
-    piece: int,
-    window: tuple[slice, slice],
-    hits: Hits,
-    rng: np.random.Generator | None,
+    target: _Target, piece: int, window: tuple[slice, slice], hits: Hits, rng: np.random.Generator | None
 ) -> None:
     """Enter one piece into the hits of one window."""
+    rays, surfaces = target.rays, target.surfaces
     x, y, z = (_part(axis, window) for axis in (rays.x, rays.y, rays.z))
-    corner, normal, across, up = plane
+    corner, normal, across, up = target.planes[piece]
     fx, fy, fz = (_part(start, window) - at for start, at in zip(rays.origin, corner, strict=True))
     slope = normal[0] * x + normal[1] * y + normal[2] * z
     distance = -(normal[0] * fx + normal[1] * fy + normal[2] * fz) / slope
@@ -124,32 +160,117 @@ def _meet(
         met &= (s >= 0) & (s <= 1)
     if not met.any():
         return
-    if surfaces.cut[piece]:
-        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
-        met.ravel()[at] = mask > _THERE
-    elif rng is not None and surfaces.see_through[piece]:
-        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
-        passed = rng.random(at.size, dtype=np.float32) < surfaces.see_through[piece]
-        met.ravel()[at] = (mask < _GLASS) | ~passed
+    if surfaces.cut[piece] or (rng is not None and surfaces.see_through[piece]):
+        at = np.flatnonzero(met)
+        mask = _masks(target, piece, *(values.ravel()[at] for values in (s, t, distance)))
+        if surfaces.cut[piece]:
+            met.ravel()[at] = mask > _THERE
+        else:
+            assert rng is not None
+            passed = rng.random(at.size, dtype=np.float32) < surfaces.see_through[piece]
+            met.ravel()[at] = (mask < _GLASS) | ~passed
     for grid, new in ((hits.distance, distance), (hits.s, s), (hits.t, t), (hits.piece, np.int32(piece))):
         np.copyto(grid[window], new, where=met)
 
 
-def _masks(
-    rays: Rays,
-    surfaces: Surfaces,
-    atlas: Atlas,
-    piece: int,
-    met: NDArray[np.bool_],
-    place: tuple[Floats, Floats, Floats],
-) -> tuple[NDArray[np.intp], Floats]:
-    """The (flat) indices of `met` and the values of a piece's mask there."""
-    at = np.flatnonzero(met)
-    s, t, distance = (values.ravel()[at] for values in place)
-    repeats, shift = surfaces.repeats[piece], surfaces.shift[piece]
-    width_m = float(np.linalg.norm(surfaces.across[piece])) / float(repeats[0])
-    level = level_of(distance * np.float32(rays.pixel / width_m))
-    return at, atlas.masks(int(surfaces.tile[piece]), s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
+class _Met(NamedTuple):
+    """N rays that met a piece, each with the piece, the place on it, and the distance; `at` are flat places of rays."""
+
+    at: NDArray[np.intp]
+    piece: NDArray[np.intp]
+    s: Floats
+    t: Floats
+    distance: Floats
+
+    def chosen(self, rows: NDArray[np.intp]) -> "_Met":
+        """Some of them."""
+        at, piece = self.at.take(rows), self.piece.take(rows)
+        return _Met(at, piece, self.s.take(rows), self.t.take(rows), self.distance.take(rows))
+
+
+def _meet_together(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> None:
+    """Enter pieces into the hits of rays that start from one place, with the outcome of one after the other."""
+    met = _met(target, pieces, hits)
+    met = met.chosen(np.flatnonzero(_within(target.surfaces, met.piece, met.s, met.t)))
+    there = np.ones(met.at.size, dtype=np.bool_)
+    cut = np.flatnonzero(target.surfaces.cut.take(met.piece))
+    of_cut = met.chosen(cut)
+    there[cut] = _masks(target, of_cut.piece, of_cut.s, of_cut.t, of_cut.distance) > _THERE
+    met = met.chosen(np.flatnonzero(there))
+    np.minimum.at(hits.distance.ravel(), met.at, met.distance)
+    # The nearest piece comes first in `met`, and of several values for one place the last is written.
+    nearest = met.chosen(np.flatnonzero(hits.distance.take(met.at) == met.distance)[::-1])
+    hits.piece.ravel()[nearest.at] = nearest.piece
+    hits.s.ravel()[nearest.at] = nearest.s
+    hits.t.ravel()[nearest.at] = nearest.t
+
+
+def _met(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> _Met:
+    """Meet the planes of pieces, each with the rays of its window, where none is met nearer."""
+    rays = target.rays
+    one, at = _pairs(target, pieces)
+    kept = np.flatnonzero(hits.distance.take(at) >= target.nearest[pieces].take(one))
+    one, at = one.take(kept), at.take(kept)
+    x, y = _directions(rays, at)
+    corner, normal, across, up = target.planes[pieces].transpose(1, 2, 0)
+    start = [axis - of_corners for axis, of_corners in zip(rays.origin, corner, strict=True)]
+    distance = -_dot(normal, start).take(one) / _towards(normal, one, x, y)
+    old = hits.distance.take(at)
+    # Of pieces that are equally far the one stays that would have come first.
+    first = (distance == old) & (target.rank[pieces].take(one) < target.rank.take(hits.piece.take(at)))
+    kept = np.flatnonzero((distance > 0) & ((distance < old) | first))
+    one, at, distance, x, y = one.take(kept), at.take(kept), distance.take(kept), x.take(kept), y.take(kept)
+    s = _towards(across, one, x, y) * distance + _dot(across, start).take(one)
+    t = _towards(up, one, x, y) * distance + _dot(up, start).take(one)
+    return _Met(at, pieces.take(one), s, t, distance)
+
+
+def _pairs(target: _Target, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs of a piece, by its place among `pieces`, and a ray of its window, by its flat place; piece by piece."""
+    top, _, left, right = target.boxes[pieces].T.astype(np.intp)
+    areas = _areas(target.boxes[pieces])
+    one = np.repeat(np.arange(pieces.size), areas)
+    row, column = np.divmod(np.arange(one.size) - np.repeat(np.cumsum(areas) - areas, areas), (right - left).take(one))
+    return one, (row + top.take(one)) * target.rays.shape[1] + column + left.take(one)
+
+
+def _directions(rays: Rays, at: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """The x and y of a camera's rays at flat places."""
+    if rays.principal_px is None:
+        return rays.x.take(at), rays.y.take(at)
+    row, column = np.divmod(at, rays.shape[1])
+    return rays.x.take(column), rays.y.take(row)
+
+
+def _dot(a: Floats, b: Sequence[Floats]) -> Floats:
+    """Products of vectors whose components are rows."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _towards(axis: Floats, one: NDArray[np.intp], x: Floats, y: Floats) -> Floats:
+    """The products of the axes (3, P) of pieces with rays (x, y, 1), each with its own."""
+    return np.asarray(axis[0].take(one) * x + axis[1].take(one) * y + axis[2].take(one))
+
+
+def _within(surfaces: Surfaces, piece: NDArray[np.intp], s: Floats, t: Floats) -> NDArray[np.bool_]:
+    """Whether places lie within the outlines of their pieces."""
+    taper, oval = surfaces.taper.take(piece), surfaces.oval.take(piece)
+    across = np.where(taper > 0, np.abs(s - 0.5) <= 0.5 - taper * t, (s >= 0) & (s <= 1))
+    across = np.where(oval, (s - 0.5) ** 2 + (t - 0.5) ** 2 <= 0.25, across)
+    return np.asarray(across & (t >= 0) & (t <= 1))
+
+
+def _masks(target: _Target, piece: NDArray[np.intp] | int, s: Floats, t: Floats, distance: Floats) -> Floats:
+    """The values of pieces' masks at (N,) places, which are this far away."""
+    surfaces = target.surfaces
+    repeats, shift = surfaces.repeats[piece].T, surfaces.shift[piece].T
+    level = level_of(distance * target.footprint[piece])
+    return target.atlas.masks(surfaces.tile[piece], s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
+
+
+def _areas(boxes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(N,) How many rays lie in each box."""
+    return np.asarray((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]))
 
 
 def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
