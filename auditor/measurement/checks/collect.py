@@ -1,6 +1,6 @@
 """All checks of one frame, pair by pair."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -10,6 +10,7 @@ import numpy as np
 from auditor.measurement.checks.count_grid import (
     ImageGrid,
     PairCells,
+    PairPlaces,
     PairSums,
     cells_of_points,
     opposite,
@@ -30,7 +31,7 @@ from auditor.measurement.checks.point_distribution import isolated, isolated_rat
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.arrays import Image
+from auditor.model.arrays import Image, Indices, Mask
 from auditor.model.checks import Check, CountedPair, IsolatedShares, Pair, SensorCheck, resolves_depth
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
@@ -155,13 +156,11 @@ def collect_checks(
         pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
     }
 
-    sums = {
-        pair: _sums(seen, lights[pair], partial(sums_of_pair, places[pair])) for pair, seen in consistencies.items()
-    }
+    sums = {pair: _sums(seen, lights[pair], places[pair]) for pair, seen in consistencies.items()}
     # There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
     hidden = {pair: np.flatnonzero(mask) for pair, mask in near.items() if mask.any()}
     without = {
-        pair: sums[pair].without(_sums(consistencies[pair], lights[pair], partial(sums_of_some, places[pair], some)))
+        pair: sums[pair].without(_sums(consistencies[pair], lights[pair], places[pair], some))
         for pair, some in hidden.items()
     }
 
@@ -203,15 +202,26 @@ class _PairSums(NamedTuple):
         return PairCounts(self.inconsistencies.cells, opposite(self.light.cells), coloured)
 
 
-def _sums(seen: PairConsistency, light: LightDifference, summed: Callable[..., list[PairSums]]) -> _PairSums:
-    of_reference, of_source = (
-        summed(seen.comparable & ~mask, [seen.inconsistent & ~mask])[0]
+def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, some: Indices | None = None) -> _PairSums:
+    """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row."""
+    summed = partial(sums_of_pair, places) if some is None else partial(sums_of_some, places, some)
+    [inconsistencies] = summed(seen.comparable, [seen.inconsistent])
+    # What a camera overexposes is not held against it.
+    excused = (
+        sums_of_some(places, _marked(mask, some), seen.comparable, [seen.inconsistent])[0]
         for mask in (light.overexposed, light.source_overexposed)
     )
-    inconsistencies = PairSums(of_source.source, of_reference.reference, of_source.grid)
+    of_reference, of_source = (inconsistencies.without(one) for one in excused)
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
-    return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
+    return _PairSums(
+        PairSums(of_source.source, of_reference.reference, of_source.grid), of_light, coloured[0] if coloured else None
+    )
+
+
+def _marked(mask: Mask, some: Indices | None) -> Indices:
+    """The pixels that a mask (h, w) marks, or those of some (M,)."""
+    return np.flatnonzero(mask) if some is None else some[mask.ravel()[some]]
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:
