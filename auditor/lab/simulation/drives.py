@@ -9,7 +9,8 @@ import numpy as np
 from auditor.errors import SettingError
 from auditor.lab.simulation.conditions import condition_named
 from auditor.lab.simulation.daylight import draw_day, emissions, overgrown, street_lamps, watered
-from auditor.lab.simulation.raycasting import Floats, cast, placed
+from auditor.lab.simulation.raycasting import cast, placed
+from auditor.lab.simulation.rays import Floats
 from auditor.lab.simulation.responses import CameraKind, Response, draw_changes, draw_responses, kinds_of
 from auditor.lab.simulation.scenery import Scenery, View, smaller
 from auditor.lab.simulation.sensors import camera_rays, echoes, expose, lidar_directions, lidar_rays

@@ -7,52 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.lab.simulation.ray_windows import spread_m, windows
+from auditor.lab.simulation.rays import Floats, Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, level_of
 from auditor.model.optics.geometry import Matrix
 
-_NEAR_M = 0.2
 _FAR_M = 180.0
-_SLACK_M = 0.02  # that rounding may add to a piece
-_CAMERA_MARGIN = 2
-_LIDAR_MARGIN = 24  # columns: its beams do not start from one place
 _TOGETHER = 128  # pieces
 _FEW = 2000  # rays: a piece with more of them is met alone
 _THERE = 0.5  # of a mask
 _GLASS = 0.11
-
-Floats = NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
-class Rays:
-    """A grid of H x W rays in the rig frame.
-
-    `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
-    the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
-    depths, and `principal_px` is the pixel straight ahead. Without one it is a LiDAR's: columns are evenly spaced
-    azimuths from `first_azimuth` on. A camera whose rays are bent has x and y for each pixel and no `principal_px`.
-    """
-
-    shape: tuple[int, int]
-    x: Floats
-    y: Floats
-    z: Floats
-    origin: tuple[Floats, Floats, Floats]
-    pixel: float
-    principal_px: tuple[float, float] | None = None
-    focal_px: float | None = None
-    first_azimuth: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Hits:
-    """The hits of H x W rays: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
-
-    piece: NDArray[np.int32]
-    s: Floats
-    t: Floats
-    distance: Floats
 
 
 def placed(surfaces: Surfaces, rig_SE3_world: Matrix, time_s: float) -> Surfaces:
@@ -74,7 +39,7 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
         t=np.zeros(rays.shape, dtype=np.float32),
         distance=np.full(rays.shape, np.inf, dtype=np.float32),
     )
-    nearest, boxes = _boxes(rays, surfaces)
+    nearest, boxes = windows(rays, surfaces)
     seen = np.flatnonzero((boxes[:, 0] < boxes[:, 1]) & (boxes[:, 2] < boxes[:, 3]) & (nearest < _FAR_M))
     order = seen[np.argsort(nearest[seen])]
     rank = np.zeros(len(surfaces), dtype=np.intp)
@@ -96,7 +61,7 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
 class _Target:
     """What rays are cast at: N pieces with what is needed to meet each.
 
-    `planes` are of `_planes`, `footprint` of `_footprints`, `nearest` and `boxes` of `_boxes`; `rank` is the place of
+    `planes` are of `_planes`, `footprint` of `_footprints`, `nearest` and `boxes` of `windows`; `rank` is the place of
     each in the order in which they are met.
     """
 
@@ -125,7 +90,7 @@ def _footprints(rays: Rays, surfaces: Surfaces) -> Floats:
 
 def _meet_in_turn(target: _Target, pieces: NDArray[np.intp], hits: Hits, rng: np.random.Generator | None) -> None:
     """Enter pieces into the hits, one after the other."""
-    moved = _moved(target.rays)
+    moved = spread_m(target.rays)
     for piece in pieces.tolist():
         top, bottom, left, right = target.boxes[piece].tolist()
         window = (slice(top, bottom), slice(left, right))
@@ -280,83 +245,3 @@ def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
     rows = window[0] if values.shape[0] > 1 else slice(None)
     columns = window[1] if values.shape[1] > 1 else slice(None)
     return values[rows, columns]
-
-
-def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
-    """The nearest depth of each piece, (N,) metres, and the part of the grid in which it may lie.
-
-    The latter is (N, 4): first row, one past the last, first column, one past the last.
-    """
-    start = np.array([float(np.mean(axis)) for axis in rays.origin], dtype=np.float32)
-    a = surfaces.corner - start
-    b, c = a + surfaces.across, a + surfaces.up
-    corners = np.stack([a, b, b + surfaces.up, c], axis=1)
-    following = np.roll(corners, -1, axis=1)
-    # Where an edge passes through the plane just ahead of the sensor, that point bounds the visible part of the piece.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (_NEAR_M - corners[:, :, 2]) / (following[:, :, 2] - corners[:, :, 2])
-    crosses = (share > 0) & (share < 1)
-    crossing = corners + np.where(crosses, share, 0)[:, :, None] * (following - corners)
-    crossing[:, :, 2] = np.where(crosses, _NEAR_M, -1)
-    points = np.concatenate([corners, crossing], axis=1)
-    ahead = points[:, :, 2] >= _NEAR_M
-    nearest = np.where(ahead, points[:, :, 2], np.inf).min(axis=1)
-    depth = np.where(ahead, points[:, :, 2], 1)
-    x, y = points[:, :, 0], points[:, :, 1]
-    if rays.focal_px is None:
-        azimuth = np.arctan2(x, depth)
-        left, right = _range((azimuth - rays.first_azimuth) / rays.pixel, ahead, _LIDAR_MARGIN, rays.shape[1])
-        return nearest, np.stack([*_beams(rays, corners), left, right], axis=1)
-    if rays.principal_px is None:
-        columns = _bent_range(x / depth, ahead, rays.x.min(axis=0), rays.x.max(axis=0))
-        rows = _bent_range(y / depth, ahead, rays.y.min(axis=1), rays.y.max(axis=1))
-        return nearest, np.stack([*rows, *columns], axis=1)
-    u0, v0 = rays.principal_px
-    left, right = _range(x / depth * rays.focal_px + u0, ahead, _CAMERA_MARGIN, rays.shape[1])
-    top, bottom = _range(y / depth * rays.focal_px + v0, ahead, _CAMERA_MARGIN, rays.shape[0])
-    return nearest, np.stack([top, bottom, left, right], axis=1)
-
-
-def _moved(rays: Rays) -> float:
-    """How far apart the places may be from which rays start, metres."""
-    return sum(float(np.ptp(axis)) for axis in rays.origin)
-
-
-def _beams(rays: Rays, corners: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """First and one past the last row of a LiDAR whose beams may meet each piece; (N, 4, 3) corners from its middle.
-
-    The edges of a piece are bent in elevation: what bounds it are its heights, and how near and far it may be.
-    """
-    moved = _moved(rays)
-    low, high = corners.min(axis=1) - _SLACK_M, corners.max(axis=1) + _SLACK_M
-    beside = np.maximum(np.maximum(low, -high), 0)[:, [0, 2]]
-    near = np.maximum(np.hypot(*beside.T) - moved, _SLACK_M)
-    far = np.hypot(corners[:, :, 0], corners[:, :, 2]).max(axis=1) + _SLACK_M + moved
-    top, bottom = low[:, 1], high[:, 1]
-    slopes = np.stack([top / np.where(top < 0, near, far), bottom / np.where(bottom > 0, near, far)], axis=1)
-    of_rays = rays.y / np.hypot(rays.x, rays.z)
-    first, last = _bent_range(slopes, np.True_, of_rays.min(axis=1), of_rays.max(axis=1))
-    # One row at least: pieces that are equally near are met in an order that depends on how many there are.
-    first = np.minimum(first, rays.shape[0] - 1)
-    return first, np.maximum(last, first + 1)
-
-
-def _bent_range(
-    places: NDArray[np.floating], ahead: NDArray[np.bool_] | np.bool_, least: Floats, most: Floats
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """As `_range`, for columns (or rows) whose rays reach from `least` to `most`, both rising but for their noise."""
-    low, high = np.where(ahead, places, np.inf).min(axis=1), np.where(ahead, places, -np.inf).max(axis=1)
-    first = np.searchsorted(np.maximum.accumulate(most), low)
-    last = np.searchsorted(np.minimum.accumulate(least[::-1])[::-1], high, side="right")
-    return first.astype(np.int32), np.maximum(first, last).astype(np.int32)
-
-
-def _range(
-    places: NDArray[np.floating], ahead: NDArray[np.bool_], margin: int, size: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """First and one past the last row (or column) that lies within the grid."""
-    low = np.where(ahead, places, np.inf).min(axis=1)
-    high = np.where(ahead, places, -np.inf).max(axis=1)
-    first = np.clip(np.nan_to_num(np.floor(low)) - margin, 0, size)
-    last = np.clip(np.nan_to_num(np.ceil(high)) + margin + 1, 0, size)
-    return first.astype(np.int32), last.astype(np.int32)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import CAMERAS, FLARE
 from auditor.lab.simulation.daylight import Day
-from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.responses import ExposureChange, Response, changed_exposure, developed
 from auditor.lab.simulation.spectral_shading import Channels, channels, spectral_radiance
 from auditor.lab.simulation.stray_light import SunSeen

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import SettingError
-from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.vehicles import CameraFlaws, LidarFlaws
 from auditor.model.rig import Camera, Lidar

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, Tile, level_of
 from auditor.model.optics.geometry import Matrix

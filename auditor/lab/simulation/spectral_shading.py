@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import ILLUMINANTS
 from auditor.lab.simulation.daylight import Day, lamp_light
-from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.shading import Lit, Scene, parts, sky
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import LAYERS, Atlas

@@ -1,0 +1,39 @@
+"""Rays of a camera or of a LiDAR, and what they hit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """A grid of H x W rays in the rig frame.
+
+    `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
+    the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
+    depths, and `principal_px` is the pixel straight ahead. Without one it is a LiDAR's: columns are evenly spaced
+    azimuths from `first_azimuth` on. A camera whose rays are bent has x and y for each pixel and no `principal_px`.
+    """
+
+    shape: tuple[int, int]
+    x: Floats
+    y: Floats
+    z: Floats
+    origin: tuple[Floats, Floats, Floats]
+    pixel: float
+    principal_px: tuple[float, float] | None = None
+    focal_px: float | None = None
+    first_azimuth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """The hits of H x W rays: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
+
+    piece: NDArray[np.int32]
+    s: Floats
+    t: Floats
+    distance: Floats
