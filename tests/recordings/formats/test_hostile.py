@@ -1,4 +1,7 @@
-"""Hostile files: readable messages are recovered and the rest is reported, within 5 s and 300 MB, by our own errors."""
+"""Hostile files: readable messages are recovered and the rest is reported, within 5 s and 300 MB, by our own errors.
+
+The seconds are those of a quiet machine: where a fixed piece of work takes longer, reading may.
+"""
 
 import re
 from pathlib import Path
@@ -9,6 +12,7 @@ import pytest
 from tests.making.hostile_files import Hostile
 from tests.making.hostile_packed import ALL
 from tests.making.memory import forget_peak, memory_mb
+from tests.making.pace import slowness
 from tests.making.reading_all import read_all
 
 MAX_S = 5.0
@@ -22,6 +26,7 @@ def test_there_are_at_least_forty_kinds() -> None:
 @pytest.mark.parametrize("hostile", ALL, ids=lambda hostile: hostile.name)
 def test_a_hostile_file_costs_little_and_its_damage_is_reported(hostile: Hostile, tmp_path: Path) -> None:
     path = hostile.make(tmp_path)
+    slow_before = slowness()
     forget_peak()
     idle_mb, started = memory_mb("VmRSS"), process_time()
     outcome = read_all(path)
@@ -29,5 +34,5 @@ def test_a_hostile_file_costs_little_and_its_damage_is_reported(hostile: Hostile
     print(f"{outcome.messages} messages, {seconds:.2f} s, {peak_mb:.0f} MB: {outcome.text[:120]}")
     assert outcome.messages >= hostile.messages
     assert re.search(hostile.damage, outcome.text)
-    assert seconds < MAX_S
+    assert seconds < MAX_S * max(slow_before, slowness())
     assert peak_mb < MAX_MB
