@@ -44,7 +44,7 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
     order = seen[np.argsort(nearest[seen])]
     rank = np.zeros(len(surfaces), dtype=np.intp)
     rank[order] = np.arange(order.size)
-    target = _Target(rays, surfaces, atlas, _planes(surfaces), _footprints(rays, surfaces), nearest, boxes, rank)
+    target = _Target(rays, surfaces, atlas, _planes(surfaces), surfaces.footprints(rays.pixel), nearest, boxes, rank)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         if rng is not None:  # What is drawn depends on the pieces before.
             _meet_in_turn(target, order, hits, rng)
@@ -61,8 +61,8 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
 class _Target:
     """What rays are cast at: N pieces with what is needed to meet each.
 
-    `planes` are of `_planes`, `footprint` of `_footprints`, `nearest` and `boxes` of `windows`; `rank` is the place of
-    each in the order in which they are met.
+    `planes` are of `_planes`, `footprint` of `Surfaces.footprints`, `nearest` and `boxes` of `windows`; `rank` is the
+    place of each in the order in which they are met.
     """
 
     rays: Rays
@@ -82,12 +82,6 @@ def _planes(surfaces: Surfaces) -> Floats:
     return np.stack([surfaces.corner, np.cross(across, up), *along], axis=1)
 
 
-def _footprints(rays: Rays, surfaces: Surfaces) -> Floats:
-    """(N,) The share of its tile that a ray covers at a distance of 1, straight on, across each piece."""
-    width_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
-    return np.asarray(rays.pixel / width_m, dtype=np.float32)
-
-
 def _meet_in_turn(target: _Target, pieces: NDArray[np.intp], hits: Hits, rng: np.random.Generator | None) -> None:
     """Enter pieces into the hits, one after the other."""
     moved = spread_m(target.rays)
@@ -104,19 +98,16 @@ def _meet(
 ) -> None:
     """Enter one piece into the hits of one window."""
     rays, surfaces = target.rays, target.surfaces
-    x, y, z = (_part(axis, window) for axis in (rays.x, rays.y, rays.z))
+    ray = [_part(axis, window) for axis in (rays.x, rays.y, rays.z)]
     corner, normal, across, up = target.planes[piece]
-    fx, fy, fz = (_part(start, window) - at for start, at in zip(rays.origin, corner, strict=True))
-    slope = normal[0] * x + normal[1] * y + normal[2] * z
-    distance = -(normal[0] * fx + normal[1] * fy + normal[2] * fz) / slope
+    start = [_part(axis, window) - at for axis, at in zip(rays.origin, corner, strict=True)]
+    distance = -_dot(normal, start) / _dot(normal, ray)
     met = (distance > 0) & (distance < hits.distance[window])
     if not met.any():
         return
-    t = (up[0] * x + up[1] * y + up[2] * z) * distance
-    t += up[0] * fx + up[1] * fy + up[2] * fz
+    t = _dot(up, ray) * distance + _dot(up, start)
     met &= (t >= 0) & (t <= 1)
-    s = (across[0] * x + across[1] * y + across[2] * z) * distance
-    s += across[0] * fx + across[1] * fy + across[2] * fz
+    s = _dot(across, ray) * distance + _dot(across, start)
     if surfaces.oval[piece]:
         met &= (s - 0.5) ** 2 + (t - 0.5) ** 2 <= 0.25
     elif surfaces.taper[piece]:
@@ -176,7 +167,7 @@ def _met(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> _Met:
     one, at = _pairs(target, pieces)
     kept = np.flatnonzero(hits.distance.take(at) >= target.nearest[pieces].take(one))
     one, at = one.take(kept), at.take(kept)
-    x, y = _directions(rays, at)
+    x, y = rays.camera_directions(at)
     corner, normal, across, up = target.planes[pieces].transpose(1, 2, 0)
     start = [axis - of_corners for axis, of_corners in zip(rays.origin, corner, strict=True)]
     distance = -_dot(normal, start).take(one) / _towards(normal, one, x, y)
@@ -197,14 +188,6 @@ def _pairs(target: _Target, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp],
     one = np.repeat(np.arange(pieces.size), areas)
     row, column = np.divmod(np.arange(one.size) - np.repeat(np.cumsum(areas) - areas, areas), (right - left).take(one))
     return one, (row + top.take(one)) * target.rays.shape[1] + column + left.take(one)
-
-
-def _directions(rays: Rays, at: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """The x and y of a camera's rays at flat places."""
-    if rays.principal_px is None:
-        return rays.x.take(at), rays.y.take(at)
-    row, column = np.divmod(at, rays.shape[1])
-    return rays.x.take(column), rays.y.take(row)
 
 
 def _dot(a: Floats, b: Sequence[Floats]) -> Floats:

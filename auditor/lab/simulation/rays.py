@@ -28,6 +28,13 @@ class Rays:
     focal_px: float | None = None
     first_azimuth: float = 0.0
 
+    def camera_directions(self, at: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """The x and y of a camera's rays at (N,) flat places of the grid."""
+        if self.principal_px is None:
+            return self.x.take(at), self.y.take(at)
+        row, column = np.divmod(at, self.shape[1])
+        return self.x.take(column), self.y.take(row)
+
 
 @dataclass(frozen=True, eq=False)
 class Hits:

@@ -76,11 +76,7 @@ def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[NDArray[np.i
         part = at[first : first + _PART]
         piece = hits.piece.take(part)
         depth, s, t = (grid.take(part) for grid in (hits.distance, hits.s, hits.t))
-        if rays.principal_px is None:
-            x, y = rays.x.take(part), rays.y.take(part)
-        else:
-            row, column = np.divmod(part, rays.shape[1])
-            x, y = rays.x.take(column), rays.y.take(row)
+        x, y = rays.camera_directions(part)
         nx, ny, nz = (axis.take(piece) for axis in scene.normal)
         yield part, Met(x, y, depth, piece, s, t, nx * x + ny * y + nz)
 
@@ -117,8 +113,7 @@ class Scene:
         sun = (R.T @ np.array(light.sun) * light.direct).astype(np.float32)
         self._to_sun = sun @ self.normal
         self._ambient = surfaces.ambient * np.float32(light.ambient)
-        width_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
-        self._footprint = (rays.pixel / width_m).astype(np.float32)
+        self._footprint = surfaces.footprints(rays.pixel)
         self._repeats = np.ascontiguousarray(surfaces.repeats.T)
         self._shift = np.ascontiguousarray(surfaces.shift.T)
 
@@ -156,7 +151,8 @@ class Scene:
 
     def _texture(self, met: Met, slant: Floats) -> tuple[Floats, Ints]:
         """(N,) texture values, stains included, and the nearest texels."""
-        level = level_of(met.depth * self._footprint.take(met.piece) / np.sqrt(slant))
+        footprint = met.depth * self._footprint.take(met.piece) / np.sqrt(slant)
+        level = level_of(np.asarray(footprint, dtype=np.float32))
         tile = self._surfaces.tile.take(met.piece)
         across = met.s * self._repeats[0].take(met.piece) + self._shift[0].take(met.piece)
         up = met.t * self._repeats[1].take(met.piece) + self._shift[1].take(met.piece)

@@ -78,6 +78,14 @@ class Surfaces:
         normal = np.cross(self.across, self.up)
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), dtype=np.float32)
 
+    def footprints(self, pixel: float) -> Floats:
+        """(N,) The share of its tile that a ray covers at a distance of 1, straight on, across each piece.
+
+        `pixel` is the angle in radians between neighbouring rays.
+        """
+        width_m = np.linalg.norm(self.across, axis=1) / self.repeats[:, 0]
+        return np.asarray(pixel / width_m, dtype=np.float32)
+
     def chosen(self, rows: NDArray[np.intp]) -> "Surfaces":
         """Some of the pieces, in the given order."""
         return Surfaces(*(getattr(self, column.name)[rows] for column in fields(self)))
