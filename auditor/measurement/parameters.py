@@ -188,6 +188,17 @@ class Light:
     infrared_dim: float = parameter(
         0.5, unit="of the prediction, the least a grey camera shows of what saturates colours", source=_STREETS
     )
+    colour_spread: float = parameter(
+        4.0,
+        unit="of residual 1, more, for all of the chroma, where a grey camera is darker than colours predict",
+        source="docs/decisions.md, strong colours: 1, 2, 3 and 4 tried",
+    )
+    surface_chroma: float = parameter(
+        0.6,
+        unit="share by which the brightest channel exceeds the darkest, of a surface at most",
+        source="docs/decisions.md, strong colours: walls and leaves at most 0.45, lasers 0.66 and more",
+    )
+    colour_dark: float = parameter(8.0, unit="grey levels added to the brightest channel", source=BY_HAND)
     colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
     overexposed_from: int = parameter(
         170,

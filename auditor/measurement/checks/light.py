@@ -27,7 +27,22 @@ _UNITS, _INFRARED_UNITS = (  # by predicted level, the residual of 1 in grey lev
     np.float32(level) + np.float32(share) * _LEVELS
     for level, share in ((LIGHT.level, LIGHT.share), (LIGHT.infrared_level, LIGHT.infrared_share))
 )
+_CHROMA = _LEVELS / np.float32(255)
+_SPREAD = 1 + np.float32(LIGHT.colour_spread) * np.minimum(_CHROMA, np.float32(LIGHT.surface_chroma) - _CHROMA).clip(0)
 _DIM = (_LEVELS * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """What a colour camera sees, (h, w) each: its grey `luma`, its `brightest` channel, and the `classes` of chroma.
+
+    `chroma` is by how much the brightest channel exceeds the darkest; 255 is all of it, the light of one line.
+    """
+
+    luma: Image
+    brightest: Image
+    chroma: Image
+    classes: Classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +73,12 @@ class View:
         return () if self.colour is None else tuple(saturation_level(one) for one in _split(self.colour))
 
     @cached_property
-    def brightest(self) -> Image:
-        """(h, w) the largest of the channels' means."""
+    def colours(self) -> Colours:
+        """Those of a colour camera."""
         blue, green, red = self.channels
-        return np.asarray(cv2.max(cv2.max(blue, green), red), dtype=np.uint8)
-
-    @cached_property
-    def classes(self) -> Classes:
-        """(h, w) the classes of chroma of a colour picture."""
-        return chroma_classes(*self.channels)
+        brightest, darkest = (np.asarray(of(of(blue, green), red), dtype=np.uint8) for of in (cv2.max, cv2.min))
+        chroma = (brightest - darkest) / (brightest + np.float32(LIGHT.colour_dark)) * np.float32(_WHITE)
+        return Colours(self.levels, brightest, chroma.astype(np.uint8), chroma_classes(blue, green, red))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +106,10 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         channels = _channels(reference, source, others)
         residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
-        residual = -_of_mixture(
-            levels, source.saturation, reference.levels, reference, seen, reference.classes, reference.brightest
-        )
+        residual = -_of_mixture(levels, source.saturation, reference.colours, reference.saturation, seen)
     elif source.channels:
-        classes, brightest = warp.of(source.classes, cv2.INTER_NEAREST), warp.of(source.brightest)
-        residual = _of_mixture(reference.levels, reference.saturation, levels, source, seen, classes, brightest)
+        colours = warp.of_colours(source.colours, levels)
+        residual = _of_mixture(reference.levels, reference.saturation, colours, source.saturation, seen)
     else:
         residual = _alike(reference.levels, levels, seen, reference.saturation, source.saturation)
     saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
@@ -127,6 +137,11 @@ class _Warp:
     def of_all(self, images: Sequence[Image]) -> tuple[Image, ...]:
         """Some (h, w) images at once: four take little more time than one."""
         return _split(self.of(np.asarray(cv2.merge(images), dtype=np.uint8)))
+
+    def of_colours(self, colours: Colours, luma: Image) -> Colours:
+        """All of them; `luma` is warped already."""
+        brightest, chroma = self.of_all([colours.brightest, colours.chroma])
+        return Colours(luma, brightest, chroma, self.of(colours.classes, cv2.INTER_NEAREST))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,13 +192,17 @@ def _alike(value: Image, other: Image, seen: Mask, saturation: int, other_satura
     return _relative(value, predicted, value >= saturation, other >= other_saturation)
 
 
-def _of_mixture(
-    greys: Image, grey_saturation: int, luma: Image, colour: View, seen: Mask, classes: Classes, brightest: Image
-) -> Floats32:
-    """How much brighter the grey camera is than the colour camera predicts."""
-    predicted = _prediction(luma, greys, seen, colour.saturation, grey_saturation, classes).of(luma, classes)
-    saturated = brightest >= min(colour.saturation, LIGHT.colour_saturation)
-    return _relative(greys, predicted, greys >= grey_saturation, saturated, infrared=True)
+def _of_mixture(greys: Image, grey_saturation: int, colours: Colours, saturation: int, seen: Mask) -> Floats32:
+    """How much brighter the grey camera is than the colour camera predicts.
+
+    The stronger the colour of a surface, the less its luma tells of what a wider spectrum sees: a violet wall or yellow
+    paint may be darker. No surface has so strong a colour as a laser.
+    """
+    luma, classes = colours.luma, colours.classes
+    predicted = _prediction(luma, greys, seen, saturation, grey_saturation, classes).of(luma, classes)
+    saturated = colours.brightest >= min(saturation, LIGHT.colour_saturation)
+    residual = _relative(greys, predicted, greys >= grey_saturation, saturated, infrared=True)
+    return np.asarray(cv2.max(residual, residual / cv2.LUT(colours.chroma, _SPREAD)), dtype=np.float32)
 
 
 def _prediction(
