@@ -206,10 +206,9 @@ def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, som
     """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row."""
     summed = partial(sums_of_pair, places) if some is None else partial(sums_of_some, places, some)
     [inconsistencies] = summed(seen.comparable, [seen.inconsistent])
-    # What a camera overexposes is not held against it.
     excused = (
         sums_of_some(places, _marked(mask, some), seen.comparable, [seen.inconsistent])[0]
-        for mask in (light.overexposed, light.source_overexposed)
+        for mask in (light.excused, light.source_excused)
     )
     of_reference, of_source = (inconsistencies.without(one) for one in excused)
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]

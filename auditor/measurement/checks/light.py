@@ -86,14 +86,14 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour. `overexposed` and `source_overexposed` (h, w): it is bright, and saturates
-    in the reference alone, or in the source, as the other predicts, so that nothing of what that one sees can show.
+    cameras: the same of light of one colour. `excused` and `source_excused` (h, w): where it shows nothing of the
+    reference, or of the source, that the two do not see the same, since one of them overexposes what is bright there.
     """
 
     residual: Floats32
     comparable: Mask
-    overexposed: Mask
-    source_overexposed: Mask
+    excused: Mask
+    source_excused: Mask
     coloured: Floats32 | None = None
 
 
@@ -118,11 +118,15 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     # A facula over most of an image bends the curve until it predicts it: what it saturates is dark in the other.
     bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
     as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
+    overexposed, source_overexposed = as_predicted & saturated, as_predicted & source_saturated
+    # The sky is dark in near infrared and has a texture there, and is white and empty in colours: neither is at fault.
+    colours_alone = overexposed if reference.channels else source_overexposed
+    of_both = colours_alone if bool(reference.channels) != bool(source.channels) else np.zeros_like(comparable)
     return LightDifference(
         residual,
         comparable,
-        overexposed=np.asarray(as_predicted & saturated),
-        source_overexposed=np.asarray(as_predicted & source_saturated),
+        excused=np.asarray(overexposed | of_both),
+        source_excused=np.asarray(source_overexposed | of_both),
         coloured=None if coloured is None else coloured * comparable,
     )
 
