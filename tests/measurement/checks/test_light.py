@@ -170,6 +170,19 @@ def test_a_wall_that_one_camera_overexposes_as_the_other_predicts_is_marked_in_t
     assert not (equal.excused | equal.source_excused).any()
 
 
+@pytest.mark.parametrize("place", [0, 1], ids=["grey beside colour", "colour beside grey"])
+def test_what_only_colours_overexpose_is_held_against_neither_camera(place):
+    longer, shorter = overexposed_wall()
+    colour = cv2.merge([longer] * 3)
+    found = compared(colour, shorter) if place else compared(shorter, np.roll(colour, -SHIFT, axis=1))
+    assert found.excused[WALL].mean() > 0.95
+    assert found.source_excused[WALL].mean() > 0.95
+    colours = cv2.merge([shorter] * 3)  # the grey camera has the longer exposure
+    found = compared(longer, colours)
+    assert found.excused[WALL].mean() > 0.95
+    assert not found.source_excused.any()
+
+
 def test_a_facula_that_saturates_is_not_taken_for_an_exposure():
     reference, source = scene(high=180)
     lit = np.s_[80:100, 210:230]
