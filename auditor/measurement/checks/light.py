@@ -118,15 +118,17 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     # A facula over most of an image bends the curve until it predicts it: what it saturates is dark in the other.
     bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
     as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
-    overexposed, source_overexposed = as_predicted & saturated, as_predicted & source_saturated
+    excused, source_excused = as_predicted & saturated, as_predicted & source_saturated
     # The sky is dark in near infrared and has a texture there, and is white and empty in colours: neither is at fault.
-    colours_alone = overexposed if reference.channels else source_overexposed
-    of_both = colours_alone if bool(reference.channels) != bool(source.channels) else np.zeros_like(comparable)
+    if reference.channels and not source.channels:
+        source_excused |= excused
+    elif source.channels and not reference.channels:
+        excused |= source_excused
     return LightDifference(
         residual,
         comparable,
-        excused=np.asarray(overexposed | of_both),
-        source_excused=np.asarray(source_overexposed | of_both),
+        excused=np.asarray(excused),
+        source_excused=np.asarray(source_excused),
         coloured=None if coloured is None else coloured * comparable,
     )
 

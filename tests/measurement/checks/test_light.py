@@ -219,10 +219,10 @@ def test_grey_and_colour_compare_alike_whichever_is_the_reference(colours, place
     reference, source = colours
     assert strongest(*pair(reference, source)) == pytest.approx((0, 0), abs=0.1)
     most, least = strongest(*pair(facula(reference), source))
-    assert most > 0.6
+    assert most > (0.6, 0.8)[place]  # strong hues tell less of what a grey camera should see
     assert least > -0.3
     most, least = strongest(*pair(reference, facula(source)))
-    assert least < -0.6
+    assert least < (-0.8, -0.6)[place]
     assert most < 0.3
 
 
