@@ -53,7 +53,7 @@ _RED, _GREEN = (60, 60, 255), (60, 180, 60)
 class Picture(NamedTuple):
     """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn.
 
-    The street was measured with `frames` frames, of which one of `every` was attacked.
+    The street was measured with `frames` frames of KITTI's size times `scale`, of which one of `every` was attacked.
     """
 
     name: str
@@ -63,26 +63,24 @@ class Picture(NamedTuple):
     attack: str = ""
     attacked: tuple[int, ...] = ()
     cameras: tuple[int, ...] = CAMERAS
-    frames: int = 10
-    every: int = 5
+    frames: int = 8
+    every: int = 8
+    scale: float = 1.0
 
 
 THREE = (1, 2, 3)
 PICTURES = (
-    Picture("ghosts", 2042, 9, 4),
-    Picture("leaves", 2023, 2, 4),
-    Picture("veil", 2006, 7, 1, cameras=THREE),
-    Picture("hidden-sky", 2038, 9, 3, cameras=THREE),
-    Picture("facula-in-the-sky", 2000, 0, 1, "R 75 mild", (1,), THREE),
-    Picture("facula-on-the-road", 2002, 0, 1, "R 75 mild", (1,), THREE),
-    Picture("wall-at-20-m", 2000, 5, 0, "wall 2.5 m at 20 m", (0,)),
-    Picture("two-faculas", 2017, 0, 4, "two faculas", (2, 4)),
-    Picture("plants-at-the-edge", 5011, 2, 1, frames=8, every=4),
-    Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
-    Picture("crowns", 9035, 2, 1, frames=250),
-    Picture("shadows-on-a-white-wall", 9000, 78, 1, cameras=THREE, frames=250),
-    Picture("sky-at-the-edge", 9061, 77, 2, cameras=THREE, frames=250),
-    Picture("sun-behind-a-tree", 10195, 75, 2, frames=100),
+    Picture("car-at-the-edge", 7093, 3, 1),
+    Picture("low-sun", 7099, 6, 1),
+    Picture("behind-a-trunk", 7087, 3, 3, cameras=THREE),
+    Picture("sky-beside-a-post", 7037, 2, 2),
+    Picture("car-without-returns", 7043, 7, 0),
+    Picture("facula-in-the-sky", 7012, 0, 4, "R 75 mild", (4,)),
+    Picture("facula-in-a-white-sky", 7041, 0, 4, "paper's facula", (4,)),
+    Picture("facula-among-leaves", 7062, 0, 2, "paper's facula", (2,)),
+    Picture("two-faculas", 7005, 0, 2, "two faculas", (2, 4)),
+    Picture("wall-in-the-dark", 7027, 0, 0, "wall 1 m", (0,)),
+    Picture("turquoise-wall", 10883, 56, 2, cameras=THREE, frames=100, scale=0.5),
 )
 
 
@@ -110,7 +108,8 @@ class Shown:
 
 def frames_of(picture: Picture) -> tuple[Rig, Frame, Frame]:
     """The rig of the street, the frame with the attack and without it."""
-    with Street(picture.seed, picture.frames, len(CAMERAS)).open(colour=True) as (drive,):
+    street = Street(picture.seed, picture.frames, len(CAMERAS), picture.scale)
+    with street.open(colour=True) as (drive,):
         rng = np.random.default_rng(zlib.crc32(f"street {picture.seed}".encode()))
         made = (one for one in drive.frames if isinstance(one, Frame))
         for place, frame in enumerate(islice(made, picture.frame + 1)):
