@@ -198,7 +198,6 @@ class Light:
         unit="share by which the brightest channel exceeds the darkest, of a surface at most",
         source="docs/decisions.md, strong colours: walls and leaves at most 0.45, lasers 0.66 and more",
     )
-    colour_dark: float = parameter(8.0, unit="grey levels added to the brightest channel", source=BY_HAND)
     colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
     overexposed_from: int = parameter(
         170,

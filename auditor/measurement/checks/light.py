@@ -14,9 +14,16 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
-from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
+from auditor.measurement.checks.tone_curve import (
+    Classes,
+    Prediction,
+    chroma_classes,
+    no_bluer_than_green,
+    predict,
+    saturation_level,
+)
 from auditor.measurement.disparity.row_warp import warp
-from auditor.measurement.parameters import LIGHT
+from auditor.measurement.parameters import CHROMA, LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
 _NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)
@@ -77,7 +84,7 @@ class View:
         """Those of a colour camera."""
         blue, green, red = self.channels
         brightest, darkest = (np.asarray(of(of(blue, green), red), dtype=np.uint8) for of in (cv2.max, cv2.min))
-        chroma = (brightest - darkest) / (brightest + np.float32(LIGHT.colour_dark)) * np.float32(_WHITE)
+        chroma = (brightest - darkest) / (brightest + np.float32(CHROMA.dark / len(self.channels))) * np.float32(_WHITE)
         return Colours(self.levels, brightest, chroma.astype(np.uint8), chroma_classes(blue, green, red))
 
 
@@ -101,12 +108,13 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
     warp = _Warp(column * seen)
     *others, levels = warp.of_all([*(source.channels if reference.channels else ()), source.levels])
-    coloured = None
+    coloured = colours = None
     if reference.channels and source.channels:
         channels = _channels(reference, source, others)
         residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
-        residual = -_of_mixture(levels, source.saturation, reference.colours, reference.saturation, seen)
+        colours = reference.colours
+        residual = -_of_mixture(levels, source.saturation, colours, reference.saturation, seen)
     elif source.channels:
         colours = warp.of_colours(source.colours, levels)
         residual = _of_mixture(reference.levels, reference.saturation, colours, source.saturation, seen)
@@ -119,11 +127,8 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
     as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
     excused, source_excused = as_predicted & saturated, as_predicted & source_saturated
-    # The sky is dark in near infrared and has a texture there, and is white and empty in colours: neither is at fault.
-    if reference.channels and not source.channels:
-        source_excused |= excused
-    elif source.channels and not reference.channels:
-        excused |= source_excused
+    if colours is not None:
+        excused, source_excused = _of_mixed(excused, source_excused, colours, of_source=bool(source.channels))
     return LightDifference(
         residual,
         comparable,
@@ -209,6 +214,17 @@ def _of_mixture(greys: Image, grey_saturation: int, colours: Colours, saturation
     saturated = colours.brightest >= min(saturation, LIGHT.colour_saturation)
     residual = _relative(greys, predicted, greys >= grey_saturation, saturated, infrared=True)
     return np.asarray(cv2.max(residual, residual / cv2.LUT(colours.chroma, _SPREAD)), dtype=np.float32)
+
+
+def _of_mixed(excused: Mask, source_excused: Mask, colours: Colours, *, of_source: bool) -> tuple[Mask, Mask]:
+    """What excuses a grey and a colour camera; `of_source`: the source is the one that has these colours.
+
+    In near infrared the sky is dark and leaves are white. So what overexposes in colours may have a texture in grey,
+    and the reverse, and neither is at fault: but no leaf is blue or magenta, as are stripes that radio waves leave.
+    """
+    of_colour, of_grey = (source_excused, excused) if of_source else (excused, source_excused)
+    of_colour, of_grey = of_colour | (of_grey & no_bluer_than_green(colours.classes)), of_grey | of_colour
+    return (of_grey, of_colour) if of_source else (of_colour, of_grey)
 
 
 def _prediction(

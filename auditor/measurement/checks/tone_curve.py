@@ -69,6 +69,11 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     return found
 
 
+def no_bluer_than_green(classes: Classes) -> Mask:
+    """(h, w) the pixels of the classes in which blue does not exceed green, as of leaves, and of what is white."""
+    return np.asarray(classes % np.uint8(len(CHROMA.edges) + 1) <= sum(edge < 0 for edge in CHROMA.edges))
+
+
 def saturation_level(image: Image) -> int:
     """The level from which on an (h, w) image saturates: below its top level where many pixels lie there."""
     top = int(image.max())

@@ -170,17 +170,28 @@ def test_a_wall_that_one_camera_overexposes_as_the_other_predicts_is_marked_in_t
     assert not (equal.excused | equal.source_excused).any()
 
 
-@pytest.mark.parametrize("place", [0, 1], ids=["grey beside colour", "colour beside grey"])
-def test_what_only_colours_overexpose_is_held_against_neither_camera(place):
+@pytest.mark.parametrize("of_colours", [0, 1], ids=["grey beside colour", "colour beside grey"])
+@pytest.mark.parametrize("overexposed", [0, 1], ids=["the reference", "the source"])
+def test_what_one_of_a_grey_and_a_colour_camera_overexposes_is_held_against_neither(of_colours, overexposed):
     longer, shorter = overexposed_wall()
-    colour = cv2.merge([longer] * 3)
-    found = compared(colour, shorter) if place else compared(shorter, np.roll(colour, -SHIFT, axis=1))
+    images = [longer, shorter]
+    if overexposed:
+        images = [np.roll(shorter, SHIFT, axis=1), np.roll(longer, -SHIFT, axis=1)]
+    images[1 - of_colours] = cv2.merge([images[1 - of_colours]] * 3)
+    found = compared(*images)
     assert found.excused[WALL].mean() > 0.95
     assert found.source_excused[WALL].mean() > 0.95
-    colours = cv2.merge([shorter] * 3)  # the grey camera has the longer exposure
+
+
+def test_magenta_where_the_grey_camera_overexposes_is_held_against_the_colour_camera():
+    longer, shorter = overexposed_wall()
+    blue, green, red = (np.clip(shorter * gain, 0, 255).astype(np.uint8) for gain in (1.2, 0.8, 1.2))
+    stripes = np.s_[80:100]
+    colours = cv2.merge([shorter] * 3)
+    colours[stripes] = cv2.merge([blue, green, red])[stripes]
     found = compared(longer, colours)
-    assert found.excused[WALL].mean() > 0.95
-    assert not found.source_excused.any()
+    assert found.excused[85:95, 120:280].mean() > 0.95
+    assert not found.source_excused[85:95, 120:280].any()
 
 
 def test_a_facula_that_saturates_is_not_taken_for_an_exposure():
