@@ -77,10 +77,12 @@ PICTURES = (
     Picture("car-without-returns", 7043, 7, 0),
     Picture("facula-in-the-sky", 7012, 0, 4, "R 75 mild", (4,)),
     Picture("facula-in-a-white-sky", 7041, 0, 4, "paper's facula", (4,)),
-    Picture("facula-among-leaves", 7062, 0, 2, "paper's facula", (2,)),
+    Picture("facula-beside-white-leaves", 7095, 0, 2, "paper's facula", (2,)),
     Picture("two-faculas", 7005, 0, 2, "two faculas", (2, 4)),
     Picture("wall-in-the-dark", 7027, 0, 0, "wall 1 m", (0,)),
     Picture("turquoise-wall", 10883, 56, 2, cameras=THREE, frames=100, scale=0.5),
+    Picture("glare-on-a-car", 11330, 58, 2, frames=100, scale=0.5),
+    Picture("dark-wall", 11172, 1, 2, cameras=THREE, frames=100, scale=0.5),
 )
 
 
