@@ -53,7 +53,7 @@ _RED, _GREEN = (60, 60, 255), (60, 180, 60)
 class Picture(NamedTuple):
     """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn.
 
-    The street was measured with `frames` frames of KITTI's size times `scale`, of which one of `every` was attacked.
+    The street was measured with `frames` frames of KITTI's size times `scale`, of which the first was attacked as well.
     """
 
     name: str
@@ -64,7 +64,6 @@ class Picture(NamedTuple):
     attacked: tuple[int, ...] = ()
     cameras: tuple[int, ...] = CAMERAS
     frames: int = 8
-    every: int = 8
     scale: float = 1.0
 
 
@@ -112,12 +111,11 @@ def frames_of(picture: Picture) -> tuple[Rig, Frame, Frame]:
     """The rig of the street, the frame with the attack and without it."""
     street = Street(picture.seed, picture.frames, len(CAMERAS), picture.scale)
     with street.open(colour=True) as (drive,):
-        rng = np.random.default_rng(zlib.crc32(f"street {picture.seed}".encode()))
-        made = (one for one in drive.frames if isinstance(one, Frame))
-        for place, frame in enumerate(islice(made, picture.frame + 1)):
-            attacks = list(attacks_on(frame, drive.rig, rng)) if picture.attack and place % picture.every == 0 else []
+        frame = next(islice((one for one in drive.frames if isinstance(one, Frame)), picture.frame, None))
         if not picture.attack:
             return drive.rig, frame, frame
+        rng = np.random.default_rng(zlib.crc32(f"street {picture.seed}".encode()))
+        attacks = attacks_on(frame, drive.rig, rng)
         (changed,) = (one for name, on, one in attacks if (name, on) == (picture.attack, picture.attacked))
         return drive.rig, changed, frame
 

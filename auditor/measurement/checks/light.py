@@ -128,7 +128,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
     excused, source_excused = as_predicted & saturated, as_predicted & source_saturated
     if colours is not None:
-        excused, source_excused = _of_mixed(excused, source_excused, colours, of_source=bool(source.channels))
+        of_colours, of_grey = (source_excused, excused) if source.channels else (excused, source_excused)
+        neither = _at_fault_is_neither(of_colours, of_grey, colours)
+        excused, source_excused = excused | neither, source_excused | neither
     return LightDifference(
         residual,
         comparable,
@@ -216,15 +218,13 @@ def _of_mixture(greys: Image, grey_saturation: int, colours: Colours, saturation
     return np.asarray(cv2.max(residual, residual / cv2.LUT(colours.chroma, _SPREAD)), dtype=np.float32)
 
 
-def _of_mixed(excused: Mask, source_excused: Mask, colours: Colours, *, of_source: bool) -> tuple[Mask, Mask]:
-    """What excuses a grey and a colour camera; `of_source`: the source is the one that has these colours.
+def _at_fault_is_neither(of_colours: Mask, of_grey: Mask, colours: Colours) -> Mask:
+    """(h, w) what excuses both a colour and a grey camera, of what excuses the one and what excuses the other.
 
     In near infrared the sky is dark and leaves are white. So what overexposes in colours may have a texture in grey,
     and the reverse, and neither is at fault: but no leaf is blue or magenta, as are stripes that radio waves leave.
     """
-    of_colour, of_grey = (source_excused, excused) if of_source else (excused, source_excused)
-    of_colour, of_grey = of_colour | (of_grey & no_bluer_than_green(colours.classes)), of_grey | of_colour
-    return (of_grey, of_colour) if of_source else (of_colour, of_grey)
+    return np.asarray(of_colours | (of_grey & no_bluer_than_green(colours.classes)))
 
 
 def _prediction(

@@ -20,6 +20,8 @@ _WHITE = 255
 _BINS = TONE_CURVE.bins
 _WIDTH = _LEVELS // _BINS
 _OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)
+_CLASSES = len(CHROMA.edges) + 1  # of red over green, and as many of blue
+_NEUTRAL = sum(edge < 0 for edge in CHROMA.edges)
 
 Classes = NDArray[np.uint8]
 """(h, w) the class of chroma of each pixel."""
@@ -48,7 +50,7 @@ def predict(source: Image, target: Image, usable: Mask, classes: Classes | None 
     if classes is None:
         return Prediction(common[None])
     classes = classes[usable]
-    tables = np.repeat(common[None], (len(CHROMA.edges) + 1) ** 2, axis=0)
+    tables = np.repeat(common[None], _CLASSES**2, axis=0)
     counts = np.bincount(classes, minlength=len(tables))
     for number in np.flatnonzero(counts >= CHROMA.fewest).tolist():
         own = classes == number
@@ -62,7 +64,7 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     whole = b + g + r + np.float32(CHROMA.dark)
     found = np.zeros(g.shape, dtype=np.uint8)
     for one in (r, b):
-        found *= np.uint8(len(CHROMA.edges) + 1)
+        found *= np.uint8(_CLASSES)
         share = (one - g) / whole
         for edge in CHROMA.edges:
             found += (share > np.float32(edge)).view(np.uint8)
@@ -71,7 +73,7 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
 
 def no_bluer_than_green(classes: Classes) -> Mask:
     """(h, w) the pixels of the classes in which blue does not exceed green, as of leaves, and of what is white."""
-    return np.asarray(classes % np.uint8(len(CHROMA.edges) + 1) <= sum(edge < 0 for edge in CHROMA.edges))
+    return np.asarray(classes % np.uint8(_CLASSES) <= _NEUTRAL)
 
 
 def saturation_level(image: Image) -> int:
