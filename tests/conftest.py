@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-from pebble import CONSTS
 
 from auditor.pipeline import workers
 
@@ -19,9 +18,6 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_
 # What Python compiles it keeps, whatever the shell says: the processes that tests start would each compile the program.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
-
-# Hundreds of tests wait for processes of one small recording: most of that is the tenth of a second between two looks.
-CONSTS.sleep_unit = 0.01
 
 # Where there is room, what tests write stays in memory: a disk takes 3 ms to keep a file, and a store has many. A run
 # without failures leaves nothing there (`tmp_path_retention_policy`).

@@ -43,7 +43,6 @@ HOMES = {
     "jinja2": ("reporting/",),
     "click": ("cli/",),
     "rich": ("cli/",),
-    "pebble": ("pipeline/workers.py",),
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
 }
 """Where each heavy library lives."""

@@ -1,28 +1,27 @@
 """Tasks in processes of their own: several at a time, each within its limits, each with an outcome of its own.
 
-A task reports its progress through a pipe. The parent reads it, checks every running process against its limits of
-memory and of silence, and kills what exceeds them; the system's timer ends a process at its limit of time, to the
-moment. An error, or the death of a process, is the outcome of its task alone.
+A task reports its progress and its end through a pipe that nobody else writes. The parent reads it, checks every
+running process against its limits of memory and of silence, and kills what exceeds them; the system's timer ends a
+process at its limit of time, to the moment. An error, or the death of a process at any moment, is the outcome of its
+task alone: no lock is shared that it could hold, and a pipe that closes without an end says that it died.
 """
 
 import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
-from multiprocessing.context import ForkServerContext
+from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
 from time import monotonic
 from traceback import extract_tb
 from typing import Any, Generic, TypeVar
-
-from pebble import ProcessExpired, ProcessPool
 
 from auditor.errors import AuditorError, LimitError
 from auditor.store.log import Run, adopt, current_runs
@@ -45,11 +44,6 @@ Progress = Callable[[str, int], None]
 _POLL_S = 0.1
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _PRELOADED = ["auditor.pipeline.warm"]
-_LONGEST_WHAT = 200
-"""A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
-can leave none behind."""
-
-_progress_pipe: "Connection[Any, Any]"  # set once in each worker process: the way to its parent
 
 
 @dataclass(frozen=True)
@@ -154,16 +148,41 @@ def _run_here(
 
 
 @dataclass
-class _Running:
-    """A task that a worker process has begun."""
+class _Running(Generic[Item]):
+    """A task that a process works on."""
 
-    pid: int
+    item: Item
+    limits: Limits
+    process: ForkServerProcess
     last_sign_s: float
     ended: str = ""
 
+    def end_if_over_budget(self) -> None:
+        self.ended = self.ended or self.limits.exceeded(
+            memory_mb=memory_mb(self.process.pid or 0), silent_s=monotonic() - self.last_sign_s
+        )
+        if self.ended:
+            self.process.kill()
+
+    def death(self) -> AuditorError:
+        """Why the process ended before its task did."""
+        self.process.join()
+        if self.process.exitcode == -signal.SIGALRM:
+            self.ended = f"it took longer than {self.limits.seconds:g} s and was ended"
+        if self.ended:
+            remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
+            return LimitError(self.ended, where=self.item, remedy=remedy)
+        what = f"its process died (exit code {self.process.exitcode})"
+        remedy = "it may have run out of memory: run it again with --jobs 1"
+        return AuditorError(what, where=self.item, remedy=remedy)
+
+    def stop(self) -> None:
+        self.process.kill()
+        self.process.join()
+
 
 class _Run(Generic[Item, Result]):
-    """One call of run_all with worker processes."""
+    """One call of run_all with a process for each task: what one leaves in memory does not count for the next."""
 
     def __init__(
         self,
@@ -174,93 +193,55 @@ class _Run(Generic[Item, Result]):
         limits: Callable[[Item], Limits],
     ) -> None:
         self._task = task
-        self._items = items
+        self._waiting = deque((item, limits(item)) for item in items)
         self._jobs = jobs
         self._on_progress = on_progress
-        self._limits = [limits(item) for item in items]
-        self._running: dict[int, _Running] = {}
+        self._context = _context()
+        self._running: dict[Connection[Any, Any], _Running[Item]] = {}
 
     def outcomes(self) -> Iterator[Outcome[Item, Result]]:
-        context = _context()
-        reader, writer = context.Pipe(duplex=False)
-        with (
-            reader,
-            writer,
-            # A process for each task: what one leaves in memory does not count for the next.
-            ProcessPool(
-                max_workers=self._jobs,
-                max_tasks=1,
-                context=context,
-                initializer=_start_worker,
-                initargs=[writer, current_runs()],
-            ) as pool,
-        ):
-            futures: dict[Future[Any], int] = {}
-            try:
-                with _uninterrupted():  # a worker that is half started would never be stopped
-                    for index in range(len(self._items)):
-                        futures[pool.schedule(_run_there, args=self._arguments(index))] = index
-                while futures:
-                    done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
-                    self._receive(reader)
-                    for future in done:
-                        yield self._outcome(future, futures.pop(future))
-                    self._end_those_over_budget()
-            finally:
-                if futures:
-                    with _uninterrupted():
-                        _stop(pool)
-
-    def _arguments(self, index: int) -> list[object]:
-        return [self._task, self._items[index], index, self._limits[index].seconds]
-
-    def _receive(self, reader: "Connection[Any, Any]") -> None:
-        while reader.poll():
-            index, pid, what, count = reader.recv()
-            now = monotonic()
-            if index not in self._running:
-                self._running[index] = _Running(pid, now)
-            else:
-                self._running[index].last_sign_s = now
-                self._on_progress(self._items[index], what, count)
-
-    def _end_those_over_budget(self) -> None:
-        for index, running in self._running.items():
-            running.ended = running.ended or self._limits[index].exceeded(
-                memory_mb=memory_mb(running.pid), silent_s=monotonic() - running.last_sign_s
-            )
-            if running.ended:
-                with suppress(ProcessLookupError):
-                    os.kill(running.pid, signal.SIGKILL)
-
-    def _outcome(self, future: Future[Result], index: int) -> Outcome[Item, Result]:
-        item, running = self._items[index], self._running.pop(index, None)
         try:
-            return Outcome(item, result=future.result())
-        except AuditorError as error:
-            return Outcome(item, error=error)
-        except ProcessExpired as death:
-            ended = running.ended if running is not None else ""
-            if death.exitcode == -signal.SIGALRM:
-                ended = f"it took longer than {self._limits[index].seconds:g} s and was ended"
-            if ended:
-                remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
-                return Outcome(item, error=LimitError(ended, where=item, remedy=remedy))
-            what = f"its process died (exit code {death.exitcode})"
-            remedy = "it may have run out of memory: run it again with --jobs 1"
-            return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
+            self._start()
+            while self._running:
+                wait_for([*self._running], _POLL_S)
+                outcomes = [outcome for pipe in [*self._running] for outcome in self._receive(pipe)]
+                self._start()  # before whoever asks takes their time with the outcomes
+                yield from outcomes
+                for running in self._running.values():
+                    running.end_if_over_budget()
+        finally:
+            with _uninterrupted():
+                for pipe, running in self._running.items():
+                    running.stop()
+                    pipe.close()
 
+    def _start(self) -> None:
+        while self._waiting and len(self._running) < self._jobs:
+            item, limits = self._waiting.popleft()
+            with _uninterrupted():  # a process that is half started would never be stopped
+                reader, writer = self._context.Pipe(duplex=False)
+                arguments = (writer, current_runs(), self._task, item, limits.seconds)
+                process = self._context.Process(target=_work, args=arguments, daemon=True)
+                process.start()
+                writer.close()  # that of the process is the only one: where it dies, the pipe ends
+                self._running[reader] = _Running(item, limits, process, monotonic())
 
-def _stop(pool: ProcessPool) -> None:
-    """End the workers and then the pool.
-
-    Pebble removes the locks of its channels first, and a worker that was just forked complains that it finds none.
-    """
-    pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
-    if pool._pool_manager_loop is not None:
-        pool._pool_manager_loop.join()  # which would start others
-        pool._pool_manager.worker_manager.force_stop_workers()  # type: ignore[no-untyped-call]
-    pool.join()
+    def _receive(self, pipe: "Connection[Any, Any]") -> Iterator[Outcome[Item, Result]]:
+        """Read what a process has sent; its outcome, where it has come to its end."""
+        running = self._running[pipe]
+        while pipe.poll():
+            try:
+                sent = pipe.recv()
+            except (EOFError, OSError):  # in the middle of a message, too
+                sent = Outcome(running.item, error=running.death())
+            if isinstance(sent, Outcome):
+                del self._running[pipe]
+                running.stop()
+                pipe.close()
+                yield Outcome(running.item, sent.result, sent.error)
+                return
+            running.last_sign_s = monotonic()
+            self._on_progress(running.item, *sent)
 
 
 def _context() -> ForkServerContext:
@@ -299,12 +280,26 @@ def _uninterrupted() -> Iterator[None]:
         signal.raise_signal(number)  # what a shell starts in the background ignores Ctrl-C
 
 
-def _start_worker(progress: "Connection[Any, Any]", runs: Sequence[Run]) -> None:
-    global _progress_pipe  # noqa: PLW0603 - a worker has no other place to keep it
-    _progress_pipe = progress
-    adopt(runs)
+def _work(
+    pipe: "Connection[Any, Any]",
+    runs: Sequence[Run],
+    task: Callable[[Item, Progress], Result],
+    item: Item,
+    seconds: float | None,
+) -> None:
+    """What a process does: it sends its progress, and at last an outcome."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    adopt(runs)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    if seconds is not None:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        result = _run(task, item, lambda what, done: pipe.send((what, done)))
+    except AuditorError as error:
+        pipe.send(Outcome(None, error=error))
+    else:
+        pipe.send(Outcome(None, result))
 
 
 def _end_with_parent() -> None:
@@ -313,15 +308,6 @@ def _end_with_parent() -> None:
     assert parent is not None
     wait_for([parent.sentinel])
     os._exit(1)
-
-
-def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int, seconds: float | None) -> Result:
-    pid = os.getpid()
-    if seconds is not None:
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-    _progress_pipe.send((index, pid, "", 0))
-    return _run(task, item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))
 
 
 def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:

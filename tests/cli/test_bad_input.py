@@ -249,16 +249,16 @@ from auditor.cli import run
 from auditor.pipeline import workers
 
 frames, number, arguments = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
-before, wait = set(frames.iterdir()), workers.wait
+before, wait = set(frames.iterdir()), workers.wait_for
 
-def send_and_wait(*futures, **how):
+def send_and_wait(*pipes, **how):
     while set(frames.iterdir()) == before:
         time.sleep(0.01)
     os.killpg(0, number)
-    return wait(*futures, **how)
+    return wait(*pipes, **how)
 
 if __name__ == "__main__":
-    workers.wait = send_and_wait
+    workers.wait_for = send_and_wait
     sys.exit(run(arguments))
 """
 """Sends itself and its workers the signal when they have begun to write, and before it takes any result."""
@@ -325,7 +325,7 @@ def test_sigterm_ends_a_verb_that_works_in_its_own_process(
     def kill(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr("auditor.pipeline.workers.wait", kill)
+    monkeypatch.setattr("auditor.pipeline.workers.wait_for", kill)
     before = signal.getsignal(signal.SIGTERM)
     drive = write_drive(tmp_path / "drive.mcap", count=2)
     target = [str(tmp_path / "copy.mcap")] if arguments == ["convert"] else []

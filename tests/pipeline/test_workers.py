@@ -1,3 +1,4 @@
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -8,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from pebble.pool.process import WorkerManager
 
 from auditor.errors import LimitError, RecordingError
 from auditor.pipeline.many import MeasureSettings, find_batch
@@ -58,6 +58,34 @@ def test_a_killed_process_loses_its_item_alone() -> None:
     done, _ = outcomes([1, 4, 2, 5, 6], jobs=2)
     assert "its process died" in str(done[4].error)
     assert {item: outcome.result for item, outcome in done.items() if item != 4} == {1: 1, 2: 4, 5: 25, 6: 36}
+
+
+def die_at_once(item: int, progress: Progress) -> int:
+    if item % 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+def test_processes_that_die_at_their_first_moment_lose_their_items_alone() -> None:
+    done = {o.item: o for o in run_all(die_at_once, range(40), 2, lambda *_: None)}
+    assert {item: outcome.result for item, outcome in done.items()} == {
+        item: None if item % 2 else item for item in range(40)
+    }
+    assert all("its process died (exit code -9)" in str(done[item].error) for item in range(1, 40, 2))
+
+
+def half_a_message(item: int, progress: Progress) -> int:
+    if item == 1:
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGKILL)).start()
+        while True:
+            progress("m" * (1 << 20), 0)
+    return item
+
+
+def test_a_process_that_dies_within_a_message_loses_its_item_alone() -> None:
+    done = {o.item: o for o in run_all(half_a_message, [1, 2, 4], 2, lambda *_: None)}
+    assert {item: outcome.result for item, outcome in done.items()} == {1: None, 2: 2, 4: 4}
+    assert "its process died (exit code -9)" in str(done[1].error)
 
 
 def test_another_thread_than_the_main_one_can_run_tasks() -> None:
@@ -170,19 +198,13 @@ def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() ->
     assert done.stderr == "interrupted\n"
 
 
-def test_workers_end_before_the_locks_that_a_new_one_opens_are_removed(monkeypatch: pytest.MonkeyPatch) -> None:
-    left: list[int] = []
-    removed = WorkerManager.close_channels
-
-    def close_channels(manager: WorkerManager) -> None:
-        left.append(len(manager.workers))
-        removed(manager)  # type: ignore[no-untyped-call]  # pebble annotates all but this
-
-    monkeypatch.setattr(WorkerManager, "close_channels", close_channels)
+def test_who_asks_no_more_leaves_no_process_behind() -> None:
     running = run_all(square_or_wait, [1, 0, 0], 2, lambda *_: None)
     assert next(running).result == 1
+    working = [process.pid for process in multiprocessing.active_children()]
+    assert len(working) == 2
     running.close()  # type: ignore[attr-defined]  # as an exception in whoever asks does
-    assert set(left) == {0}, "once where it is stopped, once where it is closed"
+    assert not any(pid is None or is_running(pid) for pid in working)
 
 
 def square_or_wait(item: int, progress: Progress) -> int:
