@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 import click
 
 from auditor.cli.values import RATE, FiniteRange
+from auditor.identification.evidence_parameters import INCIDENTS
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -62,7 +63,8 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 2]",
+            help="With --method robust: false incidents an hour to aim at on clean drives.  "
+            f"[default: {INCIDENTS.per_hour:g}]",
         ),
         click.option(
             "-r",

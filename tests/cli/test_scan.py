@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
 from auditor.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
@@ -221,6 +222,12 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
     assert "1 incidents an hour are not resolvable with" in capfd.readouterr().err
     assert run([*scan, "1", "--method", "paper"]) == 2
     assert "--incidents-per-hour" in capfd.readouterr().err
+
+
+def test_the_help_names_the_incident_rate_that_is_aimed_at(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["scan", "--help"]) == 0
+    shown = " ".join(capfd.readouterr().out.split())
+    assert f"false incidents an hour to aim at on clean drives. [default: {INCIDENTS.per_hour:g}]" in shown
 
 
 def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
