@@ -265,7 +265,10 @@ def keep_all(
     kept: Path, work: Callable[[Variant | None], Columns], groups: Mapping[str, object], only: Sequence[str]
 ) -> None:
     """Add what is missing to the kept file: the values that ship first, then every variant, or those `only`."""
-    known = {json.dumps(line["variant"]) for line in read(kept)} if kept.exists() else set()
+    before = read(kept) if kept.exists() else []
+    if before and before[0]["commit"] != commit():
+        raise SystemExit(f"{kept}: it is of commit {before[0]['commit']}: go on there, or keep this one elsewhere")
+    known = {json.dumps(line["variant"]) for line in before}
     wanted = (v for v in variants(groups.values()) if not only or {v.group, f"{v.group}.{v.name}"} & set(only))
     for variant in (None, *wanted):
         as_kept = None if variant is None else asdict(variant)

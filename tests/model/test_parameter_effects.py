@@ -1,11 +1,13 @@
 """The benchmark that varies every parameter varies it, and nothing else."""
 
+import json
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 
 from auditor.model.parameter import digest, parameter
-from tests.benchmarks.parameter_effects import FACTORS, change, variants, varied
+from tests.benchmarks.parameter_effects import FACTORS, change, keep_all, variants, varied
 
 
 @dataclass(frozen=True)
@@ -43,3 +45,12 @@ def test_a_changed_group_differs_in_that_number_alone() -> None:
     for group, one in zip(changed, variants([Group()]), strict=True):
         change(group, one.name, one.place, one.factor)
     assert len({digest(group) for group in (Group(), *changed)}) == len(changed) + 1
+
+
+def test_a_file_of_another_commit_is_not_gone_on_with(tmp_path: Path) -> None:
+    kept = tmp_path / "judging.jsonl"
+    before = json.dumps({"variant": None, "value": None, "found": {"raised": 1}, "commit": "0000000", "date": "then"})
+    kept.write_text(before + "\n")
+    with pytest.raises(SystemExit, match="it is of commit 0000000"):
+        keep_all(kept, lambda _: {"raised": 2}, {"group": Group()}, ())
+    assert kept.read_text() == before + "\n"
