@@ -6,7 +6,6 @@ from typing import Any, TypeVar
 import click
 
 from auditor.cli.values import RATE, FiniteRange
-from auditor.identification.evidence_parameters import INCIDENTS
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -63,8 +62,7 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: false incidents an hour to aim at on clean drives.  "
-            f"[default: {INCIDENTS.per_hour:g}]",
+            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 1]",
         ),
         click.option(
             "-r",

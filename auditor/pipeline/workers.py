@@ -13,7 +13,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
@@ -106,7 +107,7 @@ def run_all(
     """
     if limits is None and (jobs == 1 or len(items) == 1):
         for item in items:
-            yield _run_here(task, item, on_progress)
+            yield _outcome(task, item, partial(on_progress, item))
     elif items:
         yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
 
@@ -138,15 +139,6 @@ def run_within(limits: Limits, function: Callable[..., Result], *arguments: obje
     return outcome.result  # type: ignore[return-value]  # None only where the function returns None
 
 
-def _run_here(
-    task: Callable[[Item, Progress], Result], item: Item, on_progress: Callable[[Item, str, int], None]
-) -> Outcome[Item, Result]:
-    try:
-        return Outcome(item, result=_run(task, item, lambda what, done: on_progress(item, what, done)))
-    except AuditorError as error:
-        return Outcome(item, error=error)
-
-
 @dataclass
 class _Running(Generic[Item]):
     """A task that a process works on."""
@@ -167,11 +159,11 @@ class _Running(Generic[Item]):
     def death(self) -> AuditorError:
         """Why the process ended before its task did."""
         self.process.join()
-        if self.process.exitcode == -signal.SIGALRM:
-            self.ended = f"it took longer than {self.limits.seconds:g} s and was ended"
-        if self.ended:
+        too_long = self.process.exitcode == -signal.SIGALRM
+        ended = f"it took longer than {self.limits.seconds:g} s and was ended" if too_long else self.ended
+        if ended:
             remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
-            return LimitError(self.ended, where=self.item, remedy=remedy)
+            return LimitError(ended, where=self.item, remedy=remedy)
         what = f"its process died (exit code {self.process.exitcode})"
         remedy = "it may have run out of memory: run it again with --jobs 1"
         return AuditorError(what, where=self.item, remedy=remedy)
@@ -204,7 +196,7 @@ class _Run(Generic[Item, Result]):
             self._start()
             while self._running:
                 wait_for([*self._running], _POLL_S)
-                outcomes = [outcome for pipe in [*self._running] for outcome in self._receive(pipe)]
+                outcomes = [outcome for pipe in [*self._running] if (outcome := self._receive(pipe))]
                 self._start()  # before whoever asks takes their time with the outcomes
                 yield from outcomes
                 for running in self._running.values():
@@ -226,7 +218,7 @@ class _Run(Generic[Item, Result]):
                 writer.close()  # that of the process is the only one: where it dies, the pipe ends
                 self._running[reader] = _Running(item, limits, process, monotonic())
 
-    def _receive(self, pipe: "Connection[Any, Any]") -> Iterator[Outcome[Item, Result]]:
+    def _receive(self, pipe: "Connection[Any, Any]") -> Outcome[Item, Result] | None:
         """Read what a process has sent; its outcome, where it has come to its end."""
         running = self._running[pipe]
         while pipe.poll():
@@ -238,10 +230,10 @@ class _Run(Generic[Item, Result]):
                 del self._running[pipe]
                 running.stop()
                 pipe.close()
-                yield Outcome(running.item, sent.result, sent.error)
-                return
+                return replace(sent, item=running.item)
             running.last_sign_s = monotonic()
             self._on_progress(running.item, *sent)
+        return None
 
 
 def _context() -> ForkServerContext:
@@ -294,12 +286,8 @@ def _work(
     if seconds is not None:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
         signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        result = _run(task, item, lambda what, done: pipe.send((what, done)))
-    except AuditorError as error:
-        pipe.send(Outcome(None, error=error))
-    else:
-        pipe.send(Outcome(None, result))
+    outcome = _outcome(task, item, lambda what, done: pipe.send((what, done)))
+    pipe.send(Outcome(None, outcome.result, outcome.error))  # the parent has the item
 
 
 def _end_with_parent() -> None:
@@ -308,6 +296,13 @@ def _end_with_parent() -> None:
     assert parent is not None
     wait_for([parent.sentinel])
     os._exit(1)
+
+
+def _outcome(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Outcome[Item, Result]:
+    try:
+        return Outcome(item, result=_run(task, item, progress))
+    except AuditorError as error:
+        return Outcome(item, error=error)
 
 
 def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:
