@@ -5,7 +5,7 @@
 -- column paths: Every path that its content was read from, in order.
 -- column frames: Measured frames, by the latest measurement of each of its rigs.
 -- column clean: Frames that are clean, by the current judgement of these, as the next four columns.
--- column incidents: Frames that belong to an incident.
+-- column found: Frames with a finding that belong to an incident or an alert.
 -- column superseded_by: The recording that holds every frame of this one.
 -- column conflicts: Recordings with other data at the same stamps of the same sensors.
 WITH latest AS (
@@ -22,7 +22,7 @@ counted AS (
         sum(judgement.unidentified)::BIGINT AS unidentified,
         sum(judgement.suspect)::BIGINT AS suspect,
         sum(judgement.not_auditable)::BIGINT AS not_auditable,
-        sum(judgement.in_incidents)::BIGINT AS incidents
+        sum(judgement.in_incidents + coalesce(judgement.in_alerts, 0))::BIGINT AS found
     FROM latest
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = latest.measurement_id AND judgement.current
     GROUP BY latest.recording_id
@@ -38,7 +38,7 @@ SELECT
     counted.unidentified,
     counted.suspect,
     counted.not_auditable,
-    counted.incidents,
+    counted.found,
     recording.superseded_by,
     coalesce(recording.conflicts, []) AS conflicts,
     recording.size_bytes,

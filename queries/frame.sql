@@ -151,7 +151,7 @@ fact AS (
             note: nullif(concat_ws(
                 '; ',
                 CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END,
-                CASE WHEN single_frame THEN 'a single frame, no incident' END
+                CASE WHEN alert THEN 'an alert, no incident' END
             ), '')
         },
         {item: 'method', value: method, measured: NULL, theta: NULL, score: NULL, note: NULL}

@@ -1,4 +1,4 @@
--- The frames worth looking at first: the strongest frame of each incident, what names a sensor and has no other cause first; then single frames that are very strong, and frames that nothing before or after them confirms.
+-- The frames worth looking at first: the strongest frame of each incident, what names a sensor and has no other cause first; then of each alert, and then frames that nothing before or after them confirms.
 --
 -- param most BIGINT = 20: No more frames than this.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
@@ -9,9 +9,8 @@
 -- column vehicle: The recording's vehicle.
 -- column frame: Number of the frame within the recording: auditor query frame NAME FRAME tells all of it.
 -- column found: What was found: the attacked sensors by their names, or the kind of the incident.
--- column of_incident: TRUE where it belongs to an incident.
--- column single_frame: TRUE where it belongs to none, and is so strong that it is told by itself.
--- column frames: How many frames the incident has; NULL where it belongs to none.
+-- column grade: incident or alert, where it belongs to one; NULL of a frame that nothing confirms.
+-- column frames: How many frames the incident or alert has; NULL where it belongs to none.
 -- column gap: By how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words.
 -- column causes: What else than an attack may lie behind it, in words.
@@ -25,26 +24,24 @@ WITH candidate AS (
         attacked,
         frames,
         largest_gap AS gap,
-        true AS of_incident,
-        false AS single_frame
+        grade
     FROM incidents
     WHERE strongest_frame IS NOT NULL
     UNION ALL BY NAME
-    SELECT measurement_id, frame, kind, attacked, gap, false AS of_incident, coalesce(single_frame, false) AS single_frame
+    SELECT measurement_id, frame, kind, attacked, gap
     FROM verdicts
     ANTI JOIN findings USING (measurement_id, frame)
     WHERE kind IN ('attacked', 'unidentified', 'suspect')
     -- of what nothing confirms, the strongest of each recording and finding is enough
     QUALIFY row_number() OVER (
-        PARTITION BY measurement_id, kind, attacked ORDER BY coalesce(single_frame, false) DESC, gap DESC NULLS LAST, frame
+        PARTITION BY measurement_id, kind, attacked ORDER BY gap DESC NULLS LAST, frame
     ) = 1
 ),
 ranked AS (
     SELECT
         row_number() OVER (
             ORDER BY
-                candidate.of_incident DESC,
-                candidate.single_frame DESC,
+                list_position(['incident', 'alert'], candidate.grade) NULLS LAST,
                 list_position(['attacked', 'unidentified', 'suspect'], candidate.kind),
                 coalesce(list_max([cause.score FOR cause IN verdict.causes]), 0) >= 0.5,
                 candidate.gap DESC NULLS LAST,
@@ -57,8 +54,7 @@ ranked AS (
         verdict.vehicle,
         candidate.frame,
         finding_in_words(candidate.kind, names_of(candidate.attacked, rig.sensors)) AS found,
-        candidate.of_incident,
-        candidate.single_frame,
+        candidate.grade,
         candidate.frames,
         candidate.gap,
         evidence_in_words(verdict.evidence) AS evidence,

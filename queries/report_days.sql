@@ -5,7 +5,7 @@
 -- column recordings: Number of recordings.
 -- column frames: Frames and skipped ticks, without those at the recordings' edges.
 -- column audited: Those that have a verdict other than not_auditable.
--- column incidents: Number of incidents.
+-- column incidents: Number of incidents and alerts.
 -- column excused: Those that a review calls a false alarm, or known.
 SELECT
     summary.vehicle,

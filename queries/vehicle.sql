@@ -36,7 +36,7 @@ found AS (
     FROM mine
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = mine.measurement_id AND judgement.current
     UNION ALL BY NAME
-    SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS found, frames, first_frame, measurement_id
+    SELECT from_ns, to_ns, grade AS what, finding_in_words(kind, attacked_names) AS found, frames, first_frame, measurement_id
     FROM incidents
     WHERE vehicle = $vehicle
     UNION ALL BY NAME

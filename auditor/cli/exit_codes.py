@@ -29,8 +29,8 @@ class NotAudited:
 class Tally:
     """What the exit code and the closing line depend on, gathered over all recordings of a command.
 
-    `recordings` and `with_incidents` are ids, or paths where nothing could be read. All incidents of those that are
-    `excused` do not fail: somebody reviewed them, or a policy says so.
+    `recordings`, `with_incidents` and `with_alerts` are ids, or paths where nothing could be read. All incidents and
+    alerts of those that are `excused` do not fail: somebody reviewed them, or a policy says so.
     """
 
     found: bool = False
@@ -39,6 +39,7 @@ class Tally:
     failed: bool = False
     recordings: set[str] = field(default_factory=set)
     with_incidents: set[str] = field(default_factory=set)
+    with_alerts: set[str] = field(default_factory=set)
     excused: set[str] = field(default_factory=set)
     not_audited: list[NotAudited] = field(default_factory=list)
 

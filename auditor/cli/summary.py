@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store, StoredJudgement
-    from auditor.store.sql_files import SqlFile
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -30,7 +29,6 @@ _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "f
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
-_SINGLE_FRAMES = "SELECT name, measurement_id FROM single_frames"
 
 Remarks = dict[tuple[str, str], list[str]]
 """The names of the recordings that a remark on a rig kind holds for."""
@@ -81,8 +79,9 @@ def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> "
         for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
             remarks.setdefault((kind, remark), []).append(one.recording)
         tally.recordings.add(measurement.recording_id)
-        if one.found:
-            tally.with_incidents.add(measurement.recording_id)
+        if one.judgement is not None and one.found:
+            graded = tally.with_incidents if one.judgement.in_incidents else tally.with_alerts
+            graded.add(measurement.recording_id)
         gaps = (one.error.what,) if one.error else one.gaps
         if gaps:
             path = store.recording(measurement.recording_id).path
@@ -124,7 +123,7 @@ def show_audit(
     decided: list[Decided] = []
     if store is not None:
         asked = store if judged is None else _asked(store, judged, show_known=show_known)
-        questions: dict[str, str | SqlFile] = {"summary": query("summary"), "single_frames": _SINGLE_FRAMES}
+        questions = {"summary": query("summary")}
         if judged is None or any(one.found for one in judged):  # it takes longer than all else that a clean scan asks
             questions["incidents"] = query("incidents")
         answers = run_sqls(asked, questions)
@@ -144,10 +143,8 @@ def show_audit(
             emit(summary, form)
             return
     if form == "table":
-        if store is not None:
-            if rows or not judged:
-                _show_tables(rows, decided)
-            _tell_single_frames(rows_of(answers["single_frames"]), {row["measurement_id"] for row in rows})
+        if store is not None and (rows or not judged):
+            _show_tables(rows, decided)
         answer(closing_line(tally))
     elif form in FORMS_OF_CI:
         write_bytes(as_form_of_ci(form, store, rows, decided, tally))
@@ -169,8 +166,9 @@ def _excuse(tally: Tally, decided: "Sequence[Decided]") -> None:
     """Leave out of what was found the recordings all of whose incidents are excused."""
     failing = {part["recording_id"] for one in decided if one.fails for part in one.incident["parts"]}
     excused = {part["recording_id"] for one in decided if not one.fails for part in one.incident["parts"]} - failing
-    tally.excused = tally.with_incidents & excused
-    tally.found = tally.found and bool(tally.with_incidents - tally.excused)
+    found = tally.with_incidents | tally.with_alerts
+    tally.excused = found & excused
+    tally.found = tally.found and bool(found - tally.excused)
 
 
 def _show_json(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]", tally: Tally) -> None:
@@ -182,9 +180,11 @@ def _show_json(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]", 
 
 
 def closing_line(tally: Tally) -> str:
-    """How many recordings there were, how many of them have incidents, and how many were not fully audited, and why."""
+    """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why."""
     left = {one.path: one.reason for one in tally.not_audited}
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
+    if alerts := tally.with_alerts - tally.with_incidents:
+        line += f", {len(alerts)} with alerts alone"
     if tally.excused:
         line += f" ({len(tally.excused)} of them excused)"
     if not left:
@@ -242,14 +242,6 @@ def _decided(incidents: Sequence[dict[str, Any]], measurements: Collection[str],
     return decide(known, policy, datetime.now(UTC).date())
 
 
-def _tell_single_frames(told: Sequence[Mapping[str, Any]], measurements: Collection[str]) -> None:
-    """How many frames are so strong that they are told by themselves, though they belong to no incident."""
-    names = [row["name"] for row in told if row["measurement_id"] in measurements]
-    if names:
-        frames = f"{len(names)} very strong frame{'s' * (len(names) > 1)}"
-        answer(f"{frames} in no incident ({_first(sorted(set(names)))}): auditor query look_first")
-
-
 def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
@@ -261,10 +253,12 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]"
     if decided:
         shown_rows = [_incident(one) for one in decided]
         told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
+        alerts = any(one.incident["grade"] == "alert" for one in decided)
+        graded = (_INCIDENT_COLUMNS[0], "grade", *_INCIDENT_COLUMNS[1:]) if alerts else _INCIDENT_COLUMNS
         print_rows(
             shown_rows,
-            (*_INCIDENT_COLUMNS, *told),
-            "Incidents",
+            (*graded, *told),
+            "Incidents and alerts" if alerts else "Incidents",
             expendable=("gap", "seconds", "incident"),
             wrapped=("sensors", *told),
         )
@@ -295,7 +289,8 @@ def _incident(one: "Decided") -> dict[str, Any]:
     return {
         _REMARK: one.excuse or said,
         "incident": row["incident_id"][:_ID_SHOWN],
-        "recording": _first([part["name"] for part in row["parts"]]),
+        "grade": row["grade"],
+        "recording": _first(list(dict.fromkeys(part["name"] for part in row["parts"]))),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],
         "frames": row["frames"],

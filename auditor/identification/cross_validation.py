@@ -12,8 +12,9 @@ import numpy as np
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Largest, Ordered
-from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
+from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, for_clean_drive, thresholds_from
+from auditor.identification.series import FrameSeries
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.identification.thresholds import BELOW_EVERY_ERROR, checked, threshold_rank
@@ -206,14 +207,14 @@ def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> 
     """How many incidents the findings of F successive frames make.
 
     Frames of one event are one, and so are events of one kind and one set of sensors that are no further apart than
-    INCIDENT_GAP_S; single-frame events are none. Where the clock is set back a new one begins. The query `incidents`
+    INCIDENT_GAP_S; alerts are none. Where the clock is set back a new one begins. The query `incidents`
     counts the same.
     """
     clock = np.cumsum(np.diff(stamps_ns, prepend=stamps_ns[:1]) < 0)
     latest: dict[tuple[VerdictKind, tuple[int, ...], int], tuple[int, float]] = {}
     count = 0
     for finding, stamp_ns, since in zip(findings, stamps_ns.tolist(), clock.tolist(), strict=True):
-        if finding is not None and not finding.single:
+        if finding is not None and not finding.alert:
             key = finding.kind, finding.attacked, since
             event, before = latest.get(key, (0, -inf))
             count += event != finding.event and stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS

@@ -11,6 +11,8 @@ _AIMED = "benchmark incident_series on three real drives: 0.5, 1 and 2 tried (do
 _PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
 _FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/incidents.md)"
 _BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
+_IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are named below it (docs/incidents.md)"
+_NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/incidents.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -73,6 +75,21 @@ class Incidents:
     prior_scale: float = parameter(0.46, unit="mean of what such peaks exceed it by", source=_FULL_SIZE)
     gap_s: float = parameter(
         0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
+    )
+    contested_share: float = parameter(
+        0.25,
+        unit="share of the naming evidence for other sensors, from which on frames are named singly",
+        source=_IN_TURN,
+    )
+
+
+@dataclass(frozen=True)
+class Alerts:
+    """Findings outside incidents that count as found."""
+
+    fewest_in_a_row: int = parameter(2, unit="findings in a row outside incidents", source=_NAMED_IN_VAIN)
+    share: float = parameter(
+        0.1, unit="share of the audited frames that are findings outside incidents", source=_NAMED_IN_VAIN
     )
 
 
@@ -176,3 +193,4 @@ LIKELIHOOD = Likelihood()
 THROWN_LIGHT = ThrownLight()
 UNCOLOURED_LIGHT = UncolouredLight()
 INCIDENTS = Incidents()
+ALERTS = Alerts()

@@ -43,10 +43,10 @@ class Excursion:
 
 @dataclass(frozen=True)
 class Event:
-    """The places of the frames that belong to an event: an incident, or a `single` frame so strong that it is told."""
+    """The places of the frames that belong to an event: an incident, or an `alert` (`alerts`)."""
 
     frames: tuple[int, ...]
-    single: bool = False
+    alert: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,17 +67,17 @@ class Evidence:
     periods_s: Floats
 
 
-def evidence_of(scores: Floats, checks: int, stamps_ns: Integers, runs: Integers) -> Evidence:
+def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) -> Evidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
-    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order. One sensor has all scores,
-    without a background, and nothing is explained: `of_sensors` says more.
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order, and `periods_s` (F,) are
+    their `periods_of`. One sensor has all scores, without a background, and nothing is explained: `of_sensors` says
+    more.
     """
-    periods = periods_of(stamps_ns, runs)
-    worth = frame_worth(periods)
+    worth = frame_worth(periods_s)
     ratios = log_ratios(scores, checks)
     added = _added(ratios, worth)
-    return Evidence(added, added[:, None], added[:, None], ratios, worth, runs, periods)
+    return Evidence(added, added[:, None], added[:, None], ratios, worth, runs, periods_s)
 
 
 def of_sensors(whole: Evidence, beyond: Floats, explained: Flags, checks: int) -> Evidence:
@@ -147,21 +147,28 @@ def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
     return [one.peak for one in excursions(evidence, raised) if one.peak > 0]
 
 
-def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | None) -> list[Event]:
-    """The events of F frames in the order of time, where the sum exceeds the `limit`.
+def events(evidence: Evidence, raised: Flags, limit: float) -> list[Event]:
+    """The incidents of F frames in the order of time: where the sum exceeds the `limit`.
 
     Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
-    two at least, and as many as are worth most of an independent one. A raised frame that belongs to no incident is a
-    single-frame event where clean frames are as strong less than `per_hour`, which is the usual rate where it is None.
+    two at least, and as many as are worth most of an independent one.
     """
-    strong = raised & (evidence.ratios > _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour))
-    found: list[Event] = []
-    for excursion in excursions(evidence, raised):
-        if excursion.peak > limit:
-            found.append(Event(excursion.rises))
-        else:
-            found += [Event((place,), single=True) for place in excursion.rises if strong[place]]
-    return found
+    return [Event(one.rises) for one in excursions(evidence, raised) if one.peak > limit]
+
+
+def strong_frames(evidence: Evidence, raised: Flags, per_hour: float | None) -> Flags:
+    """(F,) raised frames as strong as clean frames are less than `per_hour`; None stands for the usual rate."""
+    limits = _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour)
+    return np.asarray(raised & (evidence.ratios > limits))
+
+
+def joined(parts: Sequence[Evidence], order: Integers) -> Evidence:
+    """The evidence of the frames of several parts as one series, in an `order` (F,) of their places one after another.
+
+    The parts have the same sensors, and runs that are numbered through.
+    """
+    columns = zip(*(tuple(vars(part).values()) for part in parts), strict=True)
+    return Evidence(*(np.concatenate(column)[order] for column in columns))
 
 
 def apart(event: Event, named: Sequence[tuple[int, ...]], added: Sequence[float], limit: float) -> list[Event]:

@@ -7,6 +7,7 @@ above its threshold theta.
 from dataclasses import dataclass
 
 from auditor.identification.evidence_parameters import (
+    ALERTS,
     CURVES,
     INCIDENTS,
     LIKELIHOOD,
@@ -364,6 +365,7 @@ JUDGING = (
     LIKELIHOOD,
     TEMPORAL_WINDOW,
     INCIDENTS,
+    ALERTS,
     FROZEN,
     POINT_EXCESS,
     ADDED_LIGHT,

@@ -4,80 +4,51 @@
 2. The scores of a frame name the attacked sensors (`naming`).
 3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
+5. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames (`alerts`).
+
+Where the calibration changes within a recording, each rig has measurements of its own: they are judged as portions of
+one series, so that no change of a rig ends an attack.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 
+from auditor.identification.alerts import alerts
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.background import BACKGROUND_CHECKS, background, levels_before
-from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
+from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, of_sensors, peaks_of
+from auditor.identification.incidents import (
+    Event,
+    Evidence,
+    apart,
+    events,
+    evidence_of,
+    joined,
+    of_sensors,
+    peaks_of,
+    periods_of,
+    strong_frames,
+)
 from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
-from auditor.identification.statistics import NANOSECONDS, runs_of
+from auditor.identification.series import FrameSeries, Portion, on_one_line
+from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
-from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict, VerdictKind
+from auditor.model.calibration import RobustThresholds
+from auditor.model.verdict import FINDINGS, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
+ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
+"""Findings that no other cause explains as well."""
 
-@dataclass(frozen=True, eq=False)
-class FrameSeries:
-    """F successive frames that are judged together.
-
-    `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `statistics` are (F, M) by
-    sensor check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
-    whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor, and
-    `brightness` by the names of BRIGHTNESS and camera.
-    """
-
-    stamps_ns: Integers
-    runs: Integers
-    statistics: Floats
-    present: Flags
-    frozen: Flags
-    fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
-    brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
-
-    @classmethod
-    def of_recording(
-        cls,
-        stamps_ns: Integers,
-        statistics: Floats,
-        present: Flags,
-        fingerprints: Integers,
-        fault_scores: Mapping[CauseIn, Floats],
-        brightness: Mapping[tuple[str, int], Floats] | None = None,
-    ) -> "FrameSeries":
-        """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data."""
-        still = frozen(fingerprints, present)
-        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, still, fault_scores, brightness or {})
-
-    @classmethod
-    def of_clean(cls, clean: CleanFrames, system: System) -> "FrameSeries":
-        """The clean frames of a calibration."""
-        nowhere = np.zeros(clean.frames, dtype=np.bool_)
-        missing, still = (
-            np.stack([of_sensor.get(sensor, nowhere) for sensor in system.sensors], axis=1)
-            for of_sensor in (clean.missing, clean.frozen)
-        )
-        statistics = clean.statistics_of(system.sensor_checks)
-        return cls(
-            clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths, clean.brightness
-        )
-
-    def brightness_in(self, frame: int) -> dict[tuple[str, int], float]:
-        """What is known of the cameras' brightness in the frame at this place."""
-        return {key: float(values[frame]) for key, values in self.brightness.items()}
+_NOTHING_NEW = "no sensor's data changed since the frame before"
 
 
 def judge_frames(
@@ -90,23 +61,80 @@ def judge_frames(
 ) -> list[Verdict]:
     """The verdicts on F frames, or `only` on those at these places.
 
-    Each is that of its frame by itself. Its `finding` is that of the event which it belongs to, an incident or a single
-    frame. A sensor with frozen data is left out, and the frame is at least suspect; so it is where a fault explains it
+    Each is that of its frame by itself. Its `finding` is that of the event which it belongs to, an incident or an
+    alert. A sensor with frozen data is left out, and the frame is at least suspect; so it is where a fault explains it
     as well as an attack, unless the caller wants verdicts `without_causes`.
     """
     judge = _Judge(series, system, thresholds, without_causes=without_causes)
-    evidence = judge.evidence()
-    found = events(evidence, judge.raised, thresholds.score, thresholds.incidents_per_hour)
-    judged = list(range(len(series.stamps_ns)) if only is None else only)
-    verdicts = judge.verdicts({*judged, *(place for event in found for place in event.frames)})
-    whole = [_apart(event, verdicts, evidence, thresholds.score) for event in found]
-    for number, event in enumerate(chain.from_iterable(whole), 1):
+    wanted = range(len(series.stamps_ns)) if only is None else only
+    verdicts = _judged([judge], np.arange(len(series.stamps_ns)), wanted)
+    return [verdicts[place] for place in wanted]
+
+
+def judge_portions(portions: Sequence[Portion]) -> list[list[Verdict]]:
+    """The verdicts on the frames of each portion, as `judge_frames`; all portions are one series of the same sensors.
+
+    Evidence and alerts go on from one portion into the next, in the order of the frames' numbers. What incidents must
+    exceed is the largest of the portions' thresholds.
+    """
+    order = np.argsort(np.concatenate([one.numbers for one in portions]), kind="stable")
+    judges = [
+        _Judge(series, one.system, one.thresholds)
+        for series, one in zip(on_one_line([one.series for one in portions], order), portions, strict=True)
+    ]
+    verdicts = _judged(judges, order, range(len(order)))
+    of_place = dict(zip(order.tolist(), (verdicts[place] for place in range(len(order))), strict=True))
+    in_turn = iter(range(len(order)))
+    return [[of_place[next(in_turn)] for _ in one.numbers] for one in portions]
+
+
+def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]) -> dict[int, Verdict]:
+    """The verdicts on frames at `wanted` places of a series, and on all that belong to events, with their findings.
+
+    The series has the frames of the judges in an `order` of their places one after another.
+    """
+    evidence = joined([judge.evidence() for judge in judges], order)
+    raised, audited = (np.concatenate([flags(judge) for judge in judges])[order] for flags in (_raised_by, _audited_by))
+    thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.score)
+    incidents = events(evidence, raised, thresholds.score)
+    needed = {*wanted, *np.flatnonzero(raised).tolist(), *(place for one in incidents for place in one.frames)}
+    verdicts = _verdicts_of(judges, order, needed)
+    incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.score)]
+    held, accusing = (np.zeros(len(raised), dtype=np.bool_) for _ in range(2))
+    held[[place for one in incidents for place in one.frames]] = True
+    accusing[[place for place, verdict in verdicts.items() if verdict.kind in ACCUSING]] = True
+    strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
+    found = sorted((*incidents, *alerts(raised, accusing, audited, strong, held)), key=lambda event: event.frames[0])
+    for number, event in enumerate(found, 1):
         added = evidence.added[list(event.frames)].tolist()
-        kind, attacked = _likeliest([verdicts[place] for place in event.frames], added)
-        for place, more in zip(event.frames, added, strict=True):
-            finding = Finding(kind, attacked, number, event.single, more)
-            verdicts[place] = replace(verdicts[place], finding=finding)
-    return [verdicts[place] for place in judged]
+        said = [verdicts[place] for place in event.frames]
+        names = [(one.kind, one.attacked) for one in said] if event.alert else _names(said, added)
+        for place, (kind, attacked), more in zip(event.frames, names, added, strict=True):
+            verdicts[place] = replace(verdicts[place], finding=Finding(kind, attacked, number, event.alert, more))
+    return verdicts
+
+
+def _raised_by(judge: "_Judge") -> Flags:
+    return judge.raised
+
+
+def _audited_by(judge: "_Judge") -> Flags:
+    return judge.audited
+
+
+def _verdicts_of(judges: Sequence["_Judge"], order: Integers, needed: Collection[int]) -> dict[int, Verdict]:
+    """The verdicts on the frames at these places of a series of the judges' frames, each by itself."""
+    begins = np.cumsum([0, *(judge.frames for judge in judges)])
+    of_judge = np.searchsorted(begins, order, side="right") - 1
+    places: list[dict[int, int]] = [{} for _ in judges]
+    for place in needed:
+        which = int(of_judge[place])
+        places[which][place] = int(order[place] - begins[which])
+    found: dict[int, Verdict] = {}
+    for judge, own in zip(judges, places, strict=True):
+        verdicts = judge.verdicts(own.values())
+        found.update((place, verdicts[at]) for place, at in own.items())
+    return found
 
 
 def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, limit: float) -> list[Event]:
@@ -131,10 +159,13 @@ class _Judge:
     def __init__(
         self, series: FrameSeries, system: System, thresholds: RobustThresholds, *, without_causes: bool = False
     ) -> None:
-        self._series, self._system, self._thresholds = series, system, thresholds
+        self._series, self._system, self.thresholds = series, system, thresholds
+        self.frames = len(series.stamps_ns)
         expected = [thresholds.expected.get(check) for check in system.sensor_checks]
         self._z = normalised_scores(series.statistics, expected)
-        self._unused = sensors_where(system.sensors, ~series.present | series.frozen)
+        unused = ~series.present | series.frozen
+        unused[list(series.repeated)] = True
+        self._unused = sensors_where(system.sensors, unused)
         self._scores = attack_scores(self._z, system, self._unused)
         still = sensors_where(system.sensors, series.frozen)
         faults = [()] * len(still) if without_causes else _fault_hypotheses(series, thresholds)
@@ -145,7 +176,12 @@ class _Judge:
     @cached_property
     def raised(self) -> Flags:
         """(F,) whether the verdict on each frame by itself is a finding."""
-        return np.asarray((self._scores > self._thresholds.limit) | (self._faults > -np.inf))
+        return np.asarray((self._scores > self.thresholds.limit) | (self._faults > -np.inf))
+
+    @cached_property
+    def audited(self) -> Flags:
+        """(F,) whether each frame has a verdict: a check that counts was measured, or a fault raises it."""
+        return np.asarray(np.isfinite(self._scores) | self.raised)
 
     def evidence(self) -> Evidence:
         """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
@@ -153,7 +189,8 @@ class _Judge:
         limit = joint_limit(INCIDENTS.tail_rate, checks)
         of_faults = limit + self._faults
         scores = np.maximum(self._scores, of_faults)
-        whole = evidence_of(scores, checks, series.stamps_ns, series.runs)
+        periods_s = periods_of(series.stamps_ns, series.runs) if series.periods_s is None else series.periods_s
+        whole = evidence_of(scores, checks, periods_s, series.runs)
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
         explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
@@ -180,10 +217,12 @@ class _Judge:
         return {place: self._verdicts[place] for place in places}
 
     def _judged(self, places: Sequence[int]) -> list[Verdict]:
-        series, system, limit = self._series, self._system, self._thresholds.limit
+        series, system, limit = self._series, self._system, self.thresholds.limit
         named = name_attacked(self._z[places], system, [self._unused[place] for place in places], limit)
 
         def weighed(place: int, verdict: Verdict) -> Verdict:
+            if place in series.repeated:
+                return replace(verdict, reason=_NOTHING_NEW)
             if not verdict.evidence:  # most frames: nothing fired
                 return weigh(verdict, self._hypotheses[place], limit) if self._hypotheses[place] else verdict
             brightness = series.brightness_in(place)
@@ -202,6 +241,24 @@ class _Judge:
     @cached_property
     def _bounds(self) -> tuple[Indices, Indices]:
         return bounds_nearby(self._series.stamps_ns, self._series.runs)
+
+
+def _names(verdicts: Sequence[Verdict], added: Sequence[float]) -> list[tuple[VerdictKind, tuple[int, ...]]]:
+    """What each frame of an incident is held for: what most of its evidence speaks for.
+
+    Where a share of it names sensors that the likeliest set has none of, each frame is what it says itself, if another
+    frame says the same, and unidentified else: sensors may have been attacked in turn, and no innocent one is named.
+    """
+    likeliest = _likeliest(verdicts, added)
+    naming = [(one.attacked, more) for one, more in zip(verdicts, added, strict=True) if one.attacked]
+    others = sum(more for attacked, more in naming if set(attacked).isdisjoint(likeliest[1]))
+    if not likeliest[1] or others <= INCIDENTS.contested_share * sum(more for _, more in naming):
+        return [likeliest] * len(verdicts)
+    times = Counter(attacked for attacked, _ in naming)
+    return [
+        (VerdictKind.ATTACKED, one.attacked) if times[one.attacked] > 1 else (VerdictKind.UNIDENTIFIED, ())
+        for one in verdicts
+    ]
 
 
 def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 15
+JUDGING_VERSION = 16
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -91,16 +91,17 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """The event that a frame belongs to: an incident, or a `single` frame so strong that it is told by itself.
+    """The event that a frame belongs to: an incident, or an `alert`, which is told and found all the same.
 
-    `kind` and `attacked` are what most of the event's evidence speaks for. `event` numbers the events of a recording
-    from 1. `added` is what this frame adds to the evidence.
+    `kind` and `attacked` are what most of the event's evidence speaks for; of an alert, and where the frames of an
+    incident name different sensors, what the frame itself does. `event` numbers the events of a recording from 1.
+    `added` is what this frame adds to the evidence.
     """
 
     kind: VerdictKind
     attacked: tuple[int, ...]
     event: int = 1
-    single: bool = False
+    alert: bool = False
     added: float = 0.0
 
 
@@ -137,7 +138,7 @@ class Verdict:
     @property
     def in_incident(self) -> bool:
         """Whether the robust method holds the frame for part of an incident; a single-frame event is none."""
-        return self.finding is not None and not self.finding.single
+        return self.finding is not None and not self.finding.alert
 
 
 @dataclass(frozen=True)

@@ -1,50 +1,48 @@
 """Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, frozen
+from auditor.identification.causes.faults import fault_scores
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
-from auditor.identification.marks import MACHINE, for_sparser_lidar, halvings_of_points, marks_of
+from auditor.identification.marks import for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
-from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.robust import judge_portions
 from auditor.identification.scores import for_drive
-from auditor.identification.statistics import sensor_statistics
+from auditor.identification.series import FrameSeries, Portion
 from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.model.calibration import (
     PRIOR,
     Calibration,
-    CleanFrames,
+    Marks,
     RobustThresholds,
     Thresholds,
     prior_calibration,
 )
-from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Statistic
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method, Verdict
+from auditor.pipeline.clean_frames import frame_statistics, observed_features
 from auditor.store import (
     FrameStatistics,
     JudgementRecord,
     JudgingRules,
     Store,
     StoredJudgement,
-    StoredMeasurement,
 )
 
 Rows = list[tuple[int, int, Verdict]]
@@ -91,92 +89,6 @@ def system_of(rig: Rig) -> System:
     return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
-def clean_frames_of(
-    store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
-) -> CleanFrames:
-    """What a calibration keeps of a measurement.
-
-    `frames` restricts it to these frame numbers, `recount` computes the statistics again from the stored cells.
-    """
-    stored = store.measurement(measurement)
-    return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
-
-
-def _clean_frames(
-    store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
-) -> CleanFrames:
-    known = measurement.measurement_id
-    frames_of = _frame_statistics(store, known, recount=recount)
-    features = _observed_features(store, known)
-    present = frames_of.states == SensorState.PRESENT
-    chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
-    return CleanFrames(
-        measurement.recording_id,
-        frames_of.stamps_ns[chosen],
-        {
-            (statistic, triple): column
-            for statistic in Statistic
-            for triple, column in zip(
-                rig.measured_triples, store.load_errors(known, statistic).E[chosen].T, strict=True
-            )
-        },
-        dict(zip(rig_sensor_checks(rig), frames_of.statistics[chosen].T, strict=True)),
-        {cause: column[chosen] for cause, column in fault_scores(features, frames_of.stamps_ns, rig.sensors).items()},
-        missing=_of_sensors(rig, ~present[chosen]),
-        frozen=_of_sensors(rig, frozen(frames_of.fingerprints, present)[chosen]),
-        unmasked=_unmasked(rig, frames_of, chosen),
-        features={
-            (name, pair): column
-            for name in SCORED
-            for pair, column in zip(features.pairs, features.columns[name][chosen].T, strict=True)
-        },
-        brightness={key: column[chosen] for key, column in features.by_camera.items()},
-        returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
-        versions={name: measurement.versions[name] for name in MACHINE if name in measurement.versions},
-    )
-
-
-def _unmasked(rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]) -> dict[SensorCheck, NDArray[np.float64]]:
-    """The statistics without the LiDAR of those sensor checks for which they are others in some frame."""
-    columns = zip(rig_sensor_checks(rig), frames.statistics[chosen].T, frames.unmasked[chosen].T, strict=True)
-    return {one: alone for one, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
-
-
-def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
-    """(F, S) flags by sensor, without the sensors that have none."""
-    return {sensor: column for sensor, column in zip(rig.sensors, flags.T, strict=True) if column.any()}
-
-
-def _observed_features(store: Store, measurement: str) -> ObservedFeatures:
-    """The stored fault features of a measurement."""
-    seen = store.load_fault_features(measurement)
-    return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.brightness)
-
-
-def _frame_statistics(store: Store, measurement: str, *, recount: bool) -> FrameStatistics:
-    stored = store.load_statistics(measurement)
-    if not recount:
-        return stored
-    counted = statistics_from_cells(store, measurement)
-    same = stored.unmasked == stored.statistics
-    return replace(stored, statistics=counted, unmasked=np.where(same, counted, stored.unmasked))
-
-
-def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
-    """(F, M) statistics computed again from the stored cells, as a scan computes them from the images.
-
-    For measurements made before windows or votes were changed. Statistics without cells stay as they were measured.
-    """
-    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
-    counted = [column for column, one in enumerate(sensor_checks) if one.check not in SHARE_CHECKS]
-    of_cells = [sensor_checks[column] for column in counted]
-    stored = store.load_statistics(measurement)
-    statistics, row_of = stored.statistics.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
-    for frame, cells in store.load_cells(measurement):
-        statistics[row_of[frame], counted] = np.array(sensor_statistics(of_cells, cells, {}), dtype=np.float64)
-    return statistics
-
-
 def counted_earlier(store: Store, measurement: str) -> bool:
     """Whether a measurement was counted in an earlier way, so that today's thresholds say nothing of it."""
     return store.measurement(measurement).procedure.counting_version < COUNTING_VERSION
@@ -221,38 +133,31 @@ def judge_measurement(
     calibration: Calibration,
     criteria: Criteria,
     current: Mapping[str, StoredJudgement] | None = None,
+    beside: Mapping[str, Calibration | None] | None = None,
 ) -> StoredJudgement:
     """Judge every frame of a measurement and keep the verdicts, which are its current ones from then on.
 
     A rig that is a part of the calibration's is judged by what the calibration has of its sensors.
-    `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
+    `current` is `store.current_judgements()`, read once where many measurements are judged. `beside` are the
+    measurements of the same recording by its other rigs (`rigs_in_turn`), each with its calibration: by the robust
+    method their evidence goes on into this one's, though only this one's verdicts are kept. Raises
     ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has
     more decimals than the store keeps.
     """
-    refuse_earlier_counting(store, measurement)
-    stored = store.measurement(measurement)
-    rig = store.rig(stored.rig_id)
-    whole, calibration = calibration, calibration_for(calibration, rig) or calibration
-    similarity = check_calibration(
-        calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
-    )
-    frames = _frame_statistics(store, measurement, recount=criteria.recount)
-    halvings = halvings_of_points(calibration.clean, rig, frames.returns)
-    marks = marks_of(calibration, similarity, stored.recording_id, halvings, stored.versions)
-    transferred = similarity is not Similarity.SAME
+    robust, beside = criteria.method is Method.ROBUST, beside or {}
+    fitted = _fit(store, measurement, calibration, criteria)
+    rig, part = fitted.rig, fitted.calibration.part
     thresholds: Thresholds | RobustThresholds
-    if criteria.method is Method.ROBUST:
-        rate = criteria.incidents_per_hour
-        robust = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
-        if marks.other_lidar:
-            robust = for_sparser_lidar(robust, halvings)
-        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
-        rows = _judge_robust(store, measurement, rig, robust, frames)
+    if robust:
+        portion = _portion(store, fitted, criteria)
+        thresholds = portion.thresholds
+        verdicts = judge_portions([portion, *_portions_beside(store, beside, criteria)])[0]
+        rows = list(zip(portion.numbers.tolist(), portion.series.stamps_ns.tolist(), verdicts, strict=True))
     else:
-        thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
+        thresholds = thresholds_at(fitted.calibration, criteria.statistic, criteria.r, transferred=fitted.transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)
     if criteria.strict:
-        _refuse_unresolvable(calibration, criteria, thresholds)
+        _refuse_unresolvable(fitted.calibration, criteria, thresholds)
     before = (store.current_judgements() if current is None else current).get(measurement)
     judgement = JudgementRecord(
         measurement,
@@ -261,12 +166,13 @@ def judge_measurement(
         todays_rules(),
         _after(before),
         criteria.recount,
-        absent_sensors=calibration.part.absent if calibration.part else (),
-        calibrated_as=calibration.part.sensors if calibration.part else rig.sensors,
-        marks=marks,
+        absent_sensors=part.absent if part else (),
+        calibrated_as=part.sensors if part else rig.sensors,
+        marks=fitted.marks,
+        judged_with=tuple(beside) if robust else (),
     )
-    if whole.calibration_id != PRIOR:
-        store.keep_calibration(whole)
+    if calibration.calibration_id != PRIOR:
+        store.keep_calibration(calibration)
     return store.write_judgement(judgement, rows)
 
 
@@ -290,16 +196,83 @@ def _robust(
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
-def _judge_robust(
-    store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics
-) -> Rows:
-    present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
-    scores = fault_scores(features, frames.stamps_ns, rig.sensors)
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A measurement with its rig and statistics, what a calibration has of its sensors, and what marks that one."""
+
+    measurement: str
+    rig: Rig
+    frames: FrameStatistics
+    calibration: Calibration
+    halvings: float
+    marks: Marks
+
+    @property
+    def transferred(self) -> bool:
+        """Whether the calibration is of another rig kind."""
+        return self.marks.similarity is not Similarity.SAME
+
+
+def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Criteria) -> _Fitted:
+    """Raises ThresholdsError where the calibration does not fit, or the measurement was counted in an earlier way."""
+    refuse_earlier_counting(store, measurement)
+    stored = store.measurement(measurement)
+    rig = store.rig(stored.rig_id)
+    own = calibration_for(calibration, rig) or calibration
+    similarity = check_calibration(own, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
+    frames = frame_statistics(store, measurement, recount=criteria.recount)
+    halvings = halvings_of_points(own.clean, rig, frames.returns)
+    marks = marks_of(own, similarity, stored.recording_id, halvings, stored.versions)
+    return _Fitted(measurement, rig, frames, own, halvings, marks)
+
+
+def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:
+    """What the robust method judges of a measurement."""
+    rig, frames, system = fitted.rig, fitted.frames, system_of(fitted.rig)
+    rate, transferred = criteria.incidents_per_hour, fitted.transferred
+    thresholds = _robust(fitted.calibration, system, criteria.r, rate, transferred=transferred)
+    if fitted.marks.other_lidar:
+        thresholds = for_sparser_lidar(thresholds, fitted.halvings)
+    thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
+    features = observed_features(store, fitted.measurement)
     series = FrameSeries.of_recording(
-        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.by_camera
+        frames.stamps_ns,
+        frames.statistics,
+        frames.states == SensorState.PRESENT,
+        frames.fingerprints,
+        fault_scores(features, frames.stamps_ns, rig.sensors),
+        features.by_camera,
     )
-    verdicts = judge_frames(series, system_of(rig), thresholds)
-    return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
+    return Portion(frames.frames, series, system, thresholds)
+
+
+def _portions_beside(store: Store, beside: Mapping[str, Calibration | None], criteria: Criteria) -> Iterator[Portion]:
+    """The portions of other rigs; what has no calibration, or none that fits, is none."""
+    for measurement, calibration in beside.items():
+        if calibration is not None:
+            with suppress(ThresholdsError):
+                yield _portion(store, _fit(store, measurement, calibration, criteria), criteria)
+
+
+def rigs_in_turn(store: Store, measurement: str) -> tuple[str, ...]:
+    """The other measurements of the same recording whose rigs follow one another, and this one, in its time.
+
+    They were measured in the same way, by rigs of the same sensors under the same numbers.
+    """
+    stored = store.measurement(measurement)
+    topics = _topics(store.rig(stored.rig_id))
+    seen = store.recording(stored.recording_id).sightings
+    known = {one for sighting in seen for one in sighting.measurements if store.has_measurement(one)}
+    others = {one: store.measurement(one) for one in sorted(known - {measurement})}
+    return tuple(
+        one
+        for one, other in others.items()
+        if other.procedure == stored.procedure and _topics(store.rig(other.rig_id)) == topics
+    )
+
+
+def _topics(rig: Rig) -> dict[int, str]:
+    return {sensor: rig.topic(sensor) for sensor in rig.sensors}
 
 
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:

@@ -9,7 +9,7 @@ from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
-from auditor.model.verdict import VerdictKind
+from auditor.pipeline.gaps import conflicts_of, counted_elsewhere, frames_short, reading_of
 from auditor.pipeline.judge import (
     Criteria,
     counted_earlier,
@@ -17,11 +17,12 @@ from auditor.pipeline.judge import (
     judge_measurement,
     prior_for,
     refuse_earlier_counting,
+    rigs_in_turn,
 )
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
+from auditor.pipeline.reading import MIN_COVERAGE
 from auditor.pipeline.remarks import as_a_part, marked, unresolved
 from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
@@ -182,7 +183,7 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
 
     Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
     there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
-    incidents, unless all of these were reviewed as false alarms.
+    incidents or alerts, unless all of these were reviewed as false alarms.
     """
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
@@ -203,7 +204,7 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
-            yield measurement, reason or (_in_incidents(judgements.get(measurement)) * (measurement not in excused))
+            yield measurement, reason or (_found(judgements.get(measurement)) * (measurement not in excused))
 
 
 def attacked_by_labels(store: Store, measurement: str) -> str:
@@ -223,14 +224,14 @@ def held_by(store: Store, recording: RecordingRecord, among: Collection[str] | N
     return f"{store.recording(later).name} holds every frame of it"
 
 
-def _in_incidents(judgement: StoredJudgement | None) -> str:
-    if judgement is None or not judgement.in_incidents:
+def _found(judgement: StoredJudgement | None) -> str:
+    if judgement is None or not judgement.found:
         return ""
-    count = judgement.in_incidents
+    count = judgement.found
     return (
         f"by its current verdicts (method {judgement.method}, r = {judgement.r}) "
-        f"{count} frame{' is' if count == 1 else 's are'} in incidents; if it is known to be clean, give the recording "
-        "itself, or judge the store again (auditor judge) where the verdicts were wrong"
+        f"{count} frame{' is' if count == 1 else 's are'} in incidents or alerts; if it is known to be clean, give the "
+        "recording itself, or judge the store again (auditor judge) where the verdicts were wrong"
     )
 
 
@@ -273,8 +274,8 @@ class Judged:
 
     @property
     def found(self) -> bool:
-        """True where frames belong to an incident."""
-        return self.judgement is not None and self.judgement.in_incidents > 0
+        """True where frames belong to an incident or an alert."""
+        return self.judgement is not None and self.judgement.found > 0
 
 
 class Judge:
@@ -301,18 +302,18 @@ class Judge:
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
-            fitting = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            fitting = self._fitting(measurement)
             calibration = fitting or prior_for(store, measurement, criteria)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             earlier = self._kept(measurement, calibration)
-            judgement = earlier or judge_measurement(store, measurement, calibration, criteria, self._current)
+            judgement = earlier or self._judged(measurement, calibration)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *as_a_part(judgement, calibration),
-            *_gaps(stored, judgement, self._settings.min_coverage),
+            *frames_short(stored, judgement, self._settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
@@ -321,7 +322,7 @@ class Judge:
             *marked(judgement, calibration),
             *gaps,
             *told,
-            *_counted_elsewhere(store, recording),
+            *counted_elsewhere(store, recording),
         )
         unread = () if reading.complete else reading.remarks or ("it was not read whole",)
         missing = (*gaps, *unread)
@@ -334,6 +335,18 @@ class Judge:
             gaps=missing,
             fresh=judgement is not earlier,
         )
+
+    def _fitting(self, measurement: str) -> Calibration | None:
+        """The calibration that a measurement is judged by; None where there is none."""
+        return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
+
+    def _judged(self, measurement: str, calibration: Calibration) -> StoredJudgement:
+        """Judge a measurement, and let the evidence of the recording's other rigs go on into it."""
+        store, criteria = self._store, self._settings.criteria
+        others = {
+            one: self._fitting(one) or prior_for(store, one, criteria) for one in rigs_in_turn(store, measurement)
+        }
+        return judge_measurement(store, measurement, calibration, criteria, self._current, others)
 
     def _kept(self, measurement: str, calibration: Calibration) -> StoredJudgement | None:
         """The current judgement of a measurement, where it is not to be judged again."""
@@ -358,37 +371,6 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
 def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:
     with logged(store.folder):
         yield from map(judge.judge, measurements)
-
-
-def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:
-    """Whether the recording of a measurement was read whole."""
-    frames = FrameCount(measurement.measured, measurement.skipped)
-    return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
-
-
-def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged."""
-    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
-    due = FrameCount(measurement.measured, measurement.skipped).due
-    if audited < min_coverage * due:
-        yield f"{audited} of {due} frames audited"
-
-
-def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:
-    """One sentence on the recordings that have other data at the same stamps; none where there are none."""
-    others = [store.recording(other) for other in recording.conflicts or () if store.has_recording(other)]
-    names = ", ".join(f"{other.name} ({other.recording_id[:12]})" for other in others if other.superseded_by is None)
-    if not names:
-        return ()
-    return (
-        f"conflict with {names}: the same stamps of the same sensors, and other data; one of them was changed, or they "
-        "are of two vehicles (--vehicle); all count",
-    )
-
-
-def _counted_elsewhere(store: Store, recording: RecordingRecord) -> Iterator[str]:
-    if recording.superseded_by is not None:
-        yield f"{store.recording(recording.superseded_by).name} holds every frame of it, and is counted in its place"
 
 
 def recording_name(store: Store, measurement: str) -> str:

@@ -6,7 +6,7 @@ from auditor.identification.thresholds import check_calibration
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method
-from auditor.pipeline.judge import Criteria
+from auditor.pipeline.judge import Criteria, rigs_in_turn
 from auditor.store import Store, StoredJudgement
 from auditor.store.records import judgement_id
 
@@ -34,5 +34,6 @@ def is_as_now(judgement: StoredJudgement, store: Store, calibration: Calibration
         judging_digest(),
         transferred=similarity is not Similarity.SAME,
         recounted=criteria.recount,
+        judged_with=rigs_in_turn(store, judgement.measurement_id) if robust else (),
     )
     return now == judgement.judgement_id

@@ -194,7 +194,8 @@ class JudgementRecord:
 
     `absent_sensors` are what the calibration's rig has and the measurement's lacks, in words; `calibrated_as` are the
     numbers of the rig's sensors in the calibration's rig. `marks` say what else is to be known of the calibration.
-    Raises StoreError where r has more decimals than are kept.
+    `judged_with` are the measurements by other rigs whose frames are portions of the same series. Raises StoreError
+    where r has more decimals than are kept.
     """
 
     measurement_id: str
@@ -206,6 +207,7 @@ class JudgementRecord:
     absent_sensors: tuple[str, ...] = ()
     calibrated_as: tuple[int, ...] | None = None
     marks: Marks = NO_MARKS
+    judged_with: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         r = self.thresholds.r
@@ -233,6 +235,7 @@ class JudgementRecord:
             judging_version=self.rules.judging_version,
             transferred=thresholds.transferred,
             recounted=self.recounted,
+            judged_with=self.judged_with,
         )
 
 
@@ -241,8 +244,9 @@ class StoredJudgement:
     """A finished judgement, as the store knows it.
 
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
-    belong to an incident. `recounted` is True where its statistics came from the stored cells. `judging_version` is 0
-    and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
+    belong to an incident, `in_alerts` those that belong to an alert. `recounted` is True where its statistics came from
+    the stored cells. `judging_version` is 0 and `rules`, the digest of the parameters, None where it was judged before
+    rules had versions. `judged_with` are the measurements that its frames were judged with. `absent_sensors` are
     what its rig lacks of the calibration's. `drives` are the clean recordings that the robust method's thresholds were
     learnt from, 0 where they are the prior; None by the paper's method, and of judgements of before there was a prior.
     `marks` say what else is to be known of its calibration. `incidents_per_hour` were allowed on clean recordings, None
@@ -260,6 +264,7 @@ class StoredJudgement:
     judged_at: datetime.datetime
     counts: Mapping[VerdictKind, int]
     in_incidents: int
+    in_alerts: int
     recounted: bool
     judging_version: int
     rules: str | None
@@ -267,6 +272,12 @@ class StoredJudgement:
     drives: int | None = None
     marks: Marks = NO_MARKS
     incidents_per_hour: float | None = None
+    judged_with: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> int:
+        """Frames with a finding that belong to an incident or an alert: the recording counts as found with any."""
+        return self.in_incidents + self.in_alerts
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:
@@ -287,10 +298,12 @@ def judgement_id(
     judging_version: int = JUDGING_VERSION,
     transferred: bool,
     recounted: bool,
+    judged_with: Sequence[str] = (),
 ) -> str:
     """Hash of a measurement and of what decides every verdict on it.
 
-    `special` is the statistic of the paper's method, or the incidents an hour of the robust one.
+    `special` is the statistic of the paper's method, or the incidents an hour of the robust one. `judged_with` are the
+    measurements that its frames were judged with as one series.
     """
     return content_id(
         "judgement",
@@ -303,6 +316,7 @@ def judgement_id(
         judging_version,
         rules,
         *(["recounted"] if recounted else []),
+        *judged_with,
     )
 
 

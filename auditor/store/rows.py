@@ -229,6 +229,7 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "judged_with": list(judgement.judged_with),
         "absent_sensors": list(judgement.absent_sensors),
         "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
         "similarity": judgement.marks.similarity.value,
@@ -283,8 +284,9 @@ def _marks(row: Mapping[str, Any]) -> Marks:
 
 JUDGEMENT_COLUMNS = (
     *("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred", "statistic", "r"),
-    *("judged_at", *(kind.value for kind in VerdictKind), "in_incidents", "recounted", "judging_version", "rules"),
-    *("absent_sensors", "drives", "similarity", "in_sample", "other_lidar", "measured_otherwise", "incidents_per_hour"),
+    *("judged_at", *(kind.value for kind in VerdictKind), "in_incidents", "in_alerts", "recounted", "judging_version"),
+    *("rules", "judged_with", "absent_sensors", "drives", "similarity", "in_sample", "other_lidar"),
+    *("measured_otherwise", "incidents_per_hour"),
 )
 """What `stored_judgement` needs of a row."""
 
@@ -300,6 +302,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         judged_at=row["judged_at"].replace(tzinfo=UTC),
         counts=counts,
         in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
+        in_alerts=row["in_alerts"] or 0,
         recounted=bool(row["recounted"]),
         judging_version=row["judging_version"],
         rules=row["rules"],
@@ -307,6 +310,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         drives=row["drives"],
         marks=_marks(row),
         incidents_per_hour=row.get("incidents_per_hour"),
+        judged_with=tuple(row["judged_with"] or ()),
     )
 
 
@@ -336,7 +340,7 @@ def verdict_columns(
         "posterior": [one.posterior for one in verdicts],
         "log10_ratio": [one.log10_ratio for one in verdicts],
         "event": [one and one.event for one in findings],
-        "single_frame": [one and one.single for one in findings],
+        "alert": [one and one.alert for one in findings],
         "event_added": [one and one.added for one in findings],
     }
 

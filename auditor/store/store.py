@@ -328,12 +328,14 @@ class Store:
         robust = judgement.method == Method.ROBUST
         judged = list(verdicts)
         counts = Counter(verdict.kind for _, _, verdict in judged)
-        findings = (verdict for _, _, verdict in judged if verdict.kind in FINDINGS)
+        findings = [verdict for _, _, verdict in judged if verdict.kind in FINDINGS]
         in_incidents = sum(verdict.in_incident or not robust for verdict in findings)
+        in_alerts = sum(verdict.finding is not None and verdict.finding.alert for verdict in findings)
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             table.add_columns(verdict_columns(judgement_id, judgement.measurement_id, judged))
             written = table.commit()
-        row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}
+        row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}}
+        row |= {"in_incidents": in_incidents, "in_alerts": in_alerts}
         self.write("judgements", judgement_id, [{**row, "outputs": self._outputs([written])}])
         return stored_judgement(row)
 

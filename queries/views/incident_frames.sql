@@ -15,10 +15,11 @@ SELECT
     finding.kind,
     finding.attacked,
     finding.gap
-FROM (SELECT incident_id, kind, attacked, unnest(parts) AS part FROM incidents) AS incident
+FROM (SELECT incident_id, grade, kind, attacked, unnest(parts) AS part FROM incidents) AS incident
 JOIN findings AS finding
     -- of one kind and one set of sensors, incidents do not overlap
     ON finding.measurement_id = incident.part.measurement_id
         AND finding.kind = incident.kind
         AND finding.attacked = incident.attacked
+        AND finding.alert = (incident.grade = 'alert')
         AND finding.frame BETWEEN incident.part.first_frame AND incident.part.last_frame

@@ -1,9 +1,10 @@
--- Incidents: by the robust method the events of several frames, by the paper's runs of frames with the same attacked sensors; also from one recording of a drive into the next. Where a recording's clock is set back a new one begins.
+-- Incidents and alerts: by the robust method the events of several frames, by the paper's runs of frames with the same attacked sensors; also from one recording of a drive into the next. Where a recording's clock is set back a new one begins.
 --
 -- param gap_s DOUBLE = 0.5: Events, or frames by the paper's method, of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column incident_id: Hash of where it begins: the first recording's content, rig and matcher, and the stamp of its first frame. It stays when the recording is judged or measured anew; a name that it had before it grew is in `incident_names`.
+-- column grade: incident, or alert: findings that no incident holds, and that count as found all the same.
 -- column judgement_id: The judgement of its first frame; the parts have those of the others.
 -- column rig_id: The rig.
 -- column drive_id: The recording that its drive begins with.
@@ -37,18 +38,20 @@ WITH placed AS (
     SELECT
         measurement.measurement_id,
         dense_rank() OVER (
-            ORDER BY recording.drive_id, measurement.rig_id, measurement.matcher, measurement.settings,
-                measurement.counting_version
+            ORDER BY recording.drive_id, [sensor.topic FOR sensor IN rig.sensors], measurement.matcher,
+                measurement.settings, measurement.counting_version
         ) AS series,
-        row_number() OVER (ORDER BY recording.from_ns, measurement.recording_id) AS place,
+        dense_rank() OVER (ORDER BY recording.from_ns, measurement.recording_id) AS place,
+        measurement.recording_id,
         recording.from_ns,
         recording.to_ns,
         $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording) AS wanted
     FROM measurements AS measurement
     JOIN recordings AS recording USING (recording_id)
+    JOIN rigs AS rig USING (rig_id)
 ),
 line AS (
-    -- One drive, rig and procedure: what runs from one recording into the next is one incident. A recording that begins
+    -- One drive, its sensors and procedure: what runs from one recording into the next is one incident. A recording that begins
     -- before the one before has ended has a clock of its own.
     SELECT
         measurement_id,
@@ -56,7 +59,11 @@ line AS (
         wanted,
         {series: series, clock: count(*) FILTER (coalesce(anew, false)) OVER (PARTITION BY series ORDER BY place)} AS line
     FROM (
-        SELECT *, from_ns < lag(to_ns) OVER (PARTITION BY series ORDER BY place) - 1_000_000_000 AS anew FROM placed
+        SELECT
+            *,
+            recording_id <> lag(recording_id) OVER before AND from_ns < lag(to_ns) OVER before - 1_000_000_000 AS anew
+        FROM placed
+        WINDOW before AS (PARTITION BY series ORDER BY place)
     )
 ),
 step AS (
@@ -85,16 +92,22 @@ timed AS (
 finding AS (
     SELECT
         findings.*,
-        timed.line,
+        {of: timed.line, alert: findings.alert} AS line,
         timed.place,
         timed.wanted,
         lag(stamp_ns) OVER before AS previous_ns,
         coalesce(
-            measurement_id = lag(measurement_id) OVER before AND event = lag(event) OVER before, false
+            event = lag(event) OVER before
+                AND list_contains(
+                    list_append(judgement.judged_with, measurement_id), lag(measurement_id) OVER before
+                ),
+            false
         ) AS same_event
     FROM findings
     JOIN timed USING (measurement_id, frame)
-    WINDOW before AS (PARTITION BY line, kind, attacked ORDER BY place, frame)
+    JOIN (SELECT judgement_id, coalesce(judged_with, []) AS judged_with FROM judgements) AS judgement
+        USING (judgement_id)
+    WINDOW before AS (PARTITION BY timed.line, findings.alert, kind, attacked ORDER BY place, frame)
 ),
 numbered AS (
     SELECT
@@ -113,7 +126,7 @@ part AS (
         {
             recording_id: any_value(recording_id),
             name: any_value(name),
-            measurement_id: any_value(measurement_id),
+            measurement_id: measurement_id,
             judgement_id: any_value(judgement_id),
             frames: count(*),
             first_frame: min(frame),
@@ -122,10 +135,10 @@ part AS (
             to_ns: max(stamp_ns)
         } AS part
     FROM numbered
-    GROUP BY ALL
+    GROUP BY line, kind, attacked, run, place, measurement_id
 ),
 whole AS (
-    SELECT line, kind, attacked, run, list(part ORDER BY place) AS parts
+    SELECT line, kind, attacked, run, list(part ORDER BY place, part.first_frame) AS parts
     FROM part
     GROUP BY ALL
 ),
@@ -190,6 +203,7 @@ SELECT
     any_value(whole.parts[1].measurement_id) AS measurement_id,
     any_value(whole.parts[1].judgement_id) AS judgement_id,
     any_value(incident.rig_id) AS rig_id,
+    CASE WHEN any_value(incident.alert) THEN 'alert' ELSE 'incident' END AS grade,
     incident.kind,
     incident.attacked,
     any_value(names_of(incident.attacked, rig.sensors)) AS attacked_names,

@@ -9,7 +9,8 @@
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
--- column attacked_sensors: Sensors that an incident names; by the robust method a frame that belongs to no incident names none, though `attacked` counts it.
+-- column attacked_sensors: Sensors that an incident or an alert names; by the robust method a frame that belongs to neither names none, though `attacked` counts it.
+-- column alerts: Frames with a finding that belong to an alert, and to no incident.
 -- column attacked_names: The recording's own names of these sensors.
 -- column attacked: Frames in which the attacked sensors are named.
 -- column statistic: Which pixels the current judgement counted: plain or gated.
@@ -17,7 +18,7 @@
 -- column drives: How many clean recordings the current judgement's thresholds were learnt from, 0 where they are the prior; NULL by the paper's method.
 -- column z_limit: What the largest z of a frame had to exceed; NULL by the paper's method.
 -- column damage: Pieces of damage met while reading.
--- column attacked_sets: The sets of sensors that incidents name, each with its number of frames, the most frames first.
+-- column attacked_sets: The sets of sensors that incidents and alerts name, each with its number of frames, the most frames first.
 SELECT
     recording.recording_id,
     recording.name,
@@ -36,6 +37,7 @@ SELECT
     judgement.unidentified,
     judgement.suspect,
     judgement.not_auditable,
+    coalesce(judgement.in_alerts, 0) AS alerts,
     coalesce(named.sensors, []) AS attacked_sensors,
     coalesce(names_of(named.sensors, rig.sensors), []) AS attacked_names,
     judgement.method,

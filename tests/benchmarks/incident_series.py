@@ -21,11 +21,12 @@ import numpy as np
 
 from auditor.identification.cross_validation import count_incidents, hours_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import evidence_of, frame_worth
+from auditor.identification.incidents import evidence_of, frame_worth, periods_of
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
-from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
+from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import for_clean_drive, for_drive, normalised_scores
+from auditor.identification.series import FrameSeries
 from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds
@@ -120,7 +121,7 @@ class Tally:
         """Count one series, in which the frames at these places were attacked."""
         findings = [verdict.finding for verdict in verdicts]
         incidents = count_incidents(findings, stamps)
-        own = [f for f in findings if f is not None and not f.single]
+        own = [f for f in findings if f is not None and not f.alert]
         self.series += 1
         self.found += incidents > 0
         self.once += incidents == 1
@@ -186,7 +187,7 @@ def clean_table(drives: Sequence[Drive]) -> Iterator[str]:
             findings = [verdict.finding for verdict in verdicts]
             count = count_incidents(findings, series.stamps_ns)
             incidents += count
-            singles += sum(f is not None and f.single for f in findings)
+            singles += sum(f is not None and f.alert for f in findings)
             raised += sum(verdict.kind in FINDINGS for verdict in verdicts)
             frames += len(verdicts)
             hours += hours_of(series.stamps_ns)
@@ -202,7 +203,7 @@ def clean_table(drives: Sequence[Drive]) -> Iterator[str]:
 def _told(drive: Drive, verdicts: Sequence[Verdict]) -> str:
     own: dict[Finding, list[int]] = defaultdict(list)
     for place, verdict in enumerate(verdicts):
-        if verdict.finding is not None and not verdict.finding.single:
+        if verdict.finding is not None and not verdict.finding.alert:
             own[verdict.finding._replace(added=0.0)].append(place)
     return f"{drive.scene.name}: " + "; ".join(
         f"{one.kind.value} {one.attacked} in frames {at[0]} to {at[-1]}, {len(at)} of them" for one, at in own.items()
@@ -226,7 +227,7 @@ def ramp_table(drives: Sequence[Drive]) -> Iterator[str]:
                 lit = {place: case for place, case in cases.items() if part[place] > 0}
                 series = drive.series(lit, MEASURED_HZ, steady + part * (full - steady))
                 verdicts = drive.judged(series)
-                incident = [f for f, one in enumerate(verdicts) if one.finding is not None and not one.finding.single]
+                incident = [f for f, one in enumerate(verdicts) if one.finding is not None and not one.finding.alert]
                 raised = [f for f, one in enumerate(verdicts) if one.kind in FINDINGS]
                 number, found = number + 1, found + bool(incident)
                 once += count_incidents([one.finding for one in verdicts], series.stamps_ns) == 1
@@ -272,7 +273,7 @@ def fit(drives: Sequence[Drive]) -> Iterator[str]:
     for drive, values in zip(drives, scores, strict=True):
         series = drive.series({}, MEASURED_HZ)
         stamps = series.stamps_ns
-        evidence = evidence_of(values, drive.system.judged_together, stamps, runs_of(stamps))
+        evidence = evidence_of(values, drive.system.judged_together, periods_of(stamps, series.runs), series.runs)
         peaks += clean_peaks(series, drive.system, drive.own(series))
         hours += hours_of(stamps)
         added.append(evidence.added / frame_worth(np.array([1 / MEASURED_HZ])))

@@ -74,7 +74,7 @@ def incidents_of(drive: Sequence[Judged]) -> list[Incident]:
     latest: dict[tuple[VerdictKind, tuple[int, ...]], list[Judged]] = {}
     for one in drive:
         finding = one.robust.finding
-        if finding is None or finding.single:
+        if finding is None or finding.alert:
             continue
         before = latest.get(finding[:2])
         if before is None or not _goes_on(before[-1], one):

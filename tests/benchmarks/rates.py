@@ -17,8 +17,9 @@ import numpy as np
 
 from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.identification.paper import judge_frames as judge_by_paper
-from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.robust import judge_frames
 from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.series import FrameSeries
 from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold

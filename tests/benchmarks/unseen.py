@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.evaluation.sources import Recorded
-from auditor.identification.incidents import events, evidence_of, incident_limit
+from auditor.identification.incidents import events, evidence_of, incident_limit, periods_of
 from auditor.identification.naming import attack_scores
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.scores import for_clean_drive, normalised_scores
@@ -134,9 +134,10 @@ def densest_unseen(checks: int) -> str:
     stamps = (np.arange(int(HZ * SECONDS)) * (10**9 / HZ)).astype(np.int64)
     for period in PERIODS:
         scores = np.where(np.arange(len(stamps)) % period == 0, SCORE_LIMITS.highest, 0.0)
-        found = events(evidence_of(scores, checks, stamps, runs_of(stamps)), scores > 1, incident_limit(), None)
-        if all(event.single for event in found):
-            return f"one frame in {period} ({100 / period:.0f} % of the frames at {HZ:.0f} Hz), as single frames"
+        runs = runs_of(stamps)
+        evidence = evidence_of(scores, checks, periods_of(stamps, runs), runs)
+        if not events(evidence, scores > 1, incident_limit()):
+            return f"one frame in {period} ({100 / period:.0f} % of the frames at {HZ:.0f} Hz), as alerts"
     return "none of those tried"
 
 

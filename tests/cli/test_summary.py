@@ -212,7 +212,7 @@ def test_a_table_wraps_and_leaves_out_before_it_breaks(monkeypatch, capfd):
 def test_very_strong_frames_in_no_incident_are_counted_by_their_recordings(store, capfd):
     rig = rig_of(3)
     known = add_measurement(store, rig, [make_measurement(rig, number) for number in range(3)], name="a.mcap")
-    single = replace(make_verdict(rig, "1"), finding=Finding(VerdictKind.ATTACKED, (1,), single=True))
+    single = replace(make_verdict(rig, "1"), finding=Finding(VerdictKind.ATTACKED, (1,), alert=True))
     thresholds = RobustThresholds("c" * 32, Decimal("0.01"), 4.0, {}, {}, drives=0)
     rows = [(frame, frame, single if frame == 1 else make_verdict(rig, "c")) for frame in range(3)]
     store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)

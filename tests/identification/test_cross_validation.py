@@ -159,13 +159,13 @@ def test_the_hours_of_a_calibration_are_those_of_its_recordings():
     assert clean_hours(both) == pytest.approx(0.15)
 
 
-def finding(event, attacked=(1,), *, single=False):
-    return Finding(VerdictKind.ATTACKED, attacked, event, single)
+def finding(event, attacked=(1,), *, alert=False):
+    return Finding(VerdictKind.ATTACKED, attacked, event, alert)
 
 
-def test_one_event_is_one_incident_and_a_single_frame_none():
+def test_one_event_is_one_incident_and_an_alert_none():
     stamps = np.arange(8, dtype=np.int64) * 10**9
-    findings = [finding(1), None, finding(1), finding(2), None, finding(3, single=True), finding(4, (2,)), None]
+    findings = [finding(1), None, finding(1), finding(2), None, finding(3, alert=True), finding(4, (2,)), None]
     assert count_incidents(findings, stamps) == 3
 
 

@@ -18,6 +18,7 @@ from auditor.identification.incidents import (
     of_sensors,
     peaks_of,
     periods_of,
+    strong_frames,
 )
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
@@ -32,15 +33,24 @@ def stamps_at(hz, frames):
     return (np.arange(frames) * (10**9 / hz)).astype(np.int64)
 
 
+def pace(stamps):
+    runs = runs_of(stamps)
+    return periods_of(stamps, runs), runs
+
+
 def evidence_at(hz, scores):
     stamps = stamps_at(hz, len(scores))
-    return evidence_of(np.asarray(scores, dtype=np.float64), CHECKS, stamps, runs_of(stamps))
+    return evidence_of(np.asarray(scores, dtype=np.float64), CHECKS, *pace(stamps))
 
 
-def found(hz, scores, limit=None, per_hour=None):
+def found(hz, scores, limit=None):
     scores = np.asarray(scores, dtype=np.float64)
-    limit = incident_limit() if limit is None else limit
-    return events(evidence_at(hz, scores), scores > LIMIT, limit, per_hour)
+    return events(evidence_at(hz, scores), scores > LIMIT, incident_limit() if limit is None else limit)
+
+
+def strong(hz, scores):
+    scores = np.asarray(scores, dtype=np.float64)
+    return np.flatnonzero(strong_frames(evidence_at(hz, scores), scores > LIMIT, None)).tolist()
 
 
 def added(*values, runs=None, period=1.0, beyond=None, unexplained=None, worth=1.0):
@@ -139,15 +149,15 @@ def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
 def test_findings_of_other_sensors_make_no_incident_of_one():
     raised = np.ones(4, dtype=np.bool_)
     in_turn = [[9, -1], [9, -1], [-1, 9], [-1, 9]]
-    assert events(added(9, 9, 9, 9, beyond=in_turn, worth=0.3), raised, 1.0, None) == []
+    assert events(added(9, 9, 9, 9, beyond=in_turn, worth=0.3), raised, 1.0) == []
     one_more = [[9, -1], [9, -1], [-1, 9], [9, -1]]
-    assert events(added(9, 9, 9, 9, beyond=one_more, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3))]
+    assert events(added(9, 9, 9, 9, beyond=one_more, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3))]
 
 
 def test_flashes_on_another_sensor_hide_no_incident_however_strong_they_are():
     raised = np.ones(5, dtype=np.bool_)
     beside = [[2, -1], [2, 9], [2, 9], [2, -1], [2, -1]]
-    assert events(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3, 4))]
+    assert events(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3, 4))]
     [one] = parts_of(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3))
     assert one.peak == 10.0, "of the five frames of the first, not of the two of the second"
 
@@ -155,7 +165,7 @@ def test_flashes_on_another_sensor_hide_no_incident_however_strong_they_are():
 def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
     scores, stamps = np.array([RAISED, RAISED, CLEAN]), stamps_at(10, 3)
     beyond, explained = np.array([[RAISED], [CLEAN], [CLEAN]]), np.zeros(3, dtype=np.bool_)
-    found = of_sensors(evidence_of(scores, CHECKS, stamps, runs_of(stamps)), beyond, explained, CHECKS)
+    found = of_sensors(evidence_of(scores, CHECKS, *pace(stamps)), beyond, explained, CHECKS)
     assert found.beyond[0] == found.added[0] > 0
     assert found.beyond[1] < 0 < found.added[1]
     assert found.unexplained.tolist() == found.beyond.tolist()
@@ -164,7 +174,7 @@ def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
 def test_what_a_fault_explains_adds_to_the_evidence_of_a_fault_only():
     scores, stamps = np.array([STRONG, STRONG, CLEAN]), stamps_at(10, 3)
     explained = np.array([True, False, False])
-    whole = evidence_of(scores, CHECKS, stamps, runs_of(stamps))
+    whole = evidence_of(scores, CHECKS, *pace(stamps))
     found = of_sensors(whole, scores[:, None], explained, CHECKS)
     assert found.unexplained.ravel().tolist() == [0.0, *found.added[1:].tolist()]
     assert found.added.tolist() == whole.unexplained.ravel().tolist()
@@ -176,8 +186,8 @@ def test_an_incident_needs_findings_worth_most_of_an_independent_frame_and_two_a
     assert peaks_of(added(*strong, worth=0.3), raised) == [36.0]
     assert peaks_of(added(*strong, worth=0.2), raised) == []
     assert peaks_of(added(*strong), raised & [True, False, False, False]) == []
-    assert events(added(*strong, worth=0.3), raised, 1.0, None) == [Event((0, 1, 2, 3))]
-    assert events(added(*strong, worth=0.2), raised, 1.0, None) == []
+    assert events(added(*strong, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3))]
+    assert events(added(*strong, worth=0.2), raised, 1.0) == []
 
 
 @pytest.mark.parametrize("hz", [0.5, 1, 2, 5, 10, 20])
@@ -189,12 +199,12 @@ def test_a_strobe_is_one_incident_at_any_rate(hz, every):
 
 
 @pytest.mark.parametrize("hz", [0.5, 1, 2, 5, 10, 20])
-def test_one_strong_frame_is_an_event_of_its_own_and_no_incident(hz):
+def test_one_strong_frame_is_told_and_is_no_incident(hz):
     scores = np.full(60, CLEAN)
     scores[30] = STRONG
-    assert found(hz, scores) == [Event((30,), single=True)]
+    assert (found(hz, scores), strong(hz, scores)) == ([], [30])
     scores[30] = RAISED
-    assert found(hz, scores) == []
+    assert (found(hz, scores), strong(hz, scores)) == ([], [])
 
 
 def test_parts_that_differ_by_frames_of_doubt_are_one_incident():
@@ -252,7 +262,7 @@ def test_clean_frames_as_the_ratio_takes_them_have_no_more_incidents_than_allowe
     shares = np.random.default_rng(3).random(hours * 3600)
     scores = LIMIT - np.log(shares / INCIDENTS.tail_rate) / INCIDENTS.tail_slope
     for per_hour in (2, 0.5):
-        count = sum(not one.single for one in found(1, scores, incident_limit(per_hour)))
+        count = len(found(1, scores, incident_limit(per_hour)))
         allowed = per_hour * hours
         assert count <= allowed + 2 * np.sqrt(allowed), count
 

@@ -8,7 +8,8 @@ import pytest
 
 from auditor.identification.incidents import incident_limit
 from auditor.identification.prior import statistic_at
-from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
+from auditor.identification.robust import clean_peaks, judge_frames
+from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, sensor_checks_of
@@ -72,7 +73,7 @@ def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
 
 def test_one_very_strong_frame_is_told_by_itself_and_is_no_incident():
     [strong] = [v for v in judge([7], z=9.0) if v.finding]
-    assert (strong.finding.kind, strong.finding.attacked, strong.finding.single) == (VerdictKind.ATTACKED, (1,), True)
+    assert (strong.finding.kind, strong.finding.attacked, strong.finding.alert) == (VerdictKind.ATTACKED, (1,), True)
     assert not strong.in_incident
 
 

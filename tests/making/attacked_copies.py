@@ -161,7 +161,7 @@ _KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
 def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Judged]:
     """By frame. An evaluation tells of no event of a single frame."""
     kept = judge_measurement(store, measurement, calibration, Criteria(R))
-    event = "CASE WHEN NOT single_frame THEN finding END, CASE WHEN NOT single_frame THEN finding_attacked END AS named"
+    event = "CASE WHEN NOT alert THEN finding END, CASE WHEN NOT alert THEN finding_attacked END AS named"
     columns = f"frame, kind, attacked, causes, {event}"
     sql = f"SELECT {columns} FROM verdicts WHERE judgement_id = '{kept.judgement_id}'"
     rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())

@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from auditor.identification.algorithm2 import disagreements, identify
-from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.robust import judge_frames
 from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames

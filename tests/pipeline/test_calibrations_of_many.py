@@ -13,7 +13,7 @@ from auditor.model.measurement import Statistic
 from auditor.pipeline.calibrations import making
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.versions import Kept, keep_calibrated
-from auditor.pipeline.judge import clean_frames_of
+from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.many import choose_clean
 from auditor.store import Store, calibrations
 from tests.making.fleets import add_drive

@@ -8,7 +8,8 @@ import pytest
 from auditor.cli import run
 from auditor.identification import statistics
 from auditor.model.checks import LIDAR_CHECKS, Check, rig_sensor_checks
-from auditor.pipeline.judge import Criteria, judge_measurement, statistics_from_cells
+from auditor.pipeline.clean_frames import statistics_from_cells
+from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, run_sql

@@ -8,8 +8,9 @@ import pytest
 
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import statistic_at
-from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.robust import judge_frames
 from auditor.identification.scores import normalised_scores
+from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
@@ -109,9 +110,9 @@ def kept_verdicts(store, *verdicts, step_ns=10**9):
     return store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
 
 
-def part_of(own, attacked, event, *, single=False, added=1.0):
+def part_of(own, attacked, event, *, alert=False, added=1.0):
     """A frame with a verdict of its own that belongs to an event."""
-    return replace(make_verdict(RIG, own), finding=Finding(VerdictKind.ATTACKED, attacked, event, single, added))
+    return replace(make_verdict(RIG, own), finding=Finding(VerdictKind.ATTACKED, attacked, event, alert, added))
 
 
 def test_one_event_is_one_incident_with_the_shares_of_what_its_frames_say(tmp_path):
@@ -138,7 +139,7 @@ def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path)
 def test_a_single_frame_is_told_apart_from_incidents(tmp_path):
     store = new_store(tmp_path)
     clean = make_verdict(RIG, "c")
-    kept = kept_verdicts(store, clean, part_of("1", (1,), 1, single=True), clean, make_verdict(RIG, "2"))
+    kept = kept_verdicts(store, clean, part_of("1", (1,), 1, alert=True), clean, make_verdict(RIG, "2"))
     assert kept.in_incidents == 0
     assert run_query(store, "incidents").num_rows == run_sql(store, "FROM findings").num_rows == 0
     rows = run_sql(store, "SELECT frame, kind, attacked FROM single_frames").to_pylist()

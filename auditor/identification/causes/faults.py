@@ -201,15 +201,29 @@ def frozen(prints: Integers, present: Flags) -> Flags:
     """(F, S) whether a sensor's data are frozen in a frame, from the fingerprints (F, S) of F successive frames.
 
     They are where they equal those of the frame before, at two successive steps or more, while another sensor's data
-    changed at each of these steps. Where no sensor's data change the recording is at fault, and no sensor is frozen. A
+    changed at each of these steps. Where no sensor's data change no sensor is frozen, but the frame is `repeated`. A
     sensor that is not `present` (F, S), or has no fingerprint, is not frozen.
     """
+    still, changed = _steps(prints, present)
+    return np.asarray(_in_long_runs(still & changed.any(axis=1, keepdims=True), MIN_FRAMES))
+
+
+def repeated(prints: Integers, present: Flags) -> Flags:
+    """(F,) whether a frame has nothing new: at least one sensor repeats its data of the frame before, and none changes.
+
+    `prints` and `present` are those of `frozen`.
+    """
+    still, changed = _steps(prints, present)
+    return np.asarray(still.any(axis=1) & ~changed.any(axis=1))
+
+
+def _steps(prints: Integers, present: Flags) -> tuple[Flags, Flags]:
+    """(F, S) whether a sensor's data are those of the frame before, and (F, S) whether they are others."""
     known = present & (prints != NO_FINGERPRINT)
-    both = known[1:] & known[:-1]
-    changed = both & (prints[1:] != prints[:-1])
-    still = np.zeros(present.shape, dtype=np.bool_)
-    still[1:] = both & ~changed & changed.any(axis=1, keepdims=True)
-    return np.asarray(_in_long_runs(still, MIN_FRAMES))
+    both, same = known[1:] & known[:-1], prints[1:] == prints[:-1]
+    still, changed = np.zeros((2, *present.shape), dtype=np.bool_)
+    still[1:], changed[1:] = both & same, both & ~same
+    return still, changed
 
 
 def _lagging(seen: ObservedFeatures, camera: int) -> Floats:

@@ -19,7 +19,8 @@ from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.calibrations.making import MadeCalibration
-from auditor.pipeline.judge import Criteria, clean_frames_of
+from auditor.pipeline.clean_frames import clean_frames_of
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
 from auditor.store import (
     RecordingRecord,

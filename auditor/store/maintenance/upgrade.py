@@ -25,6 +25,9 @@ from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
 
 _Row = dict[str, Any]
 
+_RENAMED = {"single_frame": "alert"}
+"""Columns of the version before, by what they are called now."""
+
 
 @dataclass(frozen=True)
 class Upgraded:
@@ -126,7 +129,8 @@ def _rows(place: Path | Part) -> Iterator[_Row]:
     try:
         with pq.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=BATCH_ROWS, row_groups=groups) if groups != [None] else ():
-                for row in batch.to_pylist(maps_as_pydicts="strict"):
+                for old in batch.to_pylist(maps_as_pydicts="strict"):
+                    row = {_RENAMED.get(name, name): value for name, value in old.items()}
                     if isinstance(place, Part) and row[place.column] != place.row_id:
                         continue
                     yield {**row, "schema_version": SCHEMA_VERSION} if "schema_version" in row else row
