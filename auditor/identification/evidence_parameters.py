@@ -87,10 +87,14 @@ class Incidents:
 class Alerts:
     """Findings outside incidents that count as found."""
 
-    fewest_in_a_row: int = parameter(2, unit="findings in a row outside incidents", source=_NAMED_IN_VAIN)
-    share: float = parameter(
-        0.1, unit="share of the audited frames that are findings outside incidents", source=_NAMED_IN_VAIN
+    fewest_in_a_row: int = parameter(2, unit="findings in a row outside incidents, at least", source=_NAMED_IN_VAIN)
+    chance: float = parameter(
+        2e-4, unit="chance of such a row of independent clean frames, at most", source="two in a row at r = 1 %"
     )
+    share: float = parameter(
+        0.1, unit="share of the audited frames that are findings outside incidents, at least", source=_NAMED_IN_VAIN
+    )
+    times_r: float = parameter(3.0, unit="times r that this share is at least", source="r/3 to 3r is what r promises")
 
 
 @dataclass(frozen=True)

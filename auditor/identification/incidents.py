@@ -11,6 +11,9 @@
    incident by the frames that no fault explains (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
+7. Findings that no incident holds are alerts: two in a row, a tenth of all frames, or one very strong frame. What
+   lasts becomes the drive's own level, a short recording has little time, and a hard road raises the limit: such
+   findings count as found all the same, though no rate of false alerts is promised (`alerts`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +23,7 @@ from math import ceil, log
 
 import numpy as np
 
-from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.identification.evidence_parameters import ALERTS, INCIDENTS
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import NANOSECONDS
@@ -43,7 +46,7 @@ class Excursion:
 
 @dataclass(frozen=True)
 class Event:
-    """The places of the frames that belong to an event: an incident, or an `alert` (`alerts`)."""
+    """The places of the frames that belong to an event: an incident, or an `alert`."""
 
     frames: tuple[int, ...]
     alert: bool = False
@@ -160,6 +163,37 @@ def strong_frames(evidence: Evidence, raised: Flags, per_hour: float | None) -> 
     """(F,) raised frames as strong as clean frames are less than `per_hour`; None stands for the usual rate."""
     limits = _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour)
     return np.asarray(raised & (evidence.ratios > limits))
+
+
+def alerts(findings: Flags, accusing: Flags, audited: Flags, strong: Flags, held: Flags, r: float) -> list[Event]:
+    """The alerts among F frames that are judged at r, in the order of time; all flags are (F,).
+
+    `findings` are findings by themselves, `accusing` those that say attacked or unidentified, `audited` those with a
+    verdict. The `strong` ones are told by themselves, and incidents hold those that are `held`.
+    """
+    loose = findings & ~held
+    if 0 < max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited) <= np.count_nonzero(loose):
+        return [Event(tuple(np.flatnonzero(loose).tolist()), alert=True)]
+    groups = list(_rows(loose, accusing, audited, _fewest_in_a_row(r)))
+    in_rows = {place for group in groups for place in group}
+    groups += [(place,) for place in np.flatnonzero(loose & strong).tolist() if place not in in_rows]
+    return [Event(group, alert=True) for group in sorted(groups)]
+
+
+def _fewest_in_a_row(r: float) -> int:
+    """How many findings in a row independent clean frames hardly ever make, each with the chance r."""
+    by_chance = ceil(log(ALERTS.chance) / log(r)) if 0 < r < 1 else 0
+    return max(ALERTS.fewest_in_a_row, by_chance)
+
+
+def _rows(loose: Flags, accusing: Flags, audited: Flags, fewest: int) -> Iterator[tuple[int, ...]]:
+    """So many findings in a row, of which one at least accuses; frames that could not be audited do not end a row."""
+    places = np.flatnonzero(audited | loose)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], loose[places], [False]]).astype(np.int8)))
+    for first, end in zip(ends[::2], ends[1::2], strict=True):
+        row = places[first:end]
+        if len(row) >= fewest and accusing[row].any():
+            yield tuple(row.tolist())
 
 
 def joined(parts: Sequence[Evidence], order: Integers) -> Evidence:

@@ -4,28 +4,27 @@
 2. The scores of a frame name the attacked sensors (`naming`).
 3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
-5. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames (`alerts`).
+5. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.
 
 Where the calibration changes within a recording, each rig has measurements of its own: they are judged as portions of
 one series, so that no change of a rig ends an attack.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.alerts import alerts
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.background import BACKGROUND_CHECKS, background, levels_before
 from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
     Evidence,
+    alerts,
     apart,
     events,
     evidence_of,
@@ -38,14 +37,21 @@ from auditor.identification.incidents import (
 from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
-from auditor.identification.series import FrameSeries, Portion, on_one_line
+from auditor.identification.series import (
+    BACKGROUND_CHECKS,
+    FrameSeries,
+    Portion,
+    background,
+    levels_before,
+    on_one_line,
+)
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import FINDINGS, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
-ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
+_ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
 """Findings that no other cause explains as well."""
 
 _NOTHING_NEW = "no sensor's data changed since the frame before"
@@ -94,32 +100,37 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     The series has the frames of the judges in an `order` of their places one after another.
     """
     evidence = joined([judge.evidence() for judge in judges], order)
-    raised, audited = (np.concatenate([flags(judge) for judge in judges])[order] for flags in (_raised_by, _audited_by))
+    raised = np.concatenate([judge.raised for judge in judges])[order]
+    audited = np.concatenate([judge.audited for judge in judges])[order]
     thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.score)
     incidents = events(evidence, raised, thresholds.score)
     needed = {*wanted, *np.flatnonzero(raised).tolist(), *(place for one in incidents for place in one.frames)}
     verdicts = _verdicts_of(judges, order, needed)
     incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.score)]
-    held, accusing = (np.zeros(len(raised), dtype=np.bool_) for _ in range(2))
-    held[[place for one in incidents for place in one.frames]] = True
-    accusing[[place for place, verdict in verdicts.items() if verdict.kind in ACCUSING]] = True
+    held = _flags(len(raised), (place for one in incidents for place in one.frames))
+    accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    found = sorted((*incidents, *alerts(raised, accusing, audited, strong, held)), key=lambda event: event.frames[0])
-    for number, event in enumerate(found, 1):
-        added = evidence.added[list(event.frames)].tolist()
-        said = [verdicts[place] for place in event.frames]
-        names = [(one.kind, one.attacked) for one in said] if event.alert else _names(said, added)
-        for place, (kind, attacked), more in zip(event.frames, names, added, strict=True):
-            verdicts[place] = replace(verdicts[place], finding=Finding(kind, attacked, number, event.alert, more))
+    others = alerts(raised, accusing, audited, strong, held, float(thresholds.r))
+    for number, event in enumerate(sorted([*incidents, *others], key=lambda one: one.frames[0]), 1):
+        verdicts.update(_with_findings(event, number, verdicts, evidence))
     return verdicts
 
 
-def _raised_by(judge: "_Judge") -> Flags:
-    return judge.raised
+def _flags(frames: int, places: Iterable[int]) -> Flags:
+    flags = np.zeros(frames, dtype=np.bool_)
+    flags[list(places)] = True
+    return flags
 
 
-def _audited_by(judge: "_Judge") -> Flags:
-    return judge.audited
+def _with_findings(
+    event: Event, number: int, verdicts: Mapping[int, Verdict], evidence: Evidence
+) -> Iterator[tuple[int, Verdict]]:
+    """The verdicts on the frames of an event, with what the frames are held for."""
+    added = evidence.added[list(event.frames)].tolist()
+    own = [verdicts[place] for place in event.frames]
+    names = [(one.kind, one.attacked) for one in own] if event.alert else _names(own, added)
+    for place, verdict, (kind, attacked), more in zip(event.frames, own, names, added, strict=True):
+        yield place, replace(verdict, finding=Finding(kind, attacked, number, event.alert, more))
 
 
 def _verdicts_of(judges: Sequence["_Judge"], order: Integers, needed: Collection[int]) -> dict[int, Verdict]:

@@ -140,6 +140,11 @@ class Verdict:
         """Whether the robust method holds the frame for part of an incident; a single-frame event is none."""
         return self.finding is not None and not self.finding.alert
 
+    @property
+    def in_alert(self) -> bool:
+        """Whether the robust method tells the frame as part of an alert."""
+        return self.finding is not None and self.finding.alert
+
 
 @dataclass(frozen=True)
 class AttackLabel:

@@ -41,6 +41,7 @@ from auditor.store import (
     FrameStatistics,
     JudgementRecord,
     JudgingRules,
+    RecordingRecord,
     Store,
     StoredJudgement,
 )
@@ -254,15 +255,15 @@ def _portions_beside(store: Store, beside: Mapping[str, Calibration | None], cri
                 yield _portion(store, _fit(store, measurement, calibration, criteria), criteria)
 
 
-def rigs_in_turn(store: Store, measurement: str) -> tuple[str, ...]:
-    """The other measurements of the same recording whose rigs follow one another, and this one, in its time.
+def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> tuple[str, ...]:
+    """The other measurements of a measurement's recording whose rigs follow one another, and its own, in time.
 
     They were measured in the same way, by rigs of the same sensors under the same numbers.
     """
     stored = store.measurement(measurement)
     topics = _topics(store.rig(stored.rig_id))
-    seen = store.recording(stored.recording_id).sightings
-    known = {one for sighting in seen for one in sighting.measurements if store.has_measurement(one)}
+    seen = (one for sighting in recording.sightings for one in sighting.measurements)
+    known = {one for one in seen if store.has_measurement(one)}
     others = {one: store.measurement(one) for one in sorted(known - {measurement})}
     return tuple(
         one

@@ -9,6 +9,7 @@ from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
+from auditor.model.verdict import Method
 from auditor.pipeline.gaps import conflicts_of, counted_elsewhere, frames_short, reading_of
 from auditor.pipeline.judge import (
     Criteria,
@@ -306,8 +307,9 @@ class Judge:
             calibration = fitting or prior_for(store, measurement, criteria)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
-            earlier = self._kept(measurement, calibration)
-            judgement = earlier or self._judged(measurement, calibration)
+            beside = rigs_in_turn(store, recording, measurement) if criteria.method is Method.ROBUST else ()
+            earlier = self._kept(measurement, calibration, beside)
+            judgement = earlier or self._judged(measurement, calibration, beside)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
@@ -340,20 +342,18 @@ class Judge:
         """The calibration that a measurement is judged by; None where there is none."""
         return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
 
-    def _judged(self, measurement: str, calibration: Calibration) -> StoredJudgement:
-        """Judge a measurement, and let the evidence of the recording's other rigs go on into it."""
+    def _judged(self, measurement: str, calibration: Calibration, beside: Sequence[str]) -> StoredJudgement:
+        """Judge a measurement, and let the evidence of those beside it go on into it."""
         store, criteria = self._store, self._settings.criteria
-        others = {
-            one: self._fitting(one) or prior_for(store, one, criteria) for one in rigs_in_turn(store, measurement)
-        }
+        others = {one: self._fitting(one) or prior_for(store, one, criteria) for one in beside}
         return judge_measurement(store, measurement, calibration, criteria, self._current, others)
 
-    def _kept(self, measurement: str, calibration: Calibration) -> StoredJudgement | None:
+    def _kept(self, measurement: str, calibration: Calibration, beside: Sequence[str]) -> StoredJudgement | None:
         """The current judgement of a measurement, where it is not to be judged again."""
         current, criteria = self._current.get(measurement), self._settings.criteria
         if current is None or criteria.strict or not self._settings.only_stale:
             return None
-        return current if is_as_now(current, self._store, calibration, criteria) else None
+        return current if is_as_now(current, self._store, calibration, criteria, beside) else None
 
     def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""

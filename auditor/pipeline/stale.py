@@ -1,18 +1,22 @@
 """Which verdicts are those that would be reached now: such a measurement need not be judged again."""
 
+from collections.abc import Sequence
+
 from auditor.identification.parameters import judging_digest
 from auditor.identification.sub_rigs import calibration_for
 from auditor.identification.thresholds import check_calibration
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method
-from auditor.pipeline.judge import Criteria, rigs_in_turn
+from auditor.pipeline.judge import Criteria
 from auditor.store import Store, StoredJudgement
 from auditor.store.records import judgement_id
 
 
-def is_as_now(judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria) -> bool:
-    """Whether judging its measurement by a calibration would give this judgement again.
+def is_as_now(
+    judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria, beside: Sequence[str] = ()
+) -> bool:
+    """Whether judging its measurement by a calibration, `beside` others of its recording, would give this again.
 
     Raises ThresholdsError where the calibration does not fit.
     """
@@ -34,6 +38,6 @@ def is_as_now(judgement: StoredJudgement, store: Store, calibration: Calibration
         judging_digest(),
         transferred=similarity is not Similarity.SAME,
         recounted=criteria.recount,
-        judged_with=rigs_in_turn(store, judgement.measurement_id) if robust else (),
+        judged_with=tuple(beside),
     )
     return now == judgement.judgement_id

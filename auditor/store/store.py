@@ -320,23 +320,21 @@ class Store:
     ) -> StoredJudgement:
         """Keep a judgement and its verdicts, each with its frame number and stamp, and return what was kept.
 
-        The verdicts are written first, the judgement last; then it is the measurement's current one, unless another is
-        dated later.
+        The verdicts are written first, the judgement last: it is current then, unless another is dated later.
         """
         rig = self.rig(self.measurement(judgement.measurement_id).rig_id)
         judgement_id, row = judgement.judgement_id, judgement_row(judgement, rig)
-        robust = judgement.method == Method.ROBUST
-        judged = list(verdicts)
+        robust, judged = judgement.method == Method.ROBUST, list(verdicts)
         counts = Counter(verdict.kind for _, _, verdict in judged)
         findings = [verdict for _, _, verdict in judged if verdict.kind in FINDINGS]
         in_incidents = sum(verdict.in_incident or not robust for verdict in findings)
-        in_alerts = sum(verdict.finding is not None and verdict.finding.alert for verdict in findings)
+        in_alerts = sum(verdict.in_alert for verdict in findings)
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             table.add_columns(verdict_columns(judgement_id, judgement.measurement_id, judged))
             written = table.commit()
-        row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}}
+        row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "outputs": self._outputs([written])}
         row |= {"in_incidents": in_incidents, "in_alerts": in_alerts}
-        self.write("judgements", judgement_id, [{**row, "outputs": self._outputs([written])}])
+        self.write("judgements", judgement_id, [row])
         return stored_judgement(row)
 
     def judgements(self) -> list[StoredJudgement]:

@@ -209,7 +209,7 @@ def test_a_table_wraps_and_leaves_out_before_it_breaks(monkeypatch, capfd):
     assert table(printed(30))[1] == ["name", "words"]
 
 
-def test_very_strong_frames_in_no_incident_are_counted_by_their_recordings(store, capfd):
+def test_an_alert_is_shown_beside_incidents_with_its_grade(store, capfd):
     rig = rig_of(3)
     known = add_measurement(store, rig, [make_measurement(rig, number) for number in range(3)], name="a.mcap")
     single = replace(make_verdict(rig, "1"), finding=Finding(VerdictKind.ATTACKED, (1,), alert=True))
@@ -217,4 +217,7 @@ def test_very_strong_frames_in_no_incident_are_counted_by_their_recordings(store
     rows = [(frame, frame, single if frame == 1 else make_verdict(rig, "c")) for frame in range(3)]
     store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     summary.show_audit(store, "table", Tally())
-    assert "1 very strong frame in no incident (a.mcap): auditor query look_first" in capfd.readouterr().out
+    out = capfd.readouterr().out
+    assert "Incidents and alerts" in out
+    [shown] = [line.split() for line in out.splitlines() if " alert " in line]
+    assert shown[1:5] == ["alert", "a.mcap", "attacked", "S_1"]

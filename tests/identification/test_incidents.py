@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from auditor.identification.background import background, levels_before
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
@@ -22,6 +21,7 @@ from auditor.identification.incidents import (
 )
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
+from auditor.identification.series import background, levels_before
 from auditor.identification.statistics import runs_of
 
 CHECKS = 25

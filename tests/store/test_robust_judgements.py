@@ -136,19 +136,16 @@ def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path)
     ]
 
 
-def test_a_single_frame_is_told_apart_from_incidents(tmp_path):
+def test_an_alert_is_told_apart_from_incidents(tmp_path):
     store = new_store(tmp_path)
     clean = make_verdict(RIG, "c")
     kept = kept_verdicts(store, clean, part_of("1", (1,), 1, alert=True), clean, make_verdict(RIG, "2"))
-    assert kept.in_incidents == 0
-    assert run_query(store, "incidents").num_rows == run_sql(store, "FROM findings").num_rows == 0
-    rows = run_sql(store, "SELECT frame, kind, attacked FROM single_frames").to_pylist()
-    assert rows == [{"frame": 1, "kind": "attacked", "attacked": [1]}]
+    assert (kept.in_incidents, kept.in_alerts, kept.found) == (0, 1, 1)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert (incident["grade"], incident["first_frame"], incident["attacked"]) == ("alert", 1, [1])
+    assert run_sql(store, "SELECT frame, alert FROM findings").to_pylist() == [{"frame": 1, "alert": True}]
     looked_at = run_query(store, "look_first").to_pylist()
-    assert [(row["frame"], row["of_incident"], row["single_frame"]) for row in looked_at] == [
-        (1, False, True),
-        (3, False, False),
-    ]
+    assert [(row["frame"], row["grade"]) for row in looked_at] == [(1, "alert"), (3, None)]
 
 
 def test_a_frame_that_belongs_to_no_incident_names_no_sensor_in_the_summary(tmp_path):
@@ -164,7 +161,7 @@ def test_a_frame_that_belongs_to_no_incident_names_no_sensor_in_the_summary(tmp_
     (row,) = run_query(store, "summary").to_pylist()
     assert (row["attacked"], row["attacked_sensors"]) == (2, [1])
     column = next(column for column in describe("summary").columns if column.name == "attacked_sensors")
-    assert column.sentence.startswith("Sensors that an incident names")
+    assert column.sentence.startswith("Sensors that an incident or an alert names")
 
 
 def test_the_later_judgement_decides_by_which_method_a_frame_belongs_to_an_incident(judged):
