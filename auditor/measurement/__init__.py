@@ -4,6 +4,7 @@ import cv2
 
 from auditor.measurement.fault_features.calibration_check import CalibrationCheck
 from auditor.measurement.fault_features.collect import FaultFeatures
+from auditor.measurement.fault_features.frozen_data import RepeatedData
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import FrameArrays
@@ -26,6 +27,7 @@ __all__ = [
     "FrameArrays",
     "Picture",
     "PictureBook",
+    "RepeatedData",
     "draw",
     "instruction_sets",
     "localise",

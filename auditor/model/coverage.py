@@ -1,7 +1,7 @@
 """How much of what a recording holds of its sensors was audited, and what counts against it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 _SECOND_NS = 10**9
@@ -27,6 +27,7 @@ class Against(StrEnum):
     LATE = "late"
     UNPAIRED = "unpaired"
     DAMAGED = "damaged"
+    SAME_DATA = "same data"
 
 
 _MANY: Mapping[str, str] = {
@@ -35,6 +36,7 @@ _MANY: Mapping[str, str] = {
     Against.BACK: "stamps that go back",
     Against.NOT_POSITIVE: "stamps zero or negative",
     Against.DISAGREES: "stamps that disagree with their log times",
+    Against.SAME_DATA: "messages with the data of the one before",
 }
 
 
@@ -85,6 +87,17 @@ class TopicCoverage:
     def time_share(self) -> float:
         """Share of the recording's time that its regular messages cover; 1 where there is no time."""
         return self.time.covered_ns / self.time.held_ns if self.time and self.time.held_ns else 1.0
+
+
+def with_repeats(topics: Iterable[TopicCoverage], repeats: Mapping[int, int]) -> tuple[TopicCoverage, ...]:
+    """The coverage where so many regular messages of a sensor have the data of the one before, and show nothing new."""
+
+    def of_topic(topic: TopicCoverage) -> TopicCoverage:
+        count = min(repeats.get(topic.sensor, 0), topic.regular) if topic.sensor is not None else 0
+        against = {**topic.against, str(Against.SAME_DATA): count}
+        return replace(topic, regular=topic.regular - count, against=against) if count else topic
+
+    return tuple(map(of_topic, topics))
 
 
 def least_covered(topics: Iterable[TopicCoverage]) -> tuple[float, float]:

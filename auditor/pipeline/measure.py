@@ -19,6 +19,7 @@ from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
     PictureBook,
+    RepeatedData,
     instruction_sets,
     localise,
     measure,
@@ -32,6 +33,7 @@ from auditor.measurement.disparity.matchers import (
     preflight,
 )
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.coverage import with_repeats
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
@@ -172,13 +174,13 @@ def _measure(
     """
     started, rig = perf_counter(), in_force.rig
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    thumbnails, check = PictureBook(pictures), CalibrationCheck()
+    thumbnails, check, repeated = PictureBook(pictures), CalibrationCheck(), RepeatedData()
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, progress)
     with (
         store.frames_writer(known, rig) as writer,
-        closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check)) as measured,
+        closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check, repeated)) as measured,
     ):
         done = 0
         for done in measured:
@@ -203,7 +205,7 @@ def _measure(
             calibration_warnings=(*check.warnings(), *remarks),
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
-            coverage=stream.coverage,
+            coverage=with_repeats(stream.coverage, repeated.counts),
         )
         poses = read_poses(recording, FrameTimes(*writer.frames))  # from here on the recording's damage is theirs
         recording.check_unchanged()
@@ -226,6 +228,7 @@ def _measure_frames(
     writer: FramesWriter,
     thumbnails: PictureBook,
     check: CalibrationCheck,
+    repeated: RepeatedData,
 ) -> Generator[int]:
     """Measure and write every frame; yields how many frames, skipped ones included, are done."""
     sensor_checks, fault_features = rig_sensor_checks(rig), FaultFeatures()
@@ -241,6 +244,7 @@ def _measure_frames(
                     counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual)
                 )
                 writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted))
+                repeated.add(counted.fingerprints)
                 thumbnails.offer(counted, evidence, unusual=bool(unusual))
                 check.offer(evidence, measurement.fault_features)
             yield done

@@ -8,8 +8,8 @@ import pytest
 
 from auditor.identification.incidents import incident_limit
 from auditor.identification.prior import statistic_at
-from auditor.identification.robust import clean_peaks, judge_frames
-from auditor.identification.series import FrameSeries
+from auditor.identification.robust import clean_peaks, judge_frames, judge_portions
+from auditor.identification.series import FrameSeries, Portion
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, sensor_checks_of
@@ -240,3 +240,65 @@ def test_light_that_stays_is_of_a_lens_where_the_same_light_in_one_frame_is_thro
         for hit in ((10,), range(FRAMES))
     ]
     assert kinds == [{VerdictKind.ATTACKED}, {VerdictKind.SUSPECT}]
+
+
+def test_findings_that_no_incident_holds_are_alerts_in_a_row_or_as_a_tenth_of_the_frames():
+    row = judge([7, 8], z=4.0, score=99.0)
+    assert [(f, v.finding.alert, v.finding.attacked) for f, v in enumerate(row) if v.finding] == [
+        (7, True, (1,)),
+        (8, True, (1,)),
+    ]
+    assert not any(v.in_incident for v in row)
+    scattered = judge([3, 9], z=4.0, score=99.0)
+    assert [f for f, v in enumerate(scattered) if v.in_alert] == [3, 9], "a tenth of 20 frames"
+    assert not [v for v in judge([3], z=4.0, score=99.0) if v.finding], "one of 20 is chance at r = 1 %"
+
+
+def test_the_larger_r_is_the_more_findings_an_alert_needs():
+    often = replace(THRESHOLDS, r=Decimal("0.2"), score=99.0)
+    series = series_of([3, 4, 9], z=4.0)
+    assert not [v for v in judge_frames(series, SYSTEM, often) if v.finding]
+    assert [v for v in judge_frames(series, SYSTEM, replace(often, r=Decimal("0.01"))) if v.in_alert]
+
+
+def test_sensors_attacked_in_turn_are_named_by_frame_and_no_other_is():
+    series = series_of(z=9.0)
+    turns = {place: 1 + place % 3 for place in range(4, 16)}
+    for place, sensor in turns.items():
+        series.statistics[place] = series_of([place], sensor=sensor, z=9.0).statistics[place]
+    verdicts = judge_frames(series, SYSTEM, THRESHOLDS)
+    named = {place: verdict.finding.attacked for place, verdict in enumerate(verdicts) if verdict.in_incident}
+    assert named == {place: (sensor,) for place, sensor in turns.items()}
+    assert {verdict.finding.event for verdict in verdicts if verdict.finding} == {1}
+
+
+def portions_of(*hit, cut):
+    """A series in two portions, as two rigs in turn measure it: that before a place, and that from it on."""
+    whole = series_of(hit, z=6.0)
+    for part in (slice(0, cut), slice(cut, FRAMES)):
+        series = FrameSeries.of_recording(
+            whole.stamps_ns[part],
+            whole.statistics[part],
+            whole.present[part],
+            np.arange(FRAMES * 4).reshape(-1, 4)[part],
+            {},
+        )
+        yield Portion(np.arange(FRAMES)[part], series, SYSTEM, THRESHOLDS)
+
+
+@pytest.mark.parametrize("cut", [7, 9, 10])
+def test_a_change_of_the_rig_ends_no_attack(cut):
+    whole = judge(range(8, 11))
+    first, second = judge_portions(list(portions_of(*range(8, 11), cut=cut)))
+    assert [verdict.finding for verdict in (*first, *second)] == [verdict.finding for verdict in whole]
+    assert [place for place, verdict in enumerate((*first, *second)) if verdict.in_incident] == [8, 9, 10]
+
+
+def test_a_frame_in_which_no_data_changed_is_not_auditable_and_says_so():
+    whole = series_of()
+    prints = np.arange(FRAMES)[:, None] * 10 + np.arange(4)
+    prints[5:9] = prints[4]
+    series = FrameSeries.of_recording(whole.stamps_ns, whole.statistics, whole.present, prints, {})
+    verdicts = judge_frames(series, SYSTEM, THRESHOLDS)
+    assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.NOT_AUDITABLE] == [5, 6, 7, 8]
+    assert verdicts[6].reason == "no sensor's data changed since the frame before"

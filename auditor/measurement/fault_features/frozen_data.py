@@ -1,6 +1,8 @@
 """Fingerprints of each sensor's data: those of a frozen sensor are equal frame after frame."""
 
 import zlib
+from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,19 @@ def fingerprints(frame: Frame) -> dict[int, int]:
     if frame.cloud is not None:
         prints[LIDAR] = fingerprint_of_points(frame.cloud.xyz_m)
     return {sensor: known for sensor, known in prints.items() if known != NO_FINGERPRINT}
+
+
+class RepeatedData:
+    """How often a sensor's data were those of its frame before, by sensor, over the frames of a recording."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[int] = Counter()
+        self._last: dict[int, int] = {}
+
+    def add(self, prints: Mapping[int, int]) -> None:
+        """Take the fingerprints of the next frame."""
+        self.counts.update(sensor for sensor, known in prints.items() if self._last.get(sensor) == known)
+        self._last.update(prints)
 
 
 def fingerprint_of_image(pixels: NDArray[np.uint8]) -> int:
