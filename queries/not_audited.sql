@@ -5,7 +5,7 @@
 --
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
--- column what: frames (skipped, or not auditable by their verdict), sensor (of frames that were audited without it), topic, measurement or recording.
+-- column what: frames (skipped, or not auditable by their verdict), sensor (of frames that were audited without it), topic, measurement, recording or input.
 -- column reason: Why it was not audited.
 -- column sensor_name: The sensor to which that is due, where it is due to one.
 -- column topic: The topic.

@@ -199,6 +199,7 @@ def closing_line(tally: Tally) -> str:
 def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
     """A recording could not be measured."""
     tally.failed = True
+    tally.errors.append(error)
     tally.recordings.add(str(path))
     tally.not_audited.append(NotAudited(storable(path.name), storable(str(path)), storable(error.what)))
 

@@ -24,6 +24,7 @@ from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.judge import Criteria
+from auditor.pipeline.ledger import keep_ledger
 from auditor.pipeline.many import (
     Batch,
     Judge,
@@ -119,7 +120,7 @@ class Scanned:
 
     @property
     def found(self) -> bool:
-        """True where frames belong to an incident."""
+        """True where frames belong to an incident or an alert."""
         return any(one.found for one in self.judged)
 
     @property
@@ -205,8 +206,8 @@ def scan(
 
 
 def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
-    for error in batch.errors:
-        yield Scanned(error.where, error=error)
+    scanned = [Scanned(error.where, error=error) for error in batch.errors]
+    yield from scanned
     if not batch.tasks:
         return
     store = Store.open(batch.tasks[0].store)
@@ -214,13 +215,20 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
     with logged(store.folder):
         for outcome in measure_all(batch, on_progress):
             if outcome.result is None:
-                yield Scanned(str(outcome.item), error=outcome.error)
+                scanned.append(Scanned(str(outcome.item), error=outcome.error))
             else:
                 if outcome.result.fresh:
                     relate(store)
                 judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
                 _picture(store, judged, batch)
-                yield Scanned(str(outcome.item), outcome.result, judged)
+                scanned.append(Scanned(str(outcome.item), outcome.result, judged))
+            yield scanned[-1]
+        keep_ledger(
+            store,
+            [one.error for one in scanned if one.error],
+            [one.measured for one in scanned if one.measured],
+            [judged for one in scanned for judged in one.judged],
+        )
 
 
 def _picture(store: Store, judged: Sequence[Judged], batch: Batch) -> None:

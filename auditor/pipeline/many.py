@@ -10,7 +10,6 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, f
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import Method
-from auditor.pipeline.gaps import conflicts_of, counted_elsewhere, frames_short, reading_of
 from auditor.pipeline.judge import (
     Criteria,
     counted_earlier,
@@ -24,7 +23,15 @@ from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE
-from auditor.pipeline.remarks import as_a_part, marked, unresolved
+from auditor.pipeline.remarks import (
+    as_a_part,
+    conflicts_of,
+    counted_elsewhere,
+    frames_short,
+    marked,
+    reading_of,
+    unresolved,
+)
 from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all

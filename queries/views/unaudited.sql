@@ -1,10 +1,10 @@
--- One row a run of frames that were not audited for one reason, and one a topic, recording or measurement that was not.
+-- One row a run of frames that were not audited for one reason, and one a topic, recording, measurement or input that was not.
 --
 -- Ticks at the edges of a recording are no frames, and are left out.
 --
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
--- column what: frames (skipped, or not auditable by their verdict), sensor (of frames that were audited without it), topic, measurement or recording.
+-- column what: frames (skipped, or not auditable by their verdict), sensor (of frames that were audited without it), topic, measurement, recording or input (a path that no recording could be read from).
 -- column reason: Why it was not audited.
 -- column sensor: The sensor to which that is due, where it is due to one.
 -- column topic: The topic.
@@ -84,3 +84,13 @@ UNION ALL BY NAME
 SELECT recording_id, name, vehicle, 'recording' AS what, 'not measured' AS reason, 'auditor scan' AS remedy
 FROM recordings
 WHERE recording_id NOT IN (SELECT recording_id FROM stored_measurements)
+UNION ALL BY NAME
+SELECT recording_id, name, 'input' AS what, concat_ws(': ', outcome, reason) AS reason, remedy
+FROM inputs
+WHERE outcome NOT IN ('read', 'twin')
+UNION ALL BY NAME
+-- what the scan said when it ended in 3 or 4; damage and topics have rows of their own
+SELECT recording_id, recording.name, recording.vehicle, 'recording' AS what, reason
+FROM (SELECT recording_id, unnest(gaps) AS reason FROM inputs) AS gap
+JOIN recordings AS recording USING (recording_id)
+WHERE NOT starts_with(reason, 'damaged: ')

@@ -138,7 +138,7 @@ def _say_in_force(made: "Kept", store: Path) -> None:
 
 def _tell_relations(store: "Store", recording_ids: Collection[str], tally: Tally) -> None:
     """Say which recordings count no longer, and which of those given are in conflict with others."""
-    from auditor.pipeline.gaps import conflicts_of  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.remarks import conflicts_of  # noqa: PLC0415 - keeps --help quick
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
 
     for superseded in relate(store):

@@ -50,9 +50,11 @@ def command(
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
+    from auditor.pipeline.ledger import keep_ledger  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
     from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
     from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
@@ -60,7 +62,7 @@ def command(
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     tally, judged = Tally(), list[Judged]()
     batch = find_batch(recordings, store, measuring)
-    with logged(store) if batch.tasks else nullcontext():
+    with logged(store) if batch.tasks or Store.is_at(store) else nullcontext():
         measured = show_measuring(batch, tally)
         kept = batch.store if measured else None
         if kept is not None:
@@ -77,6 +79,8 @@ def command(
                 NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only")
                 for one in measured
             ]
+        if Store.is_at(store):
+            keep_ledger(kept or Store.open(store), tally.errors, measured, judged)
         if kept is not None and (packed := pack_where_many(kept)).files:
             say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
         found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]

@@ -12,10 +12,10 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
 from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.gaps import conflicts_of, reading_of
 from auditor.pipeline.judge import counted_earlier
 from auditor.pipeline.many import attacked_by_labels, held_by
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
+from auditor.pipeline.remarks import conflicts_of, reading_of
 from auditor.store import RecordingRecord, Store, StoredMeasurement
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for

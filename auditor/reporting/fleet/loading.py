@@ -67,11 +67,12 @@ def excuses_by_review(incidents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def by_gravity(incidents: Sequence[dict[str, Any]], excuses: Mapping[str, str]) -> list[dict[str, Any]]:
-    """The rows of the view `incidents`, the gravest first: what nothing excuses, then what names a sensor."""
+    """The rows of the view `incidents`, the gravest first: what nothing excuses, incidents, names of sensors."""
     return sorted(
         incidents,
         key=lambda row: (
             row["incident_id"] in excuses,
+            row["grade"] == "alert",
             _GRAVITY.index(VerdictKind(row["kind"])),
             bool(row["causes"]),
             -(row["largest_gap"] or 0),
@@ -96,6 +97,7 @@ def _listed(row: Mapping[str, Any], recording: RecordingRecord, excuses: Mapping
     clock = Clock(recording.from_ns if recording.from_ns is not None else row["from_ns"], recording.clock == "utc")
     return ListedIncident(
         incident_id=row["incident_id"],
+        grade=row["grade"],
         kind=row["kind"],
         sensors=tuple(row["attacked_names"]),
         recordings=tuple(part["name"] for part in row["parts"]),

@@ -49,6 +49,7 @@ class ListedIncident:
     """
 
     incident_id: str
+    grade: str
     kind: str
     sensors: tuple[str, ...]
     recordings: tuple[str, ...]

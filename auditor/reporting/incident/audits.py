@@ -99,7 +99,7 @@ def outline(store: Store, audit: Audit, calibration_recordings: CalibrationRecor
         measured=audit.measurement.measured,
         to_ns=to_ns,
         verdicts={kind: counts[kind] for kind in VerdictKind if counts.get(kind)},
-        in_incidents=audit.judgement.in_incidents if audit.judgement else 0,
+        told=audit.judgement.found if audit.judgement else 0,
         skipped=audit.measurement.skipped,
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.measured_triples,

@@ -107,6 +107,7 @@ def incident_parts(row: Mapping[str, Any], number: int) -> Iterator[tuple[str, I
                 frames=part["frames"],
                 from_ns=part["from_ns"],
                 to_ns=part["to_ns"],
+                grade=row["grade"],
                 evidence=row["evidence"] or "",
                 alternatives=row["alternatives"] or "",
                 causes=row["causes"] or "",

@@ -141,6 +141,7 @@ class IncidentPart:
     frames: int
     from_ns: int
     to_ns: int
+    grade: str = "incident"
     part: int = 1
     parts: int = 1
     evidence: str = ""
@@ -182,8 +183,9 @@ class Remark:
 class RecordingPart:
     """One recording: its sensors, its balance, its verdicts and its incidents.
 
-    `other_names` and `paths` are those that its content was read under; `superseded_by` and `conflicts` name other
-    recordings: one that holds every frame of this one, and those with other data at the same stamps.
+    `told` are its frames with a finding in incidents and alerts. `other_names` and `paths` are those that its content
+    was read under; `superseded_by` and `conflicts` name other recordings: one that holds every frame of this one, and
+    those with other data at the same stamps.
     """
 
     recording_id: str
@@ -201,7 +203,7 @@ class RecordingPart:
     triples: tuple[Triple, ...]
     balance: tuple[TopicBalance, ...]
     provenance: Provenance
-    in_incidents: int = 0
+    told: int = 0
     incidents: tuple[IncidentPart, ...] = ()
     overview: Figure | None = None
     truths: tuple[Truth, ...] = ()
@@ -240,8 +242,8 @@ class RecordingPart:
 
     @property
     def alone(self) -> int:
-        """Frames with a finding that belong to no incident: too little before and after them says the same."""
-        return self.raised - self.in_incidents
+        """Frames with a finding that belong to no incident or alert: too little before and after them says the same."""
+        return self.raised - self.told
 
     @property
     def edge(self) -> int:
