@@ -9,7 +9,8 @@ Each is judged by thresholds learnt from other families of its folder, or of the
     python -m tests.benchmarks.long_drives FOLDER... [--learn FOLDER...] [--prior] [--r 0.01 0.001]
 
 Prints for each r the time that the frames cover, the frames raised with the interval by drives, the false incidents
-an hour with two 95 % intervals (Poisson's, and by a bootstrap over drives), and every incident with its evidence.
+an hour with two 95 % intervals (Poisson's, and by a bootstrap over drives), every incident with its evidence, and the
+alerts of drives without one.
 """
 
 import argparse
@@ -87,6 +88,21 @@ def incidents_of(drive: Sequence[Judged]) -> list[Incident]:
     return incidents
 
 
+def alerts_alone(drive: Sequence[Judged]) -> list[str]:
+    """The alerts of a drive without any incident, a line each: such a drive ends in exit code 1 for these alone."""
+    if any(one.robust.in_incident for one in drive):
+        return []
+    events: dict[int, list[Judged]] = {}
+    for one in drive:
+        if one.robust.finding is not None and one.robust.in_alert:
+            events.setdefault(one.robust.finding.event, []).append(one)
+    return [
+        f"{frames[0].scene.name} ({frames[0].scene.family}) from frame {frames[0].case.frame}, {len(frames)} frames: "
+        + ", ".join(f"{kind.value} {n}" for kind, n in Counter(one.robust.kind for one in frames).most_common())
+        for frames in events.values()
+    ]
+
+
 def _goes_on(before: Judged, one: Judged) -> bool:
     event = before.robust.finding and before.robust.finding.event
     later_ns = one.case.stamp_ns - before.case.stamp_ns
@@ -147,6 +163,9 @@ def report(drives: Sequence[Sequence[Judged]]) -> Iterator[str]:
     )
     for one in sorted((each for drive in incidents for each in drive), key=lambda one: -len(one.frames)):
         yield f"    {one}"
+    alone = [alerts_alone(drive) for drive in drives]
+    yield f"  alerts: {sum(map(len, alone))} on {sum(map(bool, alone))} drives without an incident"
+    yield from (f"    {line}" for lines in alone for line in lines)
 
 
 def main() -> None:
