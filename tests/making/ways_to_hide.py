@@ -220,6 +220,105 @@ def beside_clean_twins(log: Log) -> Log:
     return sorted([*clean, *twins], key=lambda sent: sent.log_ns)
 
 
+def in_turn(*attacks: Attack) -> Callable[[Log], Log]:
+    """The sensors are attacked one after the other, a moment each, and then anew."""
+
+    def hide(_: Log) -> Log:
+        logs = [record(WAGON, range(MOMENTS), attack=replace(one, moments=HIT), seed=SEED) for one in attacks]
+        return [sent for sents in zip(*logs, strict=True) for sent in (sents[sents[0].moment % len(logs)],)]
+
+    return hide
+
+
+def frozen(topics: Collection[str] | None = None) -> Callable[[Log], Log]:
+    """From the attack on topics, or all of sensors, have the data of their last clean message under new stamps."""
+
+    def hide(log: Log) -> Log:
+        last = {sent.topic: sent.body for sent in log if of_sensors(sent) and sent.moment < BEGINS}
+        chosen = last.keys() if topics is None else topics
+        change = from_the_attack_on(lambda sent: replace(sent, body=last[sent.topic]) if sent.topic in chosen else sent)
+        return change(log)
+
+    return hide
+
+
+def again(change: Callable[[Sent], Sent], moments: Collection[int]) -> Callable[[Log], Log]:
+    """What calibrates the vehicle is published again, and changed, right before these moments."""
+
+    def hide(log: Log) -> Log:
+        said = [sent for sent in log if isinstance(sent.body, Calibration | Mounts) and sent.moment == 0]
+        later = []
+        for moment in moments:
+            first = min(sent.log_ns for sent in log if sent.moment == moment)
+            later += [replace(change(sent), stamp_ns=first, log_ns=first - 1, moment=moment) for sent in said]
+        kept = [sent for sent in log if not isinstance(sent.body, Calibration) or sent.moment == 0]
+        return sorted([*kept, *later], key=lambda sent: sent.log_ns)
+
+    return hide
+
+
+def nudged(sent: Sent) -> Sent:
+    """The LiDAR sits a millimetre beside its place."""
+    if not isinstance(sent.body, Mounts):
+        return sent
+    places = {name: place.copy() for name, place in sent.body.places.items()}
+    places[LIDAR_FRAME][0, 3] += 0.001
+    return replace(sent, body=replace(sent.body, places=places))
+
+
+def longer(by_px: float) -> Callable[[Sent], Sent]:
+    """Focal lengths are a little longer."""
+
+    def change(sent: Sent) -> Sent:
+        if not isinstance(sent.body, Calibration):
+            return sent
+        projection = sent.body.projection.copy()
+        projection[0, 0] += by_px
+        return replace(sent, body=replace(sent.body, projection=projection))
+
+    return change
+
+
+def projected(change: Callable[[np.ndarray], np.ndarray], size: float = 1.0) -> Callable[[Sent], Sent]:
+    """Camera infos say another projection, and images of another size."""
+
+    def changed(sent: Sent) -> Sent:
+        if not isinstance(sent.body, Calibration):
+            return sent
+        width, height = sent.body.size_px
+        own = Calibration(change(sent.body.projection), (round(width * size), round(height * size)))
+        return replace(sent, body=own)
+
+    return changed
+
+
+def points(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Sent], Sent]:
+    """The LiDAR's points are said otherwise than they are."""
+
+    def changed(sent: Sent) -> Sent:
+        if not isinstance(sent.body, Cloud):
+            return sent
+        return replace(sent, body=Cloud(np.ascontiguousarray(change(sent.body.xyz_m), dtype=np.float32)))
+
+    return changed
+
+
+def renamed(topic: str, name: str) -> Callable[[Sent], Sent]:
+    return lambda sent: replace(sent, topic=name) if sent.topic == topic else sent
+
+
+def out_of_phase(log: Log) -> Log:
+    """Every camera is thinned to half its rate: one half has the even moments, the other half the odd ones."""
+    odd = {WAGON.topic(camera) for camera in ("right", "left")}
+    return [sent for sent in log if not isinstance(sent.body, Picture) or sent.moment % 2 == int(sent.topic in odd)]
+
+
+def of_topic(topic: str, change: Callable[[Sent], Sent]) -> Callable[[Sent], Sent]:
+    return lambda sent: change(sent) if sent.topic == topic else sent
+
+
+ALL_ALONG = range(MOMENTS)
+MIRRORED = np.diag([1.0, -1.0, 1.0])
 RIGHT, LIDAR = WAGON.topic("right"), WAGON.lidar_topic
 
 WAYS = (
@@ -248,6 +347,40 @@ WAYS = (
     Way("the LiDAR's type is Livox's", WALL, everywhere(of_another_type(LIDAR, "livox_ros_driver2/CustomMsg"))),
     Way("mostly empty", SPOT, with_a_hole),
     Way("attacked images beside clean twins", SPOT, beside_clean_twins),
+    Way("a spot that is always there", replace(SPOT, moments=ALL_ALONG), list),
+    Way("a wall that is always there", replace(WALL, moments=ALL_ALONG), list),
+    Way("a spot that is there from the second moment on", replace(SPOT, moments=range(1, MOMENTS)), list),
+    Way("a spot in one moment", replace(SPOT, moments=range(4, 5)), list),
+    Way("a wall in one moment", replace(WALL, moments=range(4, 5)), list),
+    Way("a spot in two moments", replace(SPOT, moments=range(4, 6)), list),
+    Way("a spot at the very end", replace(SPOT, moments=range(MOMENTS - 2, MOMENTS)), list),
+    Way("cameras attacked in turn", SPOT, in_turn(*(Attack((one,)) for one in ("right", "left", "inner_left")))),
+    Way("a camera and the LiDAR in turn", SPOT, in_turn(Attack(("right",)), Attack(wall=True))),
+    Way("an attacked camera whose data stand still", SPOT, frozen({RIGHT})),
+    Way("a LiDAR whose data stand still", SPOT, frozen({LIDAR})),
+    Way("all data stand still", SPOT, frozen()),
+    Way("all data but the LiDAR's stand still", SPOT, frozen({WAGON.topic(one) for one in WAGON.cameras})),
+    Way("mounts said again within the attack", WALL, again(nudged, [5])),
+    Way("focal lengths said again within the attack", WALL, again(longer(0.01), [5])),
+    Way("mounts said again before every moment", SPOT, again(nudged, range(1, MOMENTS))),
+    Way("the LiDAR's type is a maker's own", WALL, everywhere(of_another_type(LIDAR, "makers_msgs/Packets"))),
+    Way("the LiDAR's type is called diagnostics", WALL, everywhere(of_another_type(LIDAR, "acme_msgs/Diagnostics"))),
+    Way("the LiDAR is called a radar", WALL, everywhere(renamed(LIDAR, "/radar/points"))),
+    Way("a camera is called a mask", SPOT, everywhere(renamed(RIGHT, "/segmentation/mask/compressed"))),
+    Way("all baselines of the other sign", SPOT, everywhere(projected(lambda P: P * [[1, 1, 1, -1]]))),
+    Way("all baselines ten times as long", SPOT, everywhere(projected(lambda P: P * [[1, 1, 1, 10]]))),
+    Way("camera infos of twice the size", SPOT, everywhere(projected(lambda P: P * [[2], [2], [1]], size=2))),
+    Way("focal lengths of half the size", WALL, everywhere(projected(lambda P: P * [[0.5, 1, 1, 0.5]]))),
+    Way("points in millimetres", SPOT, everywhere(points(lambda xyz: xyz * 1000))),
+    Way("points in centimetres", SPOT, everywhere(points(lambda xyz: xyz * 100))),
+    Way("points that are mirrored", SPOT, everywhere(points(lambda xyz: xyz @ MIRRORED))),
+    Way("points with other axes", SPOT, everywhere(points(lambda xyz: xyz[:, [1, 2, 0]]))),
+    Way("points that all lie at one place", SPOT, everywhere(points(lambda xyz: xyz * 0 + 1))),
+    Way("points that are not numbers", WALL, everywhere(points(lambda xyz: xyz * np.nan))),
+    Way("cameras out of phase", SPOT, out_of_phase),
+    Way("the LiDAR 37 s ahead", WALL, everywhere(of_topic(LIDAR, shifted(37 * 10**9)))),
+    Way("one camera's stamps since its start", SPOT, everywhere(of_topic(RIGHT, shifted(-START_NS + 10**9)))),
+    Way("stamps of zero from the attack on", SPOT, from_the_attack_on(lambda sent: sent.restamped(0))),
 )
 
 UNKNOWABLE = (
