@@ -30,13 +30,14 @@ from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.views.comments import comments
 
-_SHUT: dict[str, str | bool | int | float | list[str]] = {
+SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
     "autoload_known_extensions": False,
     "python_enable_replacements": False,  # a name in SQL is never a variable of ours
     "allow_persistent_secrets": False,
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
+"""The configuration of every connection: it loads no code and writes nothing."""
 _CONSTANTS = {
     "robust_block_frames": CHUNK_FRAMES,
     "interval_frames": INTERVAL_FRAMES,
@@ -167,7 +168,7 @@ def _files_of(store: Store | None) -> ReadOnlyFiles:
 def _opened(files: ReadOnlyFiles, limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection to an empty database that can read these files, and write none."""
     with ExitStack() as on_error:
-        connection = on_error.enter_context(duckdb.connect(config=_SHUT))
+        connection = on_error.enter_context(duckdb.connect(config=SHUT))
         connection.register_filesystem(files)
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
         connection.execute("SET parquet_metadata_cache = true")  # each view over a file would read its footer again

@@ -9,7 +9,7 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import asking, connected, in_one_line
+from auditor.store.connection import SHUT, asking, connected, in_one_line
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sql_files import SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
@@ -128,7 +128,7 @@ def _in_one_line(where: str, limits: SqlLimits | None = None) -> Iterator[None]:
 @cache
 def _parser() -> duckdb.DuckDBPyConnection:
     """Reads statements and runs none."""
-    return duckdb.connect()
+    return duckdb.connect(config=SHUT)
 
 
 def _refuse_but_select(text: str) -> None:
