@@ -46,7 +46,7 @@ HOMES = {
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
     "subprocess": ("safety/launching.py",),
     "multiprocessing": ("pipeline/workers.py", "pipeline/fork_server.py"),
-    "zipfile": ("safety/", "casefile/write.py", "training/samples.py"),
+    "zipfile": ("safety/", "casefile/", "training/samples.py"),
 }
 """Where each heavy library lives, and what starts processes or unpacks."""
 
