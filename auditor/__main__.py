@@ -1,16 +1,34 @@
 """Entry point of `auditor` and `python -m auditor`."""
 
 import io
+import os
+import site
 import sys
 
 
 def main() -> None:
     """Run the command line; imports sit inside the verbs so that `--help` is quick."""
+    _leave_working_folder()
     from auditor.cli import run  # noqa: PLC0415
 
     if isinstance(sys.stdout, io.TextIOWrapper):  # what a terminal of another encoding cannot show is written out
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(run())
+
+
+def _leave_working_folder() -> None:
+    """Import nothing from the working folder from here on: it may hold logs of strangers.
+
+    `python -m` and empty entries of PYTHONPATH put it on the path. The package is found where it was loaded from.
+    """
+    try:
+        working = os.path.realpath(os.getcwd())  # noqa: PTH109 - pathlib would be imported from that folder
+    except FileNotFoundError:  # a folder that was removed has no modules
+        return
+    library = os.path.dirname(os.__file__)  # noqa: PTH120
+    installed = (library, f"{library}/lib-dynload", *site.getsitepackages(), site.getusersitepackages())
+    if working not in map(os.path.realpath, installed):
+        sys.path[:] = [folder for folder in sys.path if os.path.realpath(folder) != working]
 
 
 if __name__ == "__main__":

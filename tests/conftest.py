@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from auditor.pipeline import workers
+from auditor.pipeline import fork_server
 
 # Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
 # for each other there.
@@ -27,7 +27,7 @@ if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_us
 
 # Each recording has a process of its own, and is written by our own writers: what these say of their messages is parsed
 # once, for the process that the others are forked from.
-workers._PRELOADED.append("tests.making.own_definitions")
+fork_server._PRELOADED.append("tests.making.own_definitions")
 
 # However busy the machine, no example fails for the time that it took.
 settings.register_profile("without time limits", deadline=None, suppress_health_check=[HealthCheck.too_slow])

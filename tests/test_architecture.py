@@ -19,7 +19,7 @@ ABOVE = (("cli",), ("evaluation", "training", "casefile"), ("pipeline", "reporti
 ROOMS = ("recordings", "measurement", "identification", "store", "lab")
 """Rooms import words only."""
 
-WORDS = ("model", "errors", "resources")
+WORDS = ("model", "safety", "errors", "resources")
 """Words import words only."""
 
 MOST_BOXES = 15
@@ -44,8 +44,11 @@ HOMES = {
     "click": ("cli/",),
     "rich": ("cli/",),
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
+    "subprocess": ("safety/launching.py",),
+    "multiprocessing": ("pipeline/workers.py", "pipeline/fork_server.py"),
+    "zipfile": ("safety/", "casefile/", "training/samples.py"),
 }
-"""Where each heavy library lives."""
+"""Where each heavy library lives, and what starts processes or unpacks."""
 
 
 @cache
@@ -164,3 +167,17 @@ def test_folders_modules_and_functions_are_small() -> None:
     assert not [f"{place(path)}: {count} lines" for path, count in lines.items() if count > MOST_LINES]
     functions = [node for path in paths for node in ast.walk(tree(path)) if isinstance(node, ast.FunctionDef)]
     assert median(node.end_lineno - node.lineno + 1 for node in functions) <= MEDIAN_FUNCTION_LINES
+
+
+def test_processes_start_in_one_place_and_are_forked_in_one() -> None:
+    starting = {"fork", "forkpty", "popen", "posix_spawn", "posix_spawnp", "startfile", "system"}
+    strays = [
+        f"{place(path)}:{node.lineno} {ast.unparse(node)}"
+        for path in modules().values()
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Attribute)
+        and ast.unparse(node.value) == "os"
+        and (node.attr in starting or node.attr.startswith(("exec", "spawn")))
+        and not (node.attr == "fork" and place(path) == "pipeline/fork_server.py")
+    ]
+    assert not strays

@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import io
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,14 +20,19 @@ from auditor.casefile.manifest import (
 )
 from auditor.errors import SettingError
 from auditor.recordings.recording import load_json
+from auditor.safety.budget import CASE
+from auditor.safety.zips import UnsafeZipError, check_tiled, opened
 from auditor.store.log.signatures import signs
 
 if TYPE_CHECKING:
+    from zipfile import ZipFile
+
     from auditor.store.log.signatures import PublicKey
 
 _MOST_MANIFEST_BYTES = 16 * 2**20
 _BESIDE = frozenset({MANIFEST, ENVELOPE, SUMS})
 _BLOCK = 1 << 20
+_REMEDY = "ask whoever wrote it for their zip, or for the folder"
 
 
 @dataclass(frozen=True)
@@ -61,9 +65,11 @@ def check_case(path: Path, key: "PublicKey | None" = None) -> CheckedCase:
     try:
         if path.is_dir():
             return _checked(path, _Folder(path), key)
-        with zipfile.ZipFile(path) as archive:
+        with opened(path, CASE) as archive:
             return _checked(path, _Zip(archive), key)
-    except (OSError, zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+    except UnsafeZipError as error:
+        raise SettingError(f"{error}: it is no case that was written so", where=path, remedy=_REMEDY) from error
+    except (OSError, ValueError) as error:
         raise SettingError(f"it is no case that can be read ({error})", where=path) from error
 
 
@@ -84,7 +90,9 @@ def _subjects(content: bytes, path: Path) -> dict[str, str]:
     try:
         statement = load_json(content)
         of_case = (statement["_type"], statement["predicateType"]) == (STATEMENT_TYPE, PREDICATE_TYPE)
-        subjects = {str(one["name"]): str(one["digest"]["sha256"]) for one in statement["subject"]}
+        named = statement["subject"]
+        subjects = {str(one["name"]): str(one["digest"]["sha256"]) for one in named}
+        of_case = of_case and len(subjects) == len(named)
     except (KeyError, TypeError, ValueError, RecursionError):
         of_case, subjects = False, {}
     if not of_case:
@@ -157,8 +165,9 @@ class _Folder:
         self._folder = folder
 
     def names(self) -> list[str]:
-        """All files; a link is one that was added, whatever it leads to."""
-        return files_of(self._folder)
+        """All files; a link is one that was added, whatever it leads to, a file or a folder."""
+        links = (path for path in self._folder.rglob("*") if path.is_symlink())
+        return sorted({*files_of(self._folder), *(path.relative_to(self._folder).as_posix() for path in links)})
 
     def open(self, name: str) -> IO[bytes]:
         path = self._folder / name
@@ -166,18 +175,19 @@ class _Folder:
 
 
 class _Zip:
-    """The files lie in one folder of the archive."""
+    """The files lie in one folder of the archive, and nothing lies beside it."""
 
-    def __init__(self, archive: zipfile.ZipFile) -> None:
+    def __init__(self, archive: "ZipFile") -> None:
+        check_tiled(archive)
         self._archive = archive
-        whole = [name for name in archive.namelist() if not name.endswith("/")]
-        if len(set(whole)) != len(whole):
-            raise ValueError("a name stands in it twice")
-        self._folder = next((name[: -len(MANIFEST)] for name in whole if name.endswith(f"/{MANIFEST}")), "")
-        self._names = {name.removeprefix(self._folder): name for name in whole}
+        folders = {name.partition("/")[0] for name in archive.namelist()}
+        if len(folders) != 1:
+            raise UnsafeZipError("its members do not lie in one folder")
+        [self._folder] = folders
 
     def names(self) -> list[str]:
-        return sorted(self._names)
+        whole = (member.filename for member in self._archive.infolist() if not member.is_dir())
+        return sorted(name.removeprefix(f"{self._folder}/") for name in whole)
 
     def open(self, name: str) -> IO[bytes]:
-        return self._archive.open(self._names[name])
+        return self._archive.open(f"{self._folder}/{name}")

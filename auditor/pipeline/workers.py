@@ -6,8 +6,6 @@ process at its limit of time, to the moment. An error, or the death of a process
 task alone: no lock is shared that it could hold, and a pipe that closes without an end says that it died.
 """
 
-import multiprocessing
-import os
 import signal
 import threading
 from collections import deque
@@ -15,16 +13,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
-from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
 from time import monotonic
 from traceback import extract_tb
 from typing import Any, Generic, TypeVar
 
 from auditor.errors import AuditorError, LimitError
+from auditor.pipeline.fork_server import Worker, fork
 from auditor.store.log import Run, adopt, current_runs
 
 MEMORY_MB = 4096
@@ -44,7 +41,6 @@ Progress = Callable[[str, int], None]
 
 _POLL_S = 0.1
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-_PRELOADED = ["auditor.pipeline.warm"]
 
 
 @dataclass(frozen=True)
@@ -145,32 +141,33 @@ class _Running(Generic[Item]):
 
     item: Item
     limits: Limits
-    process: ForkServerProcess
+    worker: Worker
     last_sign_s: float
     ended: str = ""
 
     def end_if_over_budget(self) -> None:
         self.ended = self.ended or self.limits.exceeded(
-            memory_mb=memory_mb(self.process.pid or 0), silent_s=monotonic() - self.last_sign_s
+            memory_mb=memory_mb(self.worker.pid), silent_s=monotonic() - self.last_sign_s
         )
         if self.ended:
-            self.process.kill()
+            self.worker.kill()
 
     def death(self) -> AuditorError:
         """Why the process ended before its task did."""
-        self.process.join()
-        too_long = self.process.exitcode == -signal.SIGALRM
+        code = self.worker.exit_code()
+        too_long = code == -signal.SIGALRM
         ended = f"it took longer than {self.limits.seconds:g} s and was ended" if too_long else self.ended
         if ended:
             remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
             return LimitError(ended, where=self.item, remedy=remedy)
-        what = f"its process died (exit code {self.process.exitcode})"
+        what = f"its process died (exit code {code})"
         remedy = "it may have run out of memory: run it again with --jobs 1"
         return AuditorError(what, where=self.item, remedy=remedy)
 
     def stop(self) -> None:
-        self.process.kill()
-        self.process.join()
+        self.worker.kill()
+        self.worker.exit_code()
+        self.worker.pipe.close()
 
 
 class _Run(Generic[Item, Result]):
@@ -188,7 +185,6 @@ class _Run(Generic[Item, Result]):
         self._waiting = deque((item, limits(item)) for item in items)
         self._jobs = jobs
         self._on_progress = on_progress
-        self._context = _context()
         self._running: dict[Connection[Any, Any], _Running[Item]] = {}
 
     def outcomes(self) -> Iterator[Outcome[Item, Result]]:
@@ -203,20 +199,15 @@ class _Run(Generic[Item, Result]):
                     running.end_if_over_budget()
         finally:
             with _uninterrupted():
-                for pipe, running in self._running.items():
+                for running in self._running.values():
                     running.stop()
-                    pipe.close()
 
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs:
             item, limits = self._waiting.popleft()
             with _uninterrupted():  # a process that is half started would never be stopped
-                reader, writer = self._context.Pipe(duplex=False)
-                arguments = (writer, current_runs(), self._task, item, limits.seconds)
-                process = self._context.Process(target=_work, args=arguments, daemon=True)
-                process.start()
-                writer.close()  # that of the process is the only one: where it dies, the pipe ends
-                self._running[reader] = _Running(item, limits, process, monotonic())
+                worker = _forked(_work, current_runs(), self._task, item, limits.seconds)
+                self._running[worker.pipe] = _Running(item, limits, worker, monotonic())
 
     def _receive(self, pipe: "Connection[Any, Any]") -> Outcome[Item, Result] | None:
         """Read what a process has sent; its outcome, where it has come to its end."""
@@ -229,30 +220,18 @@ class _Run(Generic[Item, Result]):
             if isinstance(sent, Outcome):
                 del self._running[pipe]
                 running.stop()
-                pipe.close()
                 return replace(sent, item=running.item)
             running.last_sign_s = monotonic()
             self._on_progress(running.item, *sent)
         return None
 
 
-def _context() -> ForkServerContext:
-    """Processes are forked from one that has imported everything and used nothing.
-
-    OpenCV's and Arrow's threads do not survive a fork once they run; a fresh interpreter for each would import for a
-    second.
-    """
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PRELOADED)
-    # Ctrl-C is for this process, which stops the workers; they inherit that it is blocked.
-    resource_tracker.ensure_running()  # started later, it would lift the block
-    with _uninterrupted():
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            forkserver.ensure_running()
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    return context
+def _forked(work: Callable[..., None], *arguments: object) -> Worker:
+    try:
+        return fork(work, *arguments)
+    except OSError as error:
+        what = f"no process could be started ({error.strerror or error})"
+        raise AuditorError(what, remedy="free memory or processes of this user, and run it again") from error
 
 
 @contextmanager
@@ -282,20 +261,11 @@ def _work(
     """What a process does: it sends its progress, and at last an outcome."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt(runs)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     if seconds is not None:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
         signal.setitimer(signal.ITIMER_REAL, seconds)
     outcome = _outcome(task, item, lambda what, done: pipe.send((what, done)))
     pipe.send(Outcome(None, outcome.result, outcome.error))  # the parent has the item
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed has no use for its result."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait_for([parent.sentinel])
-    os._exit(1)
 
 
 def _outcome(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Outcome[Item, Result]:

@@ -15,6 +15,7 @@ from functools import cache
 from graphlib import TopologicalSorter
 
 import duckdb
+import pyarrow as pa
 
 from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
@@ -30,13 +31,14 @@ from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.views.comments import comments
 
-_SHUT: dict[str, str | bool | int | float | list[str]] = {
+SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
     "autoload_known_extensions": False,
     "python_enable_replacements": False,  # a name in SQL is never a variable of ours
     "allow_persistent_secrets": False,
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
+"""The configuration of every connection: it loads no code and writes nothing."""
 _CONSTANTS = {
     "robust_block_frames": CHUNK_FRAMES,
     "interval_frames": INTERVAL_FRAMES,
@@ -68,8 +70,8 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
     with ExitStack() as on_error:
         connection = on_error.enter_context(_opened(files, limits))
         filling = _Filling(connection)
-        with _reading(store):
-            _fill(filling, store, files, _needed(text))
+        with _reading(store, needed_by(text)):
+            _fill(filling, store, files, needed_by(text))
             if _shows_comments(text):
                 connection.execute(comments(connection))
         _lock(connection, "allowed_paths", filling.readable)
@@ -90,7 +92,7 @@ def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection
     kept = _KEPT.pop(os.getpid(), None) or _Kept(_without_files())
     with ExitStack() as on_error:
         connection = on_error.enter_context(kept.connection)
-        filling = _lent(kept, store, _needed(text))
+        filling = _lent(kept, store, needed_by(text))
         try:
             yield connection
         finally:
@@ -154,7 +156,7 @@ def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
     """Give a kept connection what it needs of a store."""
     files, filling = _files_of(store), _Filling(kept.connection)
     kept.connection.register_filesystem(files)
-    with _reading(store):
+    with _reading(store, needed):
         _fill(filling, store, files, needed, kept.made)
     kept.made.update(needed)
     return filling
@@ -167,7 +169,7 @@ def _files_of(store: Store | None) -> ReadOnlyFiles:
 def _opened(files: ReadOnlyFiles, limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection to an empty database that can read these files, and write none."""
     with ExitStack() as on_error:
-        connection = on_error.enter_context(duckdb.connect(config=_SHUT))
+        connection = on_error.enter_context(duckdb.connect(config=SHUT))
         connection.register_filesystem(files)
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
         connection.execute("SET parquet_metadata_cache = true")  # each view over a file would read its footer again
@@ -185,12 +187,35 @@ def _lock(connection: duckdb.DuckDBPyConnection, allowed: str, names: list[str])
 
 
 @contextmanager
-def _reading(store: Store | None) -> Iterator[None]:
+def _reading(store: Store | None, needed: set[str]) -> Iterator[None]:
     """Errors of DuckDB inside the block are of the store's files."""
     try:
         yield
     except duckdb.Error as error:
+        if store is not None:
+            raise_damage(store, needed, error)
         raise StoreError(in_one_line(error), where=store.folder if store else "") from error
+
+
+def raise_damage(store: Store, needed: set[str], error: Exception) -> None:
+    """Raise StoreError where a file cannot be read that SQL of these names reads; nothing happens where all can.
+
+    What DuckDB says of a damaged file is about the inside of Parquet, in the words of several libraries. So each file
+    is read by itself, and named.
+    """
+    files = _files_of(store)
+    with _opened(files) as connection:
+        for table in (table for table in TABLES if f"stored_{table}" in needed):
+            found = store.files(table)
+            for name in files.names([*found.alone, *found.packs]):
+                try:
+                    for _ in connection.sql(f"FROM read_parquet('{name}')").to_arrow_reader():
+                        pass
+                except (duckdb.Error, pa.ArrowException):
+                    what = f"it is damaged and cannot be read ({in_one_line(error)})"
+                    where = store.folder / name.removeprefix(f"{PROTOCOL}://")
+                    remedy = "restore it from a copy, or scan its recording again into a new store"
+                    raise StoreError(what, where=where, remedy=remedy) from error
 
 
 def _fill(
@@ -283,7 +308,7 @@ def _shows_comments(text: str) -> bool:
     return not text or _CATALOG.search(text) is not None
 
 
-def _needed(text: str) -> set[str]:
+def needed_by(text: str) -> set[str]:
     """The views, stored tables and macros behind the names in a SQL text; perhaps more than it uses, never fewer."""
     tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
     bodies = all_macros() | {name: view.sql for name, view in views().items()}

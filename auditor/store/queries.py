@@ -9,13 +9,23 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import asking, connected, in_one_line
+from auditor.store.connection import SHUT, asking, connected, in_one_line, needed_by, raise_damage
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sql_files import SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
 
 _BATCH_ROWS = 100_000
 _REMEDY = "auditor query lists the views"
+_OF_SQL = (
+    duckdb.BinderException,
+    duckdb.CatalogException,
+    duckdb.ConversionException,
+    duckdb.OutOfMemoryException,
+    duckdb.ParserException,
+    duckdb.PermissionException,
+)
+"""Errors that no damaged file causes."""
+
 _READ_ONLY = "BEGIN TRANSACTION READ ONLY"
 """DuckDB 2 lets a SELECT hold INSERT, UPDATE and DELETE."""
 _OUT_OF_MEMORY = "Out of Memory Error"
@@ -82,7 +92,8 @@ def run_queries(store: Store, wanted: Mapping[str, Mapping[str, object]]) -> dic
 
 
 def _run_together(store: Store, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
-    with asking(store, "\n".join(text for text, _ in asked.values())) as connection, _in_one_line("SQL"):
+    together = "\n".join(text for text, _ in asked.values())
+    with asking(store, together) as connection, _in_one_line("SQL", store, together):
         return {name: _answer(connection, text, values) for name, (text, values) in asked.items()}
 
 
@@ -90,14 +101,14 @@ def _run_together(store: Store, asked: Mapping[str, tuple[str, dict[str, Value]]
 def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.RecordBatchReader]:
     """As `run_sql`, the answer batch by batch, never all of it in memory. Raises also LimitError."""
     _refuse_but_select(text)
-    with connected(store, text, limits) as connection, _in_one_line("SQL", limits):
+    with connected(store, text, limits) as connection, _in_one_line("SQL", store, text, limits):
         connection.execute(_READ_ONLY)
         answer = connection.sql(text)
         yield answer.to_arrow_reader(_BATCH_ROWS)
 
 
 def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa.Table:
-    with asking(store, text) as connection, _in_one_line(where):
+    with asking(store, text) as connection, _in_one_line(where, store, text):
         connection.execute(_READ_ONLY)
         return _answer(connection, text, values)
 
@@ -115,20 +126,22 @@ def _answer(connection: duckdb.DuckDBPyConnection, text: str, values: Mapping[st
 
 
 @contextmanager
-def _in_one_line(where: str, limits: SqlLimits | None = None) -> Iterator[None]:
-    """Errors of DuckDB inside the block are ours, in one line."""
+def _in_one_line(where: str, store: Store, text: str, limits: SqlLimits | None = None) -> Iterator[None]:
+    """Errors of DuckDB inside the block are ours, in one line: of a damaged file of the store, or of the SQL."""
     try:
         yield
     except (duckdb.Error, pa.ArrowException) as error:  # Arrow's where it cannot hold what DuckDB gives
         if limits is not None and _OUT_OF_MEMORY in str(error):
             raise limits.out_of_memory() from error
+        if not isinstance(error, _OF_SQL):
+            raise_damage(store, needed_by(text), error)
         raise QueryError(in_one_line(error), where=where, remedy=_REMEDY) from error
 
 
 @cache
 def _parser() -> duckdb.DuckDBPyConnection:
     """Reads statements and runs none."""
-    return duckdb.connect()
+    return duckdb.connect(config=SHUT)
 
 
 def _refuse_but_select(text: str) -> None:

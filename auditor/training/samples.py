@@ -24,6 +24,8 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
 from auditor.pipeline.measure import rigs_through
 from auditor.recordings import Location, open_recording, survey, synchronise
+from auditor.safety.budget import SAMPLE
+from auditor.safety.zips import UnsafeZipError, check_file
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
@@ -238,9 +240,10 @@ def _pack(sample: Sample, file: Path) -> None:
 
 def _unpacked(file: Path) -> Sample:
     try:
+        check_file(file, SAMPLE)
         with np.load(file, allow_pickle=False) as arrays:
             left, right, units = (arrays[name] for name in ("left", "right", "disparity"))
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, BadZipFile, MemoryError, UnsafeZipError) as error:
         raise SettingError(
             "it is not a readable sample", where=file, remedy="remove its folder: it is made again"
         ) from error

@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from auditor.pipeline import workers
+from auditor.pipeline import fork_server, workers
 from auditor.pipeline.many import MeasureSettings, find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
@@ -33,7 +33,7 @@ def seconds_of(task: MeasureTask, progress: workers.Progress) -> float:
 
 def measured(folder: Path, preloaded: str) -> list[float]:
     """The CPU seconds of each recording of a folder, all measured into a new store."""
-    workers._PRELOADED = [preloaded]
+    fork_server._PRELOADED = [preloaded]
     with TemporaryDirectory() as place:
         batch = find_batch([folder], Path(place) / "audit", MeasureSettings(jobs=1))
         tasks = [replace(task, again=True) for task in batch.tasks]

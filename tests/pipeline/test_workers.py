@@ -1,4 +1,3 @@
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -11,10 +10,13 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import LimitError, RecordingError
+from auditor.pipeline import fork_server, workers
 from auditor.pipeline.many import MeasureSettings, find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
 from tests.making.small_drives import THREE_CAMERAS, write_drive
+
+ROOT = Path(__file__).parents[2]
 
 
 def square(item: int, progress: Progress) -> int:
@@ -170,10 +172,11 @@ def test_large_recordings_may_be_silent_longer() -> None:
 
 def test_workers_end_with_their_parent() -> None:
     program = (
+        "import sys; sys.path[0] = sys.argv[1]  # an empty entry would not be handed on\n"
         "from tests.pipeline.test_workers import report_and_wait; from auditor.pipeline.workers import run_all\n"
         "list(run_all(report_and_wait, [1, 2], 2, lambda item, what, done: print(what, flush=True)))"
     )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+    with subprocess.Popen([sys.executable, "-c", program, ROOT], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         workers = [int(parent.stdout.readline()) for _ in range(2)]
         parent.kill()
@@ -186,7 +189,7 @@ def test_workers_end_with_their_parent() -> None:
 def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() -> None:
     """They start when the process that they are forked from has imported everything, which takes a second."""
     program = (
-        "import os, signal, sys, threading\n"
+        "import os, signal, sys, threading; sys.path[0] = sys.argv[1]\n"
         "from tests.pipeline.test_workers import report_and_wait; from auditor.pipeline.workers import run_all\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
@@ -194,18 +197,19 @@ def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() ->
         "    list(run_all(report_and_wait, [1, 2], 2, lambda *_: None))\n"
         "except KeyboardInterrupt:\n    sys.exit('interrupted')\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", program, ROOT], capture_output=True, text=True, check=False)
     assert done.stderr == "interrupted\n"
 
 
-def test_who_asks_no_more_leaves_no_process_behind() -> None:
-    others = {process.pid for process in multiprocessing.active_children()}
+def test_who_asks_no_more_leaves_no_process_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    forked = []
+    monkeypatch.setattr(workers, "fork", lambda *work: forked.append(fork_server.fork(*work)) or forked[-1])
     running = run_all(square_or_wait, [1, 0, 0], 2, lambda *_: None)
     assert next(running).result == 1
-    working = {process.pid for process in multiprocessing.active_children()} - others
-    assert len(working) == 2
+    working = {worker.pid for worker in forked}
+    assert len(working) == 3
     running.close()  # type: ignore[attr-defined]  # as an exception in whoever asks does
-    assert not any(pid is None or is_running(pid) for pid in working)
+    assert not any(is_running(pid) for pid in working)
 
 
 def square_or_wait(item: int, progress: Progress) -> int:

@@ -9,12 +9,13 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.safety.budget import MAX_POINTS
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The datatype numbers of sensor_msgs/PointField."""
 
-MAX_POINTS = 10**7
 MAX_POINT_BYTES = 4096
+_BEYOND_M = np.float32(1e9)
 
 
 class PointCloudDecoder:
@@ -55,10 +56,13 @@ def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is g
 
 
 def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The points without NaN and infinity: LiDARs write them where no pulse returned."""
-    # A sum is finite only where all three are; finite values overflow only at coordinates of 1e38 m.
+    """The points without NaN and infinity: LiDARs write them where no pulse returned.
+
+    What lies beyond any world counts as infinite: its square would overflow where ranges are computed.
+    """
+    # A sum is below the limit only where all three are numbers below it.
     with np.errstate(invalid="ignore", over="ignore"):
-        good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
+        good = np.abs(xyz_m[:, 0]) + np.abs(xyz_m[:, 1]) + np.abs(xyz_m[:, 2]) < _BEYOND_M
     return xyz_m if good.all() else xyz_m[good]
 
 

@@ -15,9 +15,7 @@ from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS
 from auditor.recordings.decoding.depths import Values, upper_8_bits
 from auditor.recordings.decoding.interface import SizePx
-
-MAX_PIXELS = 24 * 10**6
-"""Cameras of vehicles have up to 12; a PNG of 16-bit colours with transparency takes 12 bytes a pixel to decode."""
+from auditor.safety.budget import MAX_PIXELS
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8"

@@ -20,9 +20,10 @@ from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog, is_trusted
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.topics import Channels, Names, Span, span_over
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack, unpack_beginning
+from auditor.recordings.formats.unpacking import BadChunkError, Source, allow, unpack, unpack_beginning
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
+from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
 
 MAGIC = b"#ROSBAG V2.0\n"
 _UINT32 = struct.Struct("<I")
@@ -143,7 +144,7 @@ class BagRead:
         self._source = source
         self._names = names
         self._damage = damage
-        self._expansion = Expansion()
+        self._spending = Spending(CHUNKS)
         self._chunk_offsets: list[int] = []
         self._chunk_times_ns: list[int] = []
         self._index_offset: int | None = None
@@ -251,7 +252,7 @@ class BagRead:
     def _chunk(self, head: Head, data: bytes, start: int) -> Iterator[Message]:
         try:
             size = number(head.fields, b"size")
-            self._expansion.allow(len(data), size)
+            allow(self._spending, len(data), size)
             inside = unpack(head.fields.get(b"compression", b""), memoryview(data), size)
         except BadChunkError as error:
             self._damage.add(f"a chunk is left out: {error}", start)

@@ -13,13 +13,9 @@ import zstandard
 
 from auditor.errors import RecordingError
 from auditor.recordings.content import ChangedError
-
-MAX_BYTES = 64 * 2**20
-"""No record, chunk or unpacked chunk may be larger: a scan may use 300 MB of memory, and real chunks have 1 to 10."""
+from auditor.safety.budget import CHUNKS, MAX_BYTES, OverBudgetError, Spending
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_FREE_BYTES = 32 * 2**20
-_MAX_RATIO = 100
 _STEP_BYTES = 1 << 20
 _BUFFER_BYTES = 1 << 18
 _ZSTD_HEAD_BYTES = 18
@@ -32,21 +28,12 @@ class BadChunkError(Exception):
     """Why a chunk is left out; caught by the reading loop, which notes it with its offset and goes on."""
 
 
-class Expansion:
-    """Limits the unpacked size of a file: images and points shrink to a half or a tenth, bombs to a ten-thousandth."""
-
-    def __init__(self) -> None:
-        self._packed = 0
-        self._unpacked = 0
-
-    def allow(self, packed: int, size: int) -> None:
-        """Count one chunk. Raises BadChunkError where it is too large, or the file has unpacked too much."""
-        if size > MAX_BYTES:
-            raise BadChunkError(f"it declares {size} unpacked bytes; at most {MAX_BYTES} are accepted")
-        if self._unpacked + size > _FREE_BYTES + _MAX_RATIO * (self._packed + packed):
-            raise BadChunkError(f"it would unpack {packed} bytes to {size}, and the file has unpacked too much already")
-        self._packed += packed
-        self._unpacked += size
+def allow(spending: Spending, packed: int, size: int) -> None:
+    """Count a chunk or message. Raises BadChunkError where it is over the budget of its file."""
+    try:
+        spending.allow(packed, size)
+    except OverBudgetError as error:
+        raise BadChunkError(f"it {error}") from error
 
 
 def unpack(compression: bytes, packed: memoryview, size: int) -> memoryview:
@@ -88,7 +75,7 @@ def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memor
     return memoryview(unpacked)
 
 
-def unpack_message(data: bytes, expansion: Expansion) -> bytes:
+def unpack_message(data: bytes, spending: Spending) -> bytes:
     """A message that rosbag2 compressed by itself (compression mode `message`), or any other as it is.
 
     CDR begins with a zero: it is never taken for zstd. Raises BadChunkError where it is damaged or unpacks to too much.
@@ -101,18 +88,18 @@ def unpack_message(data: bytes, expansion: Expansion) -> bytes:
         raise BadChunkError(f"its zstd data are damaged ({error})") from error
     if size < 0:
         raise BadChunkError("its zstd frame does not declare its size")
-    expansion.allow(len(data), size)
+    allow(spending, len(data), size)
     return _unpack_zstd(memoryview(data), size)
 
 
 def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
     """Unpack a zstd file as far as it is whole and within bounds; returns what was wrong, empty for nothing.
 
-    The bounds are `most_bytes` and those of Expansion. Raises OSError.
+    The bounds are `most_bytes` and those of CHUNKS. Raises OSError.
     """
     packed_bytes = source.seek(0, SEEK_END)
     source.seek(0)
-    most = min(most_bytes, _FREE_BYTES + _MAX_RATIO * packed_bytes)
+    most = min(most_bytes, CHUNKS.bound(packed_bytes))
     unpacked = 0
     try:
         declared = zstandard.frame_content_size(source.read(_ZSTD_HEAD_BYTES))

@@ -13,9 +13,13 @@ from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
 from auditor.recordings.recording import Recording
 from auditor.recordings.rigs.same_calibration import same_camera_info, same_numbers
 from auditor.recordings.synchronisation.survey import Survey
+from auditor.safety.budget import MAX_TRANSFORM_BYTES
 
 _STAMP_END = 12
 """A ROS message begins with 4 bytes and the stamp: what follows is the same in each message of one calibration."""
+
+_PLAIN_NAMES = frozenset({"cdr", "ros1", "protobuf"})
+"""Encodings that write a name as its bytes in UTF-8; JSON may write it otherwise."""
 
 
 class Key(NamedTuple):
@@ -52,6 +56,7 @@ class Changes:
 
     def __init__(self, recording: Recording, survey: Survey, keys: frozenset[Key]) -> None:
         self._keys = keys
+        self._links = [(key.name.encode(), key.child.encode()) for key in keys if key.kind == "transform"]
         self._decoders = Decoders(recording.definition)
         self._delay_ns = _delay_ns(survey)
         self._values: dict[Key, Value] = {Key("info", t): info for t, info in survey.camera_infos.items()}
@@ -86,6 +91,8 @@ class Changes:
         if decoder is None:
             return
         if decoder.kind == "transforms":
+            if not self._may_have_links(message):
+                return
             for transform in decoder.transforms(message):
                 key = Key("transform", transform.parent, transform.child)
                 if not transform.problem and self._differs(key, transform):
@@ -97,6 +104,15 @@ class Changes:
                 yield Change(self._time_ns(message, info.header.stamp_ns), key, info)
         elif decoder.kind == "image":
             yield from self._of_size(message, decoder)
+
+    def _may_have_links(self, message: Message) -> bool:
+        """False where a message cannot hold a transform that a rig needs: to search names is faster than to decode."""
+        if len(message.data) > MAX_TRANSFORM_BYTES:
+            return False
+        if message.encoding not in _PLAIN_NAMES:
+            return True
+        data = bytes(message.data)
+        return any(parent in data and child in data for parent, child in self._links)
 
     def _differs(self, key: Key, value: CameraInfo | Transform) -> bool:
         """True where a rig needs it, and it is not what was in force."""

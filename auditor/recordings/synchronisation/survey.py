@@ -23,6 +23,7 @@ from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.synchronisation.mountings import Mountings
 
 SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
@@ -125,7 +126,7 @@ class _Surveyor:
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._infos: dict[str, CameraInfo] = {}
-        self._transforms: dict[tuple[str, str], Transform] = {}
+        self._mountings = Mountings()
         self._problems: dict[str, None] = {}
         self._reasons: dict[str, str] = {}
         self._bytes = 0
@@ -157,7 +158,7 @@ class _Surveyor:
             ),
             clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
             camera_infos=dict(sorted(self._infos.items())),
-            transforms=tuple(self._transforms.values()),
+            transforms=self._mountings.all(),
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
@@ -186,7 +187,7 @@ class _Surveyor:
         if not sensors or any(len(self._samples.get(topic, ())) < SAMPLES for topic in sensors):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
-        complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._transforms or not fixed)
+        complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._mountings or not fixed)
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
@@ -199,12 +200,8 @@ class _Surveyor:
             return
         try:
             if decoder.kind == "transforms":
-                for transform in decoder.transforms(message):
-                    if transform.problem:
-                        self._note(f"{message.topic}: {transform.parent} to {transform.child}: {transform.problem}")
-                        continue
-                    # The first one counts: mountings do not move.
-                    self._transforms.setdefault((transform.parent, transform.child), transform)
+                for problem in self._mountings.take(message, decoder):
+                    self._note(f"{message.topic}: {problem}")
             elif decoder.kind == "camera_info":
                 if message.topic not in self._infos:
                     self._infos[message.topic] = decoder.camera_info(message)

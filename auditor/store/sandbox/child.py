@@ -1,4 +1,4 @@
-"""The process that one SQL text of a user runs in: `process` starts it as `python -m auditor.store.sandbox.child`.
+"""The process that one SQL text of a user runs in; `process` starts it.
 
 The request comes as JSON on its stdin, the answer leaves as Arrow's stream on its stdout, an error as JSON on its
 stderr. Libraries that print find neither.
@@ -52,7 +52,3 @@ def _send(request: dict[str, Any], limits: SqlLimits, sink: IO[bytes]) -> None:
 def _tell(trouble: int, error: AuditorError) -> None:
     told = {"kind": type(error).__name__, "what": error.what, "where": error.where, "remedy": error.remedy}
     os.write(trouble, json.dumps(told).encode())
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,10 +1,7 @@
 """A user's SQL in a process of its own, which can write nothing and ends at its limits."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 from dataclasses import asdict
 from typing import IO
 
@@ -12,10 +9,11 @@ import pyarrow as pa
 
 from auditor import errors
 from auditor.errors import AuditorError, QueryError
+from auditor.safety.launching import start
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.store import Store
 
-_CHILD = [sys.executable, "-P", "-m", "auditor.store.sandbox.child"]
+_CHILD = "auditor.store.sandbox.child"
 
 
 def run_sandboxed(store: Store, text: str, limits: SqlLimits | None = None) -> pa.Table:
@@ -31,9 +29,7 @@ def run_sandboxed(store: Store, text: str, limits: SqlLimits | None = None) -> p
         sent = request.encode()
     except UnicodeEncodeError as error:
         raise QueryError("it is not UTF-8", where="SQL", remedy="auditor query lists the views") from error
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    pipe = subprocess.PIPE
-    with subprocess.Popen(_CHILD, stdin=pipe, stdout=pipe, stderr=pipe, env=environment) as process:  # noqa: S603  # ours
+    with start(_CHILD, piped=True) as process:
         assert process.stdin is not None  # for the checker of types: all three are pipes
         assert process.stdout is not None
         assert process.stderr is not None

@@ -9,6 +9,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
+from auditor.recordings.decoding.clouds import finite
 from auditor.recordings.decoding.kitti import SCAN
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
@@ -166,3 +167,11 @@ def test_points_of_opposite_infinity_are_dropped_silently() -> None:
     points = XYZ.copy()
     points[3] = np.inf, -np.inf, 0
     assert len(decoder().xyz_m(message(points.view(np.uint8), xyz_fields(), 12))) == 29
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 3e38, 1e25, -1e10])
+def test_points_beyond_any_world_count_as_no_return(value: float) -> None:
+    """Their squares overflow wherever a range is computed."""
+    points = np.array([[1, 2, 3], [value, 1, 1], [1, -value, value], [4, 5, 6]], np.float32)
+    assert finite(points).tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert len(finite(points[1:3])) == 0

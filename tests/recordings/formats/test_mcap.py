@@ -14,7 +14,8 @@ from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import open_recording, write_mcap
 from auditor.recordings.formats.mcap.records import unpack_chunk
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion
+from auditor.recordings.formats.unpacking import BadChunkError
+from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
 from tests.making.recorded_drives import (
     chunk_ends,
     make_frames,
@@ -259,15 +260,15 @@ def zstd_declaring(size: int) -> bytes:
 )
 def test_a_hostile_chunk_is_refused(body: bytes) -> None:
     with pytest.raises(BadChunkError):
-        unpack_chunk(body, Expansion())
+        unpack_chunk(body, Spending(CHUNKS))
 
 
 def test_a_zstd_frame_without_a_declared_size_is_read() -> None:
     packer = zstandard.ZstdCompressor(write_content_size=False)
     body = chunk_body(KILO, compression="zstd", packed=packer.compress(KILO))
-    assert bytes(unpack_chunk(body, Expansion())) == KILO
+    assert bytes(unpack_chunk(body, Spending(CHUNKS))) == KILO
     with pytest.raises(BadChunkError):
-        unpack_chunk(chunk_body(KILO, size=999, compression="zstd", packed=packer.compress(KILO)), Expansion())
+        unpack_chunk(chunk_body(KILO, size=999, compression="zstd", packed=packer.compress(KILO)), Spending(CHUNKS))
 
 
 def test_an_oversized_chunk_is_left_out_and_the_next_one_is_read(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import zstandard
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_db3
 from auditor.recordings.formats.unpacking import ZSTD_MAGIC
+from auditor.safety.budget import MAX_BYTES, Budget
 from tests.making.forms import CONTAINERS
 from tests.making.recorded_drives import make_frames, make_rig
 
@@ -105,8 +106,7 @@ def test_a_packed_file_that_is_cut_gives_what_it_still_holds(kind: str, tmp_path
 def test_a_packed_file_that_unpacks_without_end_is_left_at_its_bound(
     db3: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("auditor.recordings.formats.unpacking._FREE_BYTES", 0)
-    monkeypatch.setattr("auditor.recordings.formats.unpacking._MAX_RATIO", 2)
+    monkeypatch.setattr("auditor.recordings.formats.unpacking.CHUNKS", Budget(MAX_BYTES, free_bytes=0, most_ratio=2))
     (tmp_path / "a.db3.zstd").write_bytes(zstandard.compress(db3.read_bytes() + bytes(50_000_000)))
     messages, damage = read(tmp_path / "a.db3.zstd")
     assert any("unpack to more than" in piece for piece in damage)

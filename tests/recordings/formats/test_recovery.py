@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Reader as BagReader
 
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_bag, write_db3
-from auditor.recordings.formats.unpacking import MAX_BYTES
+from auditor.safety.budget import MAX_BYTES
 from tests.making.forms import copy_bag
 from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 

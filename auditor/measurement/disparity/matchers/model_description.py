@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.measurement.disparity.half_resolution import grey
+from auditor.safety.budget import MAX_MODEL_BYTES
 
 
 class Rule(NamedTuple):
@@ -96,8 +97,10 @@ Kind = TypeVar("Kind", bound=Described)
 
 
 def read_model_file(path: Path) -> bytes:
-    """The bytes of a model; raises SettingError where there are none."""
+    """The bytes of a model; raises SettingError where there are none, or too many."""
     try:
+        if path.stat().st_size > MAX_MODEL_BYTES:
+            raise SettingError(f"over {MAX_MODEL_BYTES >> 30} GiB: networks are smaller", where=path)
         return path.read_bytes()
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=path, remedy="name a model's file") from error

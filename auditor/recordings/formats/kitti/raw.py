@@ -19,8 +19,8 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_calibration, read_small_text
-from auditor.recordings.formats.unpacking import MAX_BYTES
 from auditor.recordings.recording import Clock, Damage, Definition, Topic
+from auditor.safety.budget import MAX_BYTES
 
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
 TRANSFORMS_TOPIC = "/tf_static"

@@ -26,9 +26,10 @@ from auditor.recordings.formats.mcap.records import (
     unpack_cut_chunk,
 )
 from auditor.recordings.formats.topics import Channel, Channels, Names, Span
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
+from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
+from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
 
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
@@ -45,8 +46,8 @@ class FileRead:
         self._source = source
         self._names = names
         self._damage = damage
-        self._expansion = Expansion()
-        self._messages_expansion = Expansion()
+        self._spending = Spending(CHUNKS)
+        self._messages_spending = Spending(CHUNKS)
         self._schemas: dict[int, str] = {}
         self._chunk_offsets: list[int] = []
         self.channels = Channels(wanted, names, damage)
@@ -127,7 +128,7 @@ class FileRead:
 
     def _chunk(self, body: bytes, offset: int) -> Iterator[Message]:
         try:
-            inside = unpack_chunk(body, self._expansion)
+            inside = unpack_chunk(body, self._spending)
         except BadChunkError as error:
             self._damage.add(f"a chunk is left out: {error}", offset)
             return
@@ -171,7 +172,7 @@ class FileRead:
         topic = channel.topic
         if topic.encoding == "cdr":
             try:
-                data = unpack_message(data, self._messages_expansion)
+                data = unpack_message(data, self._messages_spending)
             except BadChunkError as error:
                 self._damage.add(f"a message of {topic.name!r} is left out: {error}", offset)
                 return None

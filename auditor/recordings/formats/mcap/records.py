@@ -15,7 +15,8 @@ from typing import IO, NamedTuple
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.topics import Span, span_over
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
+from auditor.recordings.formats.unpacking import BadChunkError, allow, unpack, unpack_beginning
+from auditor.safety.budget import MAX_BYTES, Spending
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -174,12 +175,12 @@ class _Parts(NamedTuple):
     packed: memoryview
 
 
-def unpack_chunk(body: bytes, expansion: Expansion) -> memoryview:
+def unpack_chunk(body: bytes, spending: Spending) -> memoryview:
     """The records inside a chunk. Raises BadChunkError where it is ill-formed, oversized or fails its checksum."""
     parts = _parts(body)
     if len(parts.packed) != parts.packed_length:
         raise BadChunkError(f"it declares {parts.packed_length} bytes and holds {len(parts.packed)}")
-    expansion.allow(parts.packed_length, parts.size)
+    allow(spending, parts.packed_length, parts.size)
     records = unpack(parts.compression, parts.packed, parts.size)
     if parts.crc and zlib.crc32(records) != parts.crc:
         raise BadChunkError("its checksum is wrong")

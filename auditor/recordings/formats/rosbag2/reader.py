@@ -15,9 +15,10 @@ from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
 from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
 from auditor.recordings.formats.topics import Channels, Names, Span, span_over
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
+from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
+from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
 
 _CATALOGUE_PAGE = 1
 _CATALOGUE_ROW = "tttit"
@@ -42,7 +43,7 @@ class Db3Read:
         self._source = source
         self._names = names
         self._damage = damage
-        self._expansion = Expansion()
+        self._spending = Spending(CHUNKS)
         self._bad_rows = 0
         self._lost_messages = 0
         self.channels = Channels(wanted, names, damage)
@@ -133,7 +134,7 @@ class Db3Read:
             return
         assert isinstance(data, bytes)
         try:
-            data = unpack_message(data, self._expansion)
+            data = unpack_message(data, self._spending)
         except BadChunkError as error:
             self._damage.add(f"a message of {channel.topic.name!r} is left out: {error}")
             return

@@ -18,12 +18,14 @@ import torch
 from torch import Tensor
 
 from auditor.errors import SettingError
+from auditor.safety.budget import CHECKPOINT, MAX_MODEL_BYTES
+from auditor.safety.zips import UnsafeZipError, check_file
 
 METADATA = "psmnet"
 """Entry of a file of our own that says how its network was trained."""
 
-_LARGEST_FILE = 1 << 30
 _PREFIX = "module."
+_ZIP_MAGIC = b"PK"
 _TRUSTED_WAY = (
     "where you trust it, save its state_dict alone with torch.save in the program that made it, "
     "or use a safetensors file"
@@ -88,8 +90,8 @@ def read_weights_file(path: Path) -> WeightsFile:
     SettingError where the file is none of these or asks for anything else.
     """
     try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise SettingError("over 1 GiB: these are no weights of PSMNet", where=path)
+        if path.stat().st_size > MAX_MODEL_BYTES:
+            raise SettingError(f"over {MAX_MODEL_BYTES >> 30} GiB: these are no weights of PSMNet", where=path)
         content = path.read_bytes()  # once: what is hashed is what is loaded
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=path, remedy="name a file of weights") from error
@@ -114,11 +116,18 @@ def _read_safetensors(path: Path, content: bytes) -> WeightsFile:
 
 
 def load_safely(path: Path, content: bytes) -> object:
-    """What torch saved in these bytes of `path`; raises SettingError where loading would run anything of it."""
+    """What torch saved in these bytes of `path`.
+
+    Raises SettingError where loading would run anything of it, or where it would unpack to too much.
+    """
     try:
+        if content[:2] == _ZIP_MAGIC:
+            check_file(io.BytesIO(content), CHECKPOINT)  # torch allocates what the directory declares, and no more
         with warnings.catch_warnings(), torch.serialization.safe_globals(list(_STAND_INS)):
             warnings.simplefilter("ignore")  # of old pickle protocols and storages: what matters is checked below
             return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except UnsafeZipError as error:
+        raise SettingError(f"no weights that can be read safely: {error}", where=path, remedy=_TRUSTED_WAY) from error
     except _UNREADABLE as error:
         raise SettingError(_refusal(error), where=path, remedy=_TRUSTED_WAY) from error
 
@@ -133,7 +142,7 @@ def _read_torch(path: Path, content: bytes) -> WeightsFile:
     tensors = {str(name): value for name, value in state.items() if isinstance(value, Tensor)}
     aside = [str(name) for name in (*loaded, *state) if name != "state_dict" and str(name) not in tensors]
     metadata = loaded.get(METADATA)
-    layout = "torch zip" if content[:2] == b"PK" else "torch legacy"
+    layout = "torch zip" if content[:2] == _ZIP_MAGIC else "torch legacy"
     return WeightsFile(
         layout,
         content,

@@ -1,0 +1,1 @@
+"""GUARD: how child processes start, and how much a file of somebody else may unpack to."""

@@ -1,0 +1,155 @@
+"""A shell that stands in a folder of logs: no file there becomes code, whichever verb is run."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import VERBS
+from auditor.safety.launching import environment
+from tests.making.case_stores import attacked_store
+
+AUDITOR = Path(sys.executable).with_name("auditor")
+MODULES = sys.stdlib_module_names | packages_distributions().keys() | {"auditor", "sitecustomize", "usercustomize"}
+"""More than any start imports: all modules of Python, and of every package that is installed."""
+
+STORE, OWN = ["--store", "audit"], ["--store", "own"]
+COMMANDS: dict[str, list[str]] = {
+    "demo": ["made", "--jobs", "1"],
+    "inspect": ["drive.mcap"],
+    "convert": ["drive.mcap", "converted.bag"],
+    "attack": ["drive.mcap", "attacked.mcap", "--on", "S_1"],
+    "calibrate": ["drive.mcap", *OWN],
+    "calibration": ["list", *STORE],
+    "refresh": ["drive.mcap", "--clean", "--measure-again", *OWN],
+    "drift": STORE,
+    "scan": ["drive.mcap", *OWN],
+    "judge": ["own", "--method", "paper"],
+    "label": ["drive.mcap", "--list", *STORE],
+    "review": ["list", *STORE],
+    "evaluate": ["drive.mcap", "--attack-every", "12", "--time-limit", "1", *OWN],
+    "query": ["--sql", "SELECT count(*) FROM verdicts", *STORE],
+    "views": [],
+    "report": ["--out", "page.html", *STORE],
+    "show": ["drive.mcap", "1", *STORE],
+    "case": ["INCIDENT", "--into", "case", *STORE],
+    "parameters": [],
+    "store": ["check", "audit"],
+    "verify": ["audit"],
+    "weights": ["inspect", "drive.mcap"],
+    "train-matcher": ["drive.mcap", "--validate", "other.mcap", "--out", "network", "--steps", "1", "--frames", "1"],
+}
+"""Each verb with what makes it start its child processes, where it has any."""
+
+
+@pytest.fixture(scope="module")
+def incident(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder with drives, a store, and a planted module of every name; an incident of that store."""
+    made = attacked_store(tmp_path_factory.mktemp("made"))
+    folder = tmp_path_factory.mktemp("logs")
+    shutil.copy(made.recordings[0], folder / "drive.mcap")
+    shutil.copy(made.recordings[2], folder / "other.mcap")
+    shutil.copytree(made.folder, folder / "audit")
+    shutil.copytree(made.folder, folder / "own")
+    for name in MODULES:
+        text = f"with open({str(folder / 'markers')!r}, 'a') as file:\n    file.write({name!r} + '\\n')\n"
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
+    return folder, made.incident(0)
+
+
+def ran(folder: Path) -> list[str]:
+    markers = folder / "markers"
+    names = markers.read_text().split() if markers.exists() else []
+    markers.unlink(missing_ok=True)
+    return names
+
+
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "demo"])
+def test_no_verb_runs_a_module_of_the_working_folder(verb: str, incident: tuple[Path, str]) -> None:
+    folder, whole_id = incident
+    command = [AUDITOR, verb, *(whole_id if word == "INCIDENT" else word for word in COMMANDS[verb])]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert ran(folder) == []
+    assert not {"ModuleNotFoundError", "defect of auditor"} & set(done.stderr.split(": "))
+
+
+def test_the_demo_runs_no_module_of_the_working_folder(incident: tuple[Path, str]) -> None:
+    """It is ended when its children have written the first drive: it would take a minute."""
+    folder, _ = incident
+    with subprocess.Popen([AUDITOR, "demo", *COMMANDS["demo"]], cwd=folder, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None and not [*folder.glob("made/**/*.mcap*")]:
+            time.sleep(0.1)
+        process.send_signal(signal.SIGTERM)
+    assert ran(folder) == []
+
+
+def loaded_before_the_first_line() -> set[str]:
+    """What Python itself imports for `python -m auditor`, before any line of the program could prevent it."""
+    program = "import runpy, sys, auditor.__main__; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return {"auditor", *done.stdout.split()}
+
+
+def test_python_m_auditor_imports_nothing_more_from_the_working_folder(
+    incident: tuple[Path, str], tmp_path: Path
+) -> None:
+    folder, _ = incident
+    shutil.copy(folder / "drive.mcap", tmp_path)
+    for name in MODULES - loaded_before_the_first_line():
+        shutil.copy(folder / f"{name}.py", tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-m", "auditor", "inspect", "drive.mcap"], cwd=tmp_path, capture_output=True, check=False
+    )
+    assert ran(folder) == []
+    assert b"cam" in done.stdout
+
+
+@pytest.mark.parametrize("command", [["-m", "auditor"], ["-c", "from auditor.__main__ import main; main()"]])
+def test_a_checkout_runs_from_its_own_root(command: list[str], incident: tuple[Path, str], tmp_path: Path) -> None:
+    """Nothing but the working folder says where the package is."""
+    root = Path(__file__).parents[2]
+    for name in ("auditor", "schemas", "queries", "reports"):
+        shutil.copytree(root / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    [packages] = [folder for folder in sys.path if Path(folder).name == "site-packages"]
+    folder, _ = incident
+    # with -S no .pth file says where this checkout is
+    done = subprocess.run(
+        [sys.executable, "-S", *command, "inspect", folder / "drive.mcap"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": packages},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.splitlines() == []
+    assert "cam" in done.stdout
+
+
+def test_a_child_gets_few_variables_and_no_relative_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = {
+        "AUDITOR_STORE": "kept",
+        "HOME": "/home/somebody",
+        "OMP_NUM_THREADS": "1",
+        "LD_LIBRARY_PATH": ":",
+        "LD_PRELOAD": "planted.so",
+        "PATH": os.pathsep.join(["/usr/bin", "", ".", "bin"]),
+        "PYTHONPATH": "planted",
+        "PYTHONINSPECT": "1",
+        "PYTHONSTARTUP": "planted.py",
+    }
+    for name in os.environ:
+        monkeypatch.delenv(name)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    assert environment() == {
+        "AUDITOR_STORE": "kept",
+        "HOME": "/home/somebody",
+        "OMP_NUM_THREADS": "1",
+        "PATH": "/usr/bin",
+    }

@@ -1,0 +1,40 @@
+"""The SBOM that goes with the wheel is valid, complete, and says nothing of the machine that made it."""
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
+from packaging.utils import canonicalize_name
+
+from tests.sbom import sbom
+from tests.test_advisories import PROJECT, Requirement
+
+
+@pytest.fixture(scope="module")
+def written() -> dict[str, object]:
+    return sbom(Path(sys.prefix))
+
+
+def test_it_is_valid_cyclonedx_1_6(written) -> None:
+    assert (written["bomFormat"], written["specVersion"]) == ("CycloneDX", "1.6")
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(json.dumps(written)) is None
+
+
+def test_every_dependency_stands_in_it_with_its_version_and_address(written) -> None:
+    listed = {canonicalize_name(one["name"]): one for one in written["components"]}
+    for line in PROJECT["dependencies"]:
+        name = Requirement(line).name
+        component = listed[canonicalize_name(name)]
+        assert component["version"] == version(name)
+        assert component["purl"].startswith("pkg:pypi/")
+    assert written["metadata"]["component"]["name"] == "auditor"
+
+
+def test_it_names_no_path_of_the_machine(written) -> None:
+    text = json.dumps(written)
+    assert "file:" not in text
+    assert str(Path(sys.prefix)) not in text
