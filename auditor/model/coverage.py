@@ -9,11 +9,12 @@ _MOST_NAMED = 6  # sensors or topics in one line
 
 
 class TopicState(StrEnum):
-    """What became of a topic that carries camera pictures or LiDAR points."""
+    """What became of a topic. What is no sensor's is shown by `auditor inspect` and not kept."""
 
     READ = "read"
     UNREADABLE = "unreadable"
     LEFT_OUT = "left out"
+    NO_SENSOR = "no sensor"
 
 
 class Against(StrEnum):

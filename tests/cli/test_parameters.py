@@ -13,9 +13,20 @@ from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.parameters import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 
-GROUPS = (FINDING_FILES, RIG_FINDING, SYNCHRONISING, PLACING, MEASURING, WARNING, JUDGING, REFRESHING, DRIFTING)
+GROUPS = (
+    FINDING_FILES,
+    RIG_FINDING,
+    SYNCHRONISING,
+    PLACING,
+    ACCOUNTING,
+    MEASURING,
+    WARNING,
+    JUDGING,
+    REFRESHING,
+    DRIFTING,
+)
 EVERY = list_parameters(*(one for group in GROUPS for one in group))
 
 

@@ -1,15 +1,16 @@
-"""The coverage of a recording's topics: those of the rig, and those that are unreadable or left out."""
+"""The coverage of a recording's topics: those of the rig, and what became of each of the others."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import LIDAR, Rig
-from auditor.recordings.decoding import sensor_types
-from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.decoding import Decoders, sensor_types
+from auditor.recordings.recording import Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.counts import Counts
-from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.survey import Survey, UnreadableTopic
+from auditor.recordings.synchronisation.unlisted import REMEDY, why_a_sensor, why_none
 
 
 def topic_coverage(
@@ -21,14 +22,55 @@ def topic_coverage(
 ) -> tuple[TopicCoverage, ...]:
     """One entry a topic of camera pictures or LiDAR points, the rig's sensors first. The read must be exhausted."""
     of_rig = tuple(_of_sensor(recording, rig, survey, sensor, counts[sensor], times[sensor]) for sensor in rig.sensors)
-    return of_rig + outside_topics(recording, survey, rig)
+    held_s = max((time.held_ns for time in times.values()), default=0) / 1e9
+    outside = outside_topics(recording, survey, rig, held_s)
+    return of_rig + tuple(one for one in outside if one.state is not TopicState.NO_SENSOR)
 
 
-def outside_topics(recording: Recording, survey: Survey, rig: Rig | None = None) -> tuple[TopicCoverage, ...]:
-    """The topics of camera pictures or LiDAR points that are not in a rig, and why. The read must be exhausted."""
+def outside_topics(
+    recording: Recording, survey: Survey, rig: Rig | None = None, held_s: float = 0.0
+) -> tuple[TopicCoverage, ...]:
+    """What became of every topic with messages that is not in the rig. The read must be exhausted.
+
+    `held_s` is the time of the recording's frames in seconds.
+    """
     topics = {rig.topic(sensor) for sensor in rig.sensors} if rig else set()
     unreadable = [one for one in _unreadable(recording, survey) if one.topic not in topics]
-    return (*unreadable, *_left_out(recording, survey, rig, topics))
+    left_out = _left_out(recording, survey, rig, topics)
+    return (*unreadable, *left_out, *_unlisted(recording, _accounted(recording, survey), held_s))
+
+
+def _accounted(recording: Recording, survey: Survey) -> set[Topic]:
+    """The topics that are read as sensors, calibrations or transforms, and those that are said to be unreadable."""
+    decoders = Decoders(recording.definition)
+    sensors = {image.topic.name for image in survey.images} | {cloud.topic.name for cloud in survey.clouds}
+    by_name = {topic.name: topic for topic in recording.topics()}
+
+    def is_read(topic: Topic) -> bool:
+        decoder = decoders.of(topic.schema, topic.encoding)
+        if decoder is None:
+            return False
+        return topic.name in sensors if decoder.kind in sensor_types.KINDS else by_name.get(topic.name) == topic
+
+    return {topic for topic in recording.traffic if is_read(topic)} | {one.topic for one in survey.unreadable}
+
+
+def _unlisted(recording: Recording, accounted: set[Topic], held_s: float) -> Iterator[TopicCoverage]:
+    """The topics that no table lists, and those whose name belongs to another type: sensors by their data, or none."""
+    for topic, traffic in sorted(recording.traffic.items(), key=lambda entry: entry[0].name):
+        if not traffic.messages or topic in accounted:
+            continue
+        known = (topic.name, topic.schema, sensor_types.UNKNOWN)
+        place = (None, sensor_name(topic.name), traffic.messages)
+        if topic.schema in sensor_types.ONE_ROW:
+            reason = sensor_types.ONE_ROW[topic.schema]
+            yield TopicCoverage(*known, TopicState.LEFT_OUT, *place, reason=reason)
+        elif why := why_a_sensor(topic, traffic, held_s, recording.definition(topic.schema)):
+            remedy = REMEDY.format(topic=topic.name)
+            yield TopicCoverage(*known, TopicState.UNREADABLE, *place, reason=why, remedy=remedy)
+        else:
+            none = why_none(topic, traffic, held_s)
+            yield TopicCoverage(*known, TopicState.NO_SENSOR, *place, reason=none)
 
 
 def _of_sensor(
@@ -55,25 +97,25 @@ def _of_sensor(
 
 
 def _unreadable(recording: Recording, survey: Survey) -> Iterator[TopicCoverage]:
-    counted = recording.counts
     for one in survey.unreadable:
-        read = counted.get(one.topic.name, 0)
-        if not read:
+        found = recording.traffic.get(one.topic, Traffic())
+        if not found.messages:
             continue
-        name, other = one.topic.name, sensor_types.other_content(one.topic.name, one.reason)
-        known = (name, one.topic.schema, one.kind)
-        if other:
-            yield TopicCoverage(*known, TopicState.LEFT_OUT, None, sensor_name(name), read, reason=other)
+        known = (one.topic.name, one.topic.schema, one.kind)
+        place = (None, sensor_name(one.topic.name), found.messages)
+        if other := _other_content(one, found):
+            yield TopicCoverage(*known, TopicState.LEFT_OUT, *place, reason=other)
         else:
-            yield TopicCoverage(
-                *known,
-                TopicState.UNREADABLE,
-                None,
-                sensor_name(name),
-                read,
-                reason=one.reason,
-                remedy=one.remedy,
-            )
+            yield TopicCoverage(*known, TopicState.UNREADABLE, *place, reason=one.reason, remedy=one.remedy)
+
+
+def _other_content(one: UnreadableTopic, traffic: Traffic) -> str:
+    """Why a topic that cannot be read is plainly no camera and no LiDAR, by what it holds; empty where it may be."""
+    listed = sensor_types.UNREAD.get(one.topic.schema)
+    mean = traffic.size_bytes / traffic.messages
+    if listed and mean < listed.least_bytes:
+        return f"packets of {mean:.0f} bytes are not a {listed.kind}'s, which have {listed.least_bytes} at least"
+    return sensor_types.other_content(one.reason)
 
 
 def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set[str]) -> Iterator[TopicCoverage]:

@@ -20,7 +20,7 @@ from auditor.recordings.content import Contents
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_calibration, read_small_text
 from auditor.recordings.formats.unpacking import MAX_BYTES
-from auditor.recordings.recording import Clock, Damage, Definition, Topic
+from auditor.recordings.recording import Clock, Damage, Definition, Topic, Traffic
 
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
 TRANSFORMS_TOPIC = "/tf_static"
@@ -120,6 +120,11 @@ class KittiRecording:
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
         return self._counts
+
+    @property
+    def traffic(self) -> Mapping[Topic, Traffic]:
+        """Messages found by the last read, by topic; their bytes are not counted, for all types are known."""
+        return {topic: Traffic(self._counts.get(topic.name, 0)) for topic in self.topics()}
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics that have files."""
