@@ -1,11 +1,12 @@
 """How much of what a recording holds of its sensors was audited, and what counts against it."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 _SECOND_NS = 10**9
 _MOST_NAMED = 6  # sensors or topics in one line
+_DECLARED = "declared by --no-sensor to be neither camera nor LiDAR"
 
 
 class TopicState(StrEnum):
@@ -86,6 +87,19 @@ class TopicCoverage:
     def time_share(self) -> float:
         """Share of the recording's time that its regular messages cover; 1 where there is no time."""
         return self.time.covered_ns / self.time.held_ns if self.time and self.time.held_ns else 1.0
+
+
+def declared(topics: Iterable[TopicCoverage], no_sensors: Collection[str]) -> tuple[TopicCoverage, ...]:
+    """The topics, those that a person declares to be no sensors left out in place of unreadable.
+
+    A topic of the rig stays as it is.
+    """
+    return tuple(
+        replace(one, state=TopicState.LEFT_OUT, reason=_DECLARED, remedy="")
+        if one.topic in no_sensors and one.state is TopicState.UNREADABLE and one.sensor is None
+        else one
+        for one in topics
+    )
 
 
 def least_covered(topics: Iterable[TopicCoverage]) -> tuple[float, float]:

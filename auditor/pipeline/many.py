@@ -244,13 +244,15 @@ class JudgeSettings:
 
     With `only_stale`, what these settings would judge as it is judged already keeps its verdicts. Below
     `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
-    sensor, a recording counts as not fully audited.
+    sensor, a recording counts as not fully audited. `no_sensors` are the names of topics that a person declares to be
+    neither cameras nor LiDARs: that they cannot be read counts for nothing.
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
     min_coverage: float = MIN_COVERAGE
     only_stale: bool = False
+    no_sensors: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -297,7 +299,8 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, reading = recording.name, reading_of(stored, self._settings.min_coverage)
+        name, settings = recording.name, self._settings
+        reading = reading_of(stored, settings.min_coverage, settings.no_sensors)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
@@ -360,10 +363,13 @@ def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Itera
         yield from map(judge.judge, measurements)
 
 
-def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:
+def reading_of(
+    measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE, no_sensors: Collection[str] = ()
+) -> Reading:
     """Whether the recording of a measurement was read whole."""
     frames = FrameCount(measurement.measured, measurement.skipped)
-    return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
+    damage = measurement.damage
+    return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
 
 
 def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:

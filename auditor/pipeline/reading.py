@@ -1,9 +1,9 @@
 """Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from auditor.model.coverage import TopicCoverage, coverage_line, least_covered, left_out_line, unread_line
+from auditor.model.coverage import TopicCoverage, coverage_line, declared, least_covered, left_out_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.recordings.synchronisation.counts import EDGE
 
@@ -40,13 +40,16 @@ def judge_reading(
     balance: Sequence[TopicBalance],
     damage: Sequence[str],
     min_coverage: float = MIN_COVERAGE,
+    no_sensors: Collection[str] = (),
 ) -> Reading:
     """Judge what was read of a recording with one rig; `coverage` is None where it was not kept.
+
+    `no_sensors` are the names of topics that a person declares to be neither cameras nor LiDARs.
 
     It is incomplete where the least covered sensor, or the frames, fall short of `min_coverage`, where a sensor cannot
     be read, and where anything is damaged.
     """
-    topics = coverage or ()
+    topics = declared(coverage or (), no_sensors)
     messages, time = least_covered(topics)
     unread = unread_line(topics)
     damaged = sum(topic.damaged for topic in balance)

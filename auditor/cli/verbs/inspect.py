@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auditor.cli import options
+from auditor.cli.judging_options import no_sensor_option
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
@@ -18,6 +19,7 @@ _MOST_TOPICS_SHOWN = 200
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
 @options.rig_option
+@no_sensor_option
 @options.budget_options
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
@@ -29,10 +31,16 @@ _MOST_TOPICS_SHOWN = 200
     help="How it is printed.",
 )
 def command(
-    recordings: tuple[Path, ...], rig: Path | None, limits: "LimitsOf", write_rig: Path | None, form: str
+    recordings: tuple[Path, ...],
+    rig: Path | None,
+    no_sensors: tuple[str, ...],
+    limits: "LimitsOf",
+    write_rig: Path | None,
+    form: str,
 ) -> int:
     """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
 
+    Each topic has a state: read (also for its calibrations or transforms), unreadable, left out, no sensor, or empty.
     Where the messages of each sensor went adds up: read = used + unused + damaged + skipped. The exit code is that of
     a scan that finds nothing: 3 where not everything can be audited.
 
@@ -65,7 +73,7 @@ def command(
     descriptions = []
     for where in found.recordings:
         try:
-            description = run_within(limits(where), describe, where, rig, write_rig)
+            description = run_within(limits(where), describe, where, rig, write_rig, no_sensors)
             if write_rig and description["rigs"]:
                 say(f"the rig is in {write_rig}")
         except LimitError as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.judging_options import no_sensor_option
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
 from auditor.cli.values import RATE
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 @click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r that recordings are judged at.")
 @click.option("--metrics", type=click.Path(path_type=Path), help="Also write metrics for Prometheus to this file.")
 @click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
+@no_sensor_option
 @options.measuring_options
 def command(
     sources: tuple[Path, ...],
@@ -33,6 +35,7 @@ def command(
     r: Decimal,
     metrics: Path | None,
     measuring: "MeasureSettings",
+    no_sensors: tuple[str, ...],
     *,
     clean: bool,
     dry_run: bool,
@@ -63,10 +66,10 @@ def command(
     others = [Store.open(path) for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if not Store.is_at(path)]
     if dry_run:
-        found = _tried(recordings, others, store, r, measuring.rig, clean=clean)
+        found = _tried(recordings, others, store, r, measuring.rig, no_sensors, clean=clean)
     else:
         kept = Store.open(store, create=bool(sources))
-        found = _refreshed(recordings, others, kept, r, metrics, measuring, clean=clean)
+        found = _refreshed(recordings, others, kept, r, metrics, measuring, no_sensors, clean=clean)
     for line in planned_lines(found):
         say(line)
     for one in found.decisions:
@@ -78,7 +81,14 @@ def command(
 
 
 def _tried(
-    recordings: list[Path], others: "list[Store]", store: Path, r: Decimal, rig: Path | None, *, clean: bool
+    recordings: list[Path],
+    others: "list[Store]",
+    store: Path,
+    r: Decimal,
+    rig: Path | None,
+    no_sensors: tuple[str, ...],
+    *,
+    clean: bool,
 ) -> "Refresh":
     """What a refresh would decide of what is measured already, and what it would measure.
 
@@ -92,7 +102,7 @@ def _tried(
         first = (recordings or others) and not store.exists()
         kept = Store.open(empty, create=True) if first else Store.open(store)
         named = [known for other in others for known in other.ids("measurements")] if clean else []
-        found = refresh(kept, others, named, r, dry_run=True)
+        found = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
         return replace(found, store=store.resolve(), planned=tuple(plan(recordings, kept, rig)))
 
 
@@ -103,6 +113,7 @@ def _refreshed(
     r: Decimal,
     metrics: Path | None,
     measuring: "MeasureSettings",
+    no_sensors: tuple[str, ...],
     *,
     clean: bool,
 ) -> "Refresh":
@@ -116,11 +127,12 @@ def _refreshed(
 
     with only_refresh(kept), logged(kept.folder):
         measured, failed = _measure(recordings, kept, measuring)
-        for judged in judge_new(kept, r):
+        for judged in judge_new(kept, r, no_sensors):
             if judged.error is not None:
                 say(f"{judged.recording}: {judged.error}")
         named = [known for other in others for known in other.ids("measurements")] + measured
-        found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed)
+        named = named if clean else []
+        found = refresh(kept, others, named, r, measured=measured, failed=failed, no_sensors=no_sensors)
         render_refresh_page(found, kept, out=default_page(kept.folder))
         if metrics:
             write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)

@@ -10,7 +10,6 @@ from auditor.errors import AuditorError
 from auditor.pipeline.calibrations.versions import extent_of, version_of
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
-from auditor.pipeline.reading import MIN_COVERAGE
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
 from auditor.store import Store
@@ -20,11 +19,11 @@ from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
 
 
-def judge_new(store: Store, r: Decimal) -> Iterator[Judged]:
+def judge_new(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> Iterator[Judged]:
     """Judge what was never judged, by the versions in force: what was raised is on the incident page from then on."""
     known = store.current_judgements()
     new = [one for one in store.ids("measurements") if one not in known]
-    return judge_all(store, new, JudgeSettings(Criteria(r), None, MIN_COVERAGE))
+    return judge_all(store, new, JudgeSettings(Criteria(r), no_sensors=frozenset(no_sensors)))
 
 
 def refresh(
@@ -35,17 +34,18 @@ def refresh(
     *,
     measured: Sequence[str] = (),
     failed: Sequence[Failure] = (),
+    no_sensors: Collection[str] = (),
     dry_run: bool = False,
 ) -> Refresh:
     """Learn from what a store, and others beside it, have measured, and put in force what may be.
 
     `named` are the measurements that this call names clean. `measured` are the recordings that were measured for it,
-    `failed` those that could not be. A rig kind that fails is one that failed; the others go on. With `dry_run` nothing
-    is written. Raises StoreError.
+    `failed` those that could not be; `no_sensors` are topics that are neither cameras nor LiDARs. A rig kind that fails
+    is one that failed; the others go on. With `dry_run` nothing is written. Raises StoreError.
     """
     decisions, failures = list[Decision](), list(failed)
     in_force = calibrations_in_force(store)
-    for group in groups_of((store, *others), named):
+    for group in groups_of((store, *others), named, no_sensors):
         try:
             known = known_of(store, group)
             learnt = learn(group, known, in_force, r)

@@ -56,11 +56,12 @@ class Group:
     logs: list[Log] = field(default_factory=list)
 
 
-def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
+def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Collection[str] = ()) -> list[Group]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
     `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
-    false alarms. Measurements of an earlier way of counting are left out.
+    false alarms. Measurements of an earlier way of counting are left out. `no_sensors` are topics that a person
+    declares to be neither cameras nor LiDARs.
     """
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
@@ -79,6 +80,7 @@ def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
                         recordings[stored.recording_id],
                         named=measurement in named,
                         reviewed=measurement in reviewed,
+                        no_sensors=no_sensors,
                     )
                 )
     return groups
@@ -94,12 +96,20 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
     return found
 
 
-def _log(store: Store, stored: StoredMeasurement, recording: RecordingRecord, *, named: bool, reviewed: bool) -> Log:
+def _log(
+    store: Store,
+    stored: StoredMeasurement,
+    recording: RecordingRecord,
+    *,
+    named: bool,
+    reviewed: bool,
+    no_sensors: Collection[str],
+) -> Log:
     known = stored.measurement_id
     labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
-    doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day)
+    doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
     return Log(
         used,
         partial(clean_frames_of, store, known),
@@ -122,7 +132,7 @@ def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord)
     return "", False
 
 
-def _doubtful(stored: StoredMeasurement, day: date | None) -> tuple[str, bool]:
+def _doubtful(stored: StoredMeasurement, day: date | None, no_sensors: Collection[str]) -> tuple[str, bool]:
     """Why a log that nobody calls clean is not learnt from, and whether a person should look at it.
 
     One of a day that has not come yet would be the latest, and so learnt from for ever.
@@ -131,7 +141,7 @@ def _doubtful(stored: StoredMeasurement, day: date | None) -> tuple[str, bool]:
         return f"{day} has not come yet: was its clock wrong?", True
     if stored.measured < CLEAN_DRIVE.fewest_frames:
         return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
-    reading = reading_of(stored)
+    reading = reading_of(stored, no_sensors=no_sensors)
     if not reading.complete:
         return "; ".join(reading.remarks) or "it was not read whole", False
     if stored.calibration_warnings:

@@ -13,6 +13,7 @@ from auditor.recordings.decoding.kitti import SCAN
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 
+OLD = schemas.POINT_CLOUD_OLD
 MAKER = MessageMaker("cdr")
 XYZ = np.random.default_rng(3).normal(0, 10, (30, 3)).astype(np.float32)
 
@@ -166,3 +167,42 @@ def test_points_of_opposite_infinity_are_dropped_silently() -> None:
     points = XYZ.copy()
     points[3] = np.inf, -np.inf, 0
     assert len(decoder().xyz_m(message(points.view(np.uint8), xyz_fields(), 12))) == 29
+
+
+def old_message(encoding: str, count: int | None = None) -> tuple[Message, CloudDecoder]:
+    """A sensor_msgs/PointCloud with the points XYZ, and its decoder."""
+    maker = MessageMaker(encoding)
+    point = maker.store.types["geometry_msgs/msg/Point32"]
+    points = [point(*map(float, one)) for one in XYZ]
+    cloud = maker.store.types[OLD](header=maker.header(5, "velo"), points=points, channels=[])
+    data = maker.serialise(OLD, cloud)
+    if count is not None:
+        data = data.replace(len(XYZ).to_bytes(4, "little"), count.to_bytes(4, "little"))
+    text = maker.definition(OLD).encode()
+    form = "ros1msg" if encoding == "ros1" else "ros2msg"
+    found = Decoders(lambda _: Definition(form, text)).cloud(OLD, encoding)
+    assert found is not None
+    return Message("/old", OLD, encoding, 9, data), found
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_points_of_the_old_type_come_out_as_recorded(encoding: str) -> None:
+    old, found = old_message(encoding)
+    assert np.array_equal(found.xyz_m(old), XYZ)
+    assert found.header(old).stamp_ns == 5
+
+
+@pytest.mark.parametrize("count", [31, 2**31])
+def test_a_cloud_of_the_old_type_that_holds_fewer_points_than_it_declares_is_damaged(count: int) -> None:
+    old, found = old_message("cdr", count)
+    with pytest.raises(DecodingError, match=f"declares {count} points"):
+        found.xyz_m(old)
+
+
+@settings(max_examples=50)
+@given(data=st.data())
+def test_a_cut_cloud_of_the_old_type_is_damaged_not_used(data: st.DataObject) -> None:
+    old, found = old_message("cdr")
+    cut = data.draw(st.integers(0, len(XYZ) * 12))
+    with pytest.raises(DecodingError):
+        found.xyz_m(Message("/old", OLD, "cdr", 9, old.data[:cut]))
