@@ -16,6 +16,7 @@ from auditor.model.pictures import FramePicture
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
+from auditor.resources import local_path
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.files import Written, checked_id, finished, remove_abandoned, write_whole
 from auditor.store.log import Output, logged
@@ -94,13 +95,16 @@ class Store:
         self._read: tuple[str, pa.Table] | None = None
         self.packs = Packs(folder)
 
+    def __str__(self) -> str:
+        return str(self.folder)
+
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
         """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
 
         Raises StoreError where the folder holds something else, or a store of another version.
         """
-        folder = Path(path).expanduser().resolve()
+        folder = local_path(path).expanduser().resolve()
         if storable(str(folder)) != str(folder):
             raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
         if not (folder / MARKER).exists():
