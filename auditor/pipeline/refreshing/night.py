@@ -133,8 +133,12 @@ def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: da
 
 
 def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) -> bool:
-    """Whether a version is new, or another was decided of it than before."""
-    return known is None or (known.outcome, known.reasons) != (version.outcome, version.reasons)
+    """Whether a version is new, or another was decided of it; that one came into force is never forgotten."""
+    if known is None:
+        return True
+    if known.outcome is Outcome.PROMOTED is not version.outcome:
+        return False
+    return (known.outcome, known.reasons) != (version.outcome, version.reasons)
 
 
 def default_page(store: Path) -> Path:
