@@ -28,7 +28,7 @@ from auditor.measurement.warning_parameters import WARNING
 from auditor.model.measurement import COUNTING_VERSION, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 from tests import digests
 
 WRITTEN_BY = "python -m tests.digests keeps the new digest"
@@ -274,7 +274,11 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
-    for groups in ((*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING), (*MEASURING, *WARNING), JUDGING):
+    for groups in (
+        (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING),
+        (*MEASURING, *WARNING),
+        JUDGING,
+    ):
         assert not [name for name, times in Counter(type(group).__name__ for group in groups).items() if times > 1]
     groups_named: dict[str, set[int]] = {}
     for group in (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
@@ -284,7 +288,7 @@ def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
-        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING)),
+        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING)),
         ("measurement", (*MEASURING, *WARNING)),
         ("identification", (*JUDGING, LOCALISED_FROM)),
     ):

@@ -32,9 +32,20 @@ recount_option = click.option(
 )
 
 
+no_sensor_option = click.option(
+    "--no-sensor",
+    "no_sensors",
+    metavar="TOPIC",
+    multiple=True,
+    help="A topic that is neither camera nor LiDAR, though it cannot be read: a recording counts as fully audited "
+    "without it, and says so. May be repeated.",
+)
+
+
 def judging_options(command: Decorated) -> Decorated:
     """The method, the designated false-alarm rate and the thresholds that verdicts are reached with."""
     for option in (
+        no_sensor_option,
         click.option(
             "--min-coverage",
             type=FiniteRange(0, 1),

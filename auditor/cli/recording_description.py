@@ -1,22 +1,23 @@
 """What a recording holds, as `auditor inspect --format json` prints it: topics, health, rigs and what they identify."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from auditor.cli.capabilities import capabilities, short_pairs
 from auditor.errors import RigError
-from auditor.model.coverage import TopicCoverage, unread_line
+from auditor.model.coverage import TopicCoverage, declared, unread_line
 from auditor.model.optics.common_view import common_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import calibration_warnings_of, rigs_through
+from auditor.pipeline.measure import FirstFrames, first_frames_of, rigs_through
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading
 from auditor.recordings import (
     Health,
     Location,
     Recording,
     RigsInForce,
+    Survey,
     check_health,
     open_recording,
     outside_topics,
@@ -27,8 +28,12 @@ from auditor.recordings import (
 )
 
 
-def describe(where: Location, shown: Path | None, written: Path | None) -> dict[str, Any]:
+def describe(
+    where: Location, shown: Path | None, written: Path | None, no_sensors: Collection[str] = ()
+) -> dict[str, Any]:
     """Read a recording through, with the rig file `shown` in place of its own; its first rig is written to `written`.
+
+    `no_sensors` are topics that a person declares to be neither cameras nor LiDARs.
 
     Raises RecordingError where it cannot be read, RigError where the rig file does not fit it.
     """
@@ -45,7 +50,7 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        first = [first_frames_of(recording, one) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
             for one in found.rigs
@@ -54,8 +59,8 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         damage = [str(piece) for piece in recording.damage]
-        readings = [_reading(one, damage) for one in health]
-        coverage = health[0].coverage if health else outside_topics(recording, surveyed)
+        readings = [_reading(one, seen, damage, no_sensors) for one, seen in zip(health, first, strict=True)]
+        coverage = declared(_coverage(recording, surveyed, rigs, health), no_sensors)
         return {
             "recording": storable(str(where)),
             "recording_id": recording.recording_id,
@@ -66,8 +71,8 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
             "damage": damage,
             "problems": [*found.remarks, *surveyed.problems],
             "rigs": [
-                {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
-                for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)
+                {**_rig(rig, one), "calibration_warnings": list(seen.warnings), "reading": list(reading.remarks)}
+                for rig, one, seen, reading in zip(rigs, health, first, readings, strict=True)
             ],
             "unreadable": unread_line(coverage),
             "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
@@ -76,32 +81,53 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
         }
 
 
-def _reading(health: Health, damage: list[str]) -> Reading:
+def _coverage(
+    recording: Recording, surveyed: Survey, rigs: Sequence[Rig], health: Sequence[Health]
+) -> tuple[TopicCoverage, ...]:
+    """What became of every topic with messages: by the first rig, or as far as that can be said without one."""
+    if not health:
+        return outside_topics(recording, surveyed)
+    of_rig = tuple(one for one in health[0].coverage if one.sensor is not None)
+    held_s = max((one.time.held_ns for one in of_rig if one.time), default=0) / 1e9
+    return of_rig + outside_topics(recording, surveyed, rigs[0], held_s)
+
+
+def _reading(health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
+    """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them."""
     balance = [sensor.balance for sensor in health.sensors.values()]
-    return judge_reading(FrameCount(health.frames, health.skipped), health.coverage, balance, damage)
+    frames = FrameCount(health.frames, health.skipped)
+    reading = judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
+    if first.compared or not first.measured:
+        return reading
+    dark = f"in none of {first.measured} frames at its beginning could three sensors be compared: too little texture"
+    return Reading((*reading.remarks, dark), complete=False)
 
 
 def _topics(
     recording: Recording, rigs: tuple[Rig, ...], coverage: tuple[TopicCoverage, ...]
 ) -> Iterator[dict[str, Any]]:
-    """Every topic, with its sensor; those of cameras and LiDARs with their state and, where not read, why."""
+    """Every topic, with its sensor, its state and, where it is not read, why."""
     sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
-    covered = {one.topic: one for one in coverage}
-    counts = recording.counts
-    for topic in recording.topics():
+    covered = {(one.topic, one.schema): one for one in coverage}
+    traffic = recording.traffic
+    # A name with messages of two types is two topics.
+    for topic in sorted({*recording.topics(), *traffic}, key=lambda topic: (topic.name, topic.schema)):
+        messages = traffic[topic].messages if topic in traffic else 0
+        sensor, one = sensors.get(topic.name), covered.get((topic.name, topic.schema))
         yield {
             "topic": topic.name,
             "schema": topic.schema,
-            "messages": counts.get(topic.name, 0),
-            "sensor": sensors.get(topic.name),
-            "state": _state(sensors.get(topic.name), covered.get(topic.name)),
-            "why": covered[topic.name].reason if topic.name in covered and topic.name not in sensors else "",
+            "messages": messages,
+            "sensor": sensor,
+            "state": _state(sensor, one, messages),
+            "why": one.reason if one is not None and sensor is None else "",
         }
 
 
-def _state(sensor: str | None, covered: TopicCoverage | None) -> str | None:
+def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> str:
+    """What became of a topic: what nothing else is said of was read for its calibrations or transforms."""
     if covered is None or (sensor is not None and covered.sensor is None):
-        return "read" if sensor else None
+        return "read" if sensor or messages else "empty"
     return covered.state.value
 
 

@@ -1,19 +1,21 @@
 """How much of what a recording holds of its sensors was audited, and what counts against it."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 _SECOND_NS = 10**9
 _MOST_NAMED = 6  # sensors or topics in one line
+_DECLARED = "declared by --no-sensor to be neither camera nor LiDAR"
 
 
 class TopicState(StrEnum):
-    """What became of a topic that carries camera pictures or LiDAR points."""
+    """What became of a topic. What is no sensor's is shown by `auditor inspect` and not kept."""
 
     READ = "read"
     UNREADABLE = "unreadable"
     LEFT_OUT = "left out"
+    NO_SENSOR = "no sensor"
 
 
 class Against(StrEnum):
@@ -98,6 +100,19 @@ def with_repeats(topics: Iterable[TopicCoverage], repeats: Mapping[int, int]) ->
         return replace(topic, regular=topic.regular - count, against=against) if count else topic
 
     return tuple(map(of_topic, topics))
+
+
+def declared(topics: Iterable[TopicCoverage], no_sensors: Collection[str]) -> tuple[TopicCoverage, ...]:
+    """The topics, those that a person declares to be no sensors left out in place of unreadable.
+
+    A topic of the rig stays as it is.
+    """
+    return tuple(
+        replace(one, state=TopicState.LEFT_OUT, reason=_DECLARED, remedy="")
+        if one.topic in no_sensors and one.state is TopicState.UNREADABLE and one.sensor is None
+        else one
+        for one in topics
+    )
 
 
 def least_covered(topics: Iterable[TopicCoverage]) -> tuple[float, float]:

@@ -179,6 +179,7 @@ def scan(
     r: Rate = "0.01",
     method: Method | str = Method.ROBUST,
     min_coverage: float = 0.99,
+    no_sensors: Iterable[str] = (),
     matcher: str = "sgbm",
     network: MatcherOptions = NO_NETWORK,
     rig: PathLike | None = None,
@@ -195,11 +196,13 @@ def scan(
     its own that may take `memory_limit` MB and `time_limit` seconds. What the store has measured already is not
     measured again, unless `measure_again`; then the earlier measurement goes, with its judgements.
 
+    `no_sensors` names topics that are neither cameras nor LiDARs, so that it does not matter that they cannot be read.
+
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
     folder = Path(store)
-    judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage)
+    judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage, no_sensors=no_sensors)
     judging = replace(judging, only_stale=True)
     settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
@@ -250,6 +253,7 @@ def judge(
     strict: bool = False,
     recount: bool = False,
     min_coverage: float = 0.99,
+    no_sensors: Iterable[str] = (),
     jobs: int | None = None,
 ) -> Iterator[Judged]:
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
@@ -261,7 +265,7 @@ def judge(
     kept = opened(store)
     measurements = kept.ids("measurements")
     if not measurements:
-        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
+        raise StoreError("nothing has been measured", where=kept.folder, remedy="measure recordings with auditor scan")
     settings = judge_settings(
         kept.folder,
         calibration,
@@ -273,6 +277,7 @@ def judge(
         strict=strict,
         recount=recount,
         min_coverage=min_coverage,
+        no_sensors=no_sensors,
     )
     return judge_side_by_side(kept, measurements, settings, jobs)
 
@@ -289,6 +294,7 @@ def judge_settings(
     strict: bool = False,
     recount: bool = False,
     min_coverage: float = 0.99,
+    no_sensors: Iterable[str] = (),
 ) -> JudgeSettings:
     """The settings of a call. Raises SettingError, and ThresholdsError for an unknown calibration."""
     criteria = Criteria(
@@ -300,7 +306,8 @@ def judge_settings(
         strict=strict,
         recount=recount,
     )
-    return JudgeSettings(criteria, named_calibration(store, calibration), min_coverage)
+    thresholds = named_calibration(store, calibration)
+    return JudgeSettings(criteria, thresholds, min_coverage, no_sensors=frozenset(no_sensors))
 
 
 def _one_of(kind: type[Choice], value: str) -> Choice:

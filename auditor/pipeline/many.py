@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError
@@ -22,16 +23,8 @@ from auditor.pipeline.judge import (
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import MIN_COVERAGE
-from auditor.pipeline.remarks import (
-    as_a_part,
-    conflicts_of,
-    counted_elsewhere,
-    frames_short,
-    marked,
-    reading_of,
-    unresolved,
-)
+from auditor.pipeline.reading import MIN_COVERAGE, frames_not_audited, reading_of
+from auditor.pipeline.remarks import as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
@@ -40,10 +33,13 @@ from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasure
 from auditor.store.log import logged
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import histories, in_force_of
-from auditor.store.versions.records import provisional_of
+from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
-_PROVISIONAL = "its calibration is provisional: nobody named its recordings clean (calibration promote confirms it)"
+_PROVISIONAL = (
+    "its calibration is provisional: nobody named its recordings clean, or they are too few (calibration promote "
+    "confirms it)"
+)
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
@@ -91,12 +87,16 @@ class MeasureSettings:
 
 @dataclass(frozen=True)
 class Batch:
-    """Recordings to be measured into a store, None where there are none, and an error for each path that holds none."""
+    """Recordings to be measured into a store, None where there are none, and an error for each path that holds none.
+
+    `notes` are files of text beside recordings, which are none.
+    """
 
     tasks: tuple[MeasureTask, ...]
     errors: tuple[RecordingError, ...]
     settings: MeasureSettings
     store: Store | None = None
+    notes: tuple[Path, ...] = ()
 
     @property
     def shows_known(self) -> bool:
@@ -115,7 +115,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
         check_rig_file(settings.rig)
     found = find_recordings(paths)
     if not found.recordings:
-        return Batch((), found.errors, settings)
+        return Batch((), found.errors, settings, notes=found.notes)
     kept = Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
@@ -131,7 +131,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
         )
         for location in found.recordings
     )
-    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs), kept)
+    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs), kept, found.notes)
 
 
 def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
@@ -253,13 +253,15 @@ class JudgeSettings:
 
     With `only_stale`, what these settings would judge as it is judged already keeps its verdicts. Below
     `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
-    sensor, a recording counts as not fully audited.
+    sensor, a recording counts as not fully audited. `no_sensors` are the names of topics that a person declares to be
+    neither cameras nor LiDARs: that they cannot be read counts for nothing.
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
     min_coverage: float = MIN_COVERAGE
     only_stale: bool = False
+    no_sensors: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -293,6 +295,7 @@ class Judge:
         self._store = store
         self._settings = settings
         known = [] if settings.calibration else histories(store)
+        self._known = known
         self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
         self._current = store.current_judgements()
         self._usual = UsualRigs(store)
@@ -306,7 +309,8 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, reading = recording.name, reading_of(stored, self._settings.min_coverage)
+        name, settings = recording.name, self._settings
+        reading = reading_of(stored, settings.min_coverage, settings.no_sensors)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
@@ -321,8 +325,9 @@ class Judge:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
+            *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_short(stored, judgement, self._settings.min_coverage),
+            *frames_not_audited(stored, judgement, settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
@@ -344,6 +349,11 @@ class Judge:
             gaps=missing,
             fresh=judgement is not earlier,
         )
+
+    @cached_property
+    def _lost(self) -> tuple[str, ...]:
+        """What was in force and is gone; looked up only where nothing in force fits."""
+        return tuple(map(lost_line, lost_versions(self._store, self._known)))
 
     def _fitting(self, measurement: str) -> Calibration | None:
         """The calibration that a measurement is judged by; None where there is none."""

@@ -4,24 +4,8 @@ from collections.abc import Iterator
 
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
-from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import Criteria, resolves_incidents
-from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
-from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
-
-
-def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:
-    """Whether the recording of a measurement was read whole."""
-    frames = FrameCount(measurement.measured, measurement.skipped)
-    return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
-
-
-def frames_short(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged."""
-    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
-    due = FrameCount(measurement.measured, measurement.skipped).due
-    if audited < min_coverage * due:
-        yield f"{audited} of {due} frames audited"
+from auditor.store import RecordingRecord, Store, StoredJudgement
 
 
 def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:

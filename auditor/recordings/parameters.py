@@ -152,6 +152,24 @@ class PictureDepth:
     pictures: int = parameter(10, unit="first pictures a topic, of which the largest value counts", source=BY_HAND)
 
 
+@dataclass(frozen=True)
+class SensorLike:
+    """From which data rate on a topic of an unlisted type may be a camera or a LiDAR, so that it has to be looked at.
+
+    The rate is over the time of the frames. A camera's video of a low bit rate has 30 kB/s, and packets or compressed
+    points of the smallest LiDARs 500 kB/s. Tracks of a radar, objects and states of a vehicle have 1 to 150 kB/s, and
+    the raw bytes of a serial line of 115,200 baud 11.5 kB/s.
+    """
+
+    least_messages: int = parameter(2, unit="messages: a map that is published once is no sensor", source=BY_HAND)
+    least_hz: float = parameter(1.0, unit="messages a second: frames have 4 Hz at least", source=BY_HAND)
+    bytes_per_s: float = parameter(200e3, unit="bytes a second, whatever the type says", source=BY_HAND)
+    blob_bytes_per_s: float = parameter(
+        15e3, unit="bytes a second, where the type's definition holds raw bytes, a picture or points", source=BY_HAND
+    )
+    least_s: float = parameter(1.0, unit="s: shorter recordings count as so long", source=BY_HAND)
+
+
 RIG_LIMITS = RigLimits()
 CAMERA_LIMITS = CameraLimits()
 
@@ -159,11 +177,16 @@ PICTURE_DEPTH = PictureDepth()
 
 POSES = Poses()
 
+SENSOR_LIKE = SensorLike()
+
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
 RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
 """All that can change which cameras form a rig, and what a rig says of them."""
+
+ACCOUNTING = (SENSOR_LIKE,)
+"""All that can change which topics count as sensors that cannot be read; no count and no verdict depends on them."""
 
 PLACING = (POSES,)
 """All that can change which poses are kept, and nothing else."""

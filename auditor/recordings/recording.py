@@ -39,6 +39,14 @@ class Topic:
 
 
 @dataclass(frozen=True)
+class Traffic:
+    """What one read found of a topic: its messages, and the bytes of their data as the file holds them."""
+
+    messages: int = 0
+    size_bytes: int = 0
+
+
+@dataclass(frozen=True)
 class Damage:
     """A part of a recording that could not be read: what it is, and at which byte of its file (None where unknown)."""
 
@@ -67,8 +75,8 @@ class Definition:
 class Recording(Protocol):
     """One log file or folder, opened for reading only.
 
-    `topics` may grow while a recording without an index is read. `counts` (messages found, by topic, requested or not)
-    and `damage` describe the last call of `messages`, and are complete once it is exhausted.
+    `topics` may grow while a recording without an index is read. `counts` and `traffic` (what was found, requested or
+    not) and `damage` describe the last call of `messages`, and are complete once it is exhausted.
     """
 
     path: Path
@@ -85,6 +93,10 @@ class Recording(Protocol):
     @property
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
+
+    @property
+    def traffic(self) -> Mapping[Topic, Traffic]:
+        """Messages and bytes found by the last read; a name with messages of two types is two topics here."""
 
     @property
     def damage(self) -> tuple[Damage, ...]:

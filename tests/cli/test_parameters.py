@@ -13,9 +13,20 @@ from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.parameters import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 
-GROUPS = (FINDING_FILES, RIG_FINDING, SYNCHRONISING, PLACING, MEASURING, WARNING, JUDGING, REFRESHING, DRIFTING)
+GROUPS = (
+    FINDING_FILES,
+    RIG_FINDING,
+    SYNCHRONISING,
+    PLACING,
+    ACCOUNTING,
+    MEASURING,
+    WARNING,
+    JUDGING,
+    REFRESHING,
+    DRIFTING,
+)
 EVERY = list_parameters(*(one for group in GROUPS for one in group))
 
 
@@ -33,7 +44,8 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
     assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
-    changed = {"recordings", "rigs", "frames", "places", "counts", "warnings", "verdicts", "refreshes", "drift"}
+    changed = {"recordings", "rigs", "frames", "places", "topics"}
+    changed |= {"counts", "warnings", "verdicts", "refreshes", "drift"}
     assert changed == {row["changes"] for row in rows}
 
 

@@ -40,13 +40,14 @@ def _rows() -> Iterator[dict[str, object]]:
     from auditor.measurement.parameters import MEASURING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
-    from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
+    from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
 
     parts = (
         ("recordings", FINDING_FILES),
         ("rigs", RIG_FINDING),
         ("frames", SYNCHRONISING),
         ("places", PLACING),
+        ("topics", ACCOUNTING),
         ("counts", MEASURING),
         ("warnings", WARNING),
         ("verdicts", JUDGING),

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.judging_options import no_sensor_option
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
-from auditor.cli.values import RATE
+from auditor.cli.values import PATH, RATE
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
@@ -20,12 +21,13 @@ if TYPE_CHECKING:
 
 
 @click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
-@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=click.Path(path_type=Path))
+@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=PATH)
 @options.store_option
 @click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
 @click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r that recordings are judged at.")
-@click.option("--metrics", type=click.Path(path_type=Path), help="Also write metrics for Prometheus to this file.")
+@click.option("--metrics", type=PATH, help="Also write metrics for Prometheus to this file.")
 @click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
+@no_sensor_option
 @options.measuring_options
 def command(
     sources: tuple[Path, ...],
@@ -33,6 +35,7 @@ def command(
     r: Decimal,
     metrics: Path | None,
     measuring: "MeasureSettings",
+    no_sensors: tuple[str, ...],
     *,
     clean: bool,
     dry_run: bool,
@@ -52,9 +55,10 @@ def command(
     held for a person (auditor calibration promote), or refused.
 
     Prints one line of JSON, and writes the page STORE/reports/refresh.html. Exit codes: 0 promoted, or nothing new;
-    1 held for a person, or some recordings failed; 2 could not run; 4 refused.
+    1 held for a person, some recordings of this call have findings or are in doubt, or some failed; 2 could not run;
+    4 refused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.refresh_answers import exit_code, json_line, planned_lines  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.refresh_answers import exit_code, json_line, left_out_lines, planned_lines  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
 
@@ -63,22 +67,33 @@ def command(
     others = [Store.open(path) for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if not Store.is_at(path)]
     if dry_run:
-        found = _tried(recordings, others, store, r, measuring.rig, clean=clean)
+        found = _tried(recordings, others, store, r, measuring.rig, no_sensors, clean=clean)
     else:
         kept = Store.open(store, create=bool(sources))
-        found = _refreshed(recordings, others, kept, r, metrics, measuring, clean=clean)
+        found = _refreshed(recordings, others, kept, r, metrics, measuring, no_sensors, clean=clean)
     for line in planned_lines(found):
         say(line)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
+        for line in left_out_lines(one):
+            say(f"  {line}")
         for step in next_steps(one, found.store):
             say(f"  {step.what}: {step.command}")
+    for finding in found.found:
+        say(f"{finding.recording}: to be looked at: {finding.reason}")
     answer(json_line(found))
     return exit_code(found)
 
 
 def _tried(
-    recordings: list[Path], others: "list[Store]", store: Path, r: Decimal, rig: Path | None, *, clean: bool
+    recordings: list[Path],
+    others: "list[Store]",
+    store: Path,
+    r: Decimal,
+    rig: Path | None,
+    no_sensors: tuple[str, ...],
+    *,
+    clean: bool,
 ) -> "Refresh":
     """What a refresh would decide of what is measured already, and what it would measure.
 
@@ -92,7 +107,7 @@ def _tried(
         first = (recordings or others) and not store.exists()
         kept = Store.open(empty, create=True) if first else Store.open(store)
         named = [known for other in others for known in other.ids("measurements")] if clean else []
-        found = refresh(kept, others, named, r, dry_run=True)
+        found = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
         return replace(found, store=store.resolve(), planned=tuple(plan(recordings, kept, rig)))
 
 
@@ -103,6 +118,7 @@ def _refreshed(
     r: Decimal,
     metrics: Path | None,
     measuring: "MeasureSettings",
+    no_sensors: tuple[str, ...],
     *,
     clean: bool,
 ) -> "Refresh":
@@ -116,11 +132,14 @@ def _refreshed(
 
     with only_refresh(kept), logged(kept.folder):
         measured, failed = _measure(recordings, kept, measuring)
-        for judged in judge_new(kept, r):
-            if judged.error is not None:
-                say(f"{judged.recording}: {judged.error}")
+        judged = list(judge_new(kept, r, no_sensors))
+        for one in judged:
+            if one.error is not None:
+                say(f"{one.recording}: {one.error}")
         named = [known for other in others for known in other.ids("measurements")] + measured
-        found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed)
+        named = named if clean else []
+        new = [one.measurement_id for one in judged]
+        found = refresh(kept, others, named, r, measured=measured, judged=new, failed=failed, no_sensors=no_sensors)
         render_refresh_page(found, kept, out=default_page(kept.folder))
         if metrics:
             write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)

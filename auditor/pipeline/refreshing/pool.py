@@ -14,8 +14,9 @@ from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import counted_earlier
 from auditor.pipeline.many import attacked_by_labels, held_by
+from auditor.pipeline.reading import reading_of
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
-from auditor.pipeline.remarks import conflicts_of, reading_of
+from auditor.pipeline.remarks import conflicts_of
 from auditor.store import RecordingRecord, Store, StoredMeasurement
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for
@@ -58,16 +59,17 @@ class Group:
     logs: list[Log] = field(default_factory=list)
 
 
-def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
+def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Collection[str] = ()) -> list[Group]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
     `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
-    false alarms. Measurements of an earlier way of counting are left out.
+    false alarms. Measurements of an earlier way of counting are left out. `no_sensors` are topics that a person
+    declares to be neither cameras nor LiDARs.
     """
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
-        reviewed = false_alarms(store)
+        reviewed, judged = false_alarms(store), store.current_judgements()
         recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
         for stored in store.measurements():
             measurement = stored.measurement_id
@@ -81,6 +83,8 @@ def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
                         recordings[stored.recording_id],
                         named=measurement in named,
                         reviewed=measurement in reviewed,
+                        no_sensors=no_sensors,
+                        told=judged[measurement].found if measurement in judged else 0,
                     )
                 )
     return groups
@@ -96,12 +100,25 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
     return found
 
 
-def _log(store: Store, stored: StoredMeasurement, recording: RecordingRecord, *, named: bool, reviewed: bool) -> Log:
-    known = stored.measurement_id
-    labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
+def _log(
+    store: Store,
+    stored: StoredMeasurement,
+    recording: RecordingRecord,
+    *,
+    named: bool,
+    reviewed: bool,
+    no_sensors: Collection[str],
+    told: int,
+) -> Log:
+    known, given = stored.measurement_id, store.given_labels(stored.recording_id)
+    labelled = reviewed or any(one.attack is None for one in given)
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
-    doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day)
+    doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
+    if told and not reviewed and not given:
+        # Nobody has looked at what was found in it, whatever it is left out for.
+        found, look_at = f"; {told} frames of it are in incidents or alerts", True
+        barred, doubt = barred and barred + found, doubt and doubt + found
     return Log(
         used,
         partial(clean_frames_of, store, known),
@@ -124,7 +141,7 @@ def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord)
     return "", False
 
 
-def _doubtful(stored: StoredMeasurement, day: date | None) -> tuple[str, bool]:
+def _doubtful(stored: StoredMeasurement, day: date | None, no_sensors: Collection[str]) -> tuple[str, bool]:
     """Why a log that nobody calls clean is not learnt from, and whether a person should look at it.
 
     One of a day that has not come yet would be the latest, and so learnt from for ever.
@@ -133,7 +150,7 @@ def _doubtful(stored: StoredMeasurement, day: date | None) -> tuple[str, bool]:
         return f"{day} has not come yet: was its clock wrong?", True
     if stored.measured < CLEAN_DRIVE.fewest_frames:
         return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
-    reading = reading_of(stored)
+    reading = reading_of(stored, no_sensors=no_sensors)
     if not reading.complete:
         return "; ".join(reading.remarks) or "it was not read whole", False
     if stored.calibration_warnings:

@@ -5,7 +5,7 @@ from functools import cache
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
-from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.recordings.decoding.clouds import OldPointCloudDecoder, PointCloudDecoder
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
 from auditor.recordings.decoding.foxglove_video import CompressedVideoDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
@@ -52,6 +52,7 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.IMAGE: (_ROS, RawImageDecoder),
     schemas.COMPRESSED_IMAGE: (_ROS, CompressedImageDecoder),
     schemas.POINT_CLOUD: (_ROS, PointCloudDecoder),
+    schemas.POINT_CLOUD_OLD: (_ROS, OldPointCloudDecoder),
     schemas.CAMERA_INFO: (_ROS, RosCameraInfoDecoder),
     schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),

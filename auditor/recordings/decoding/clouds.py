@@ -1,4 +1,4 @@
-"""sensor_msgs/PointCloud2."""
+"""sensor_msgs/PointCloud2, and sensor_msgs/PointCloud, which came before it."""
 
 from typing import Any, ClassVar, Literal
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
-from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.decoding.ros import RosTypes, end_of_header, read_header
 from auditor.safety.budget import MAX_POINTS
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -34,6 +34,29 @@ class PointCloudDecoder:
         """The finite points, (N, 3) float32 metres."""
         cloud = self._types.decode(message)
         return finite(xyz_of(points_of(cloud)))
+
+
+class OldPointCloudDecoder:
+    """sensor_msgs/PointCloud: an array of geometry_msgs/Point32, which lies behind the header as it is in memory."""
+
+    kind: ClassVar[Literal["cloud"]] = "cloud"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header, without decoding the rest."""
+        return read_header(message)
+
+    def xyz_m(self, message: Message) -> NDArray[np.float32]:
+        """The finite points, (N, 3) float32 metres."""
+        self._types.store(message.schema)  # raises where its definition is another one than ROS's
+        start, order = end_of_header(message)
+        [count] = np.frombuffer(message.data, f"{order}u4", 1, start) if start + 4 <= len(message.data) else [0]
+        if count > MAX_POINTS or start + 4 + 12 * int(count) > len(message.data):
+            raise DecodingError(f"the cloud declares {count} points, and the message has {len(message.data)} bytes")
+        points = np.frombuffer(message.data, f"{order}f4", 3 * int(count), start + 4)
+        return finite(points.reshape(-1, 3).astype(np.float32))
 
 
 def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is generated from the recording's definition

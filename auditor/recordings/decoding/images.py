@@ -1,5 +1,6 @@
 """sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
+import re
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -17,6 +18,12 @@ from auditor.recordings.decoding.video import Videos, is_h264
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
+
+
+DEPTH_PICTURE = "compressedDepth"
+"""In the format of a compressed image: depths, by the transport of that name."""
+
+_H265 = re.compile(r"h\.?265|hevc", re.IGNORECASE)
 
 
 class Encoding(NamedTuple):
@@ -206,7 +213,12 @@ class CompressedImageDecoder(Depths):
 
     def picture(self, message: Message) -> memoryview:
         """The PNG or JPEG file inside the message."""
-        return memoryview(self._types.decode(message).data)
+        image = self._types.decode(message)
+        if DEPTH_PICTURE in image.format:
+            raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)
+        if _H265.search(image.format):
+            raise DecodingError(f"the video {image.format[:40]!r} is H.265, which is not decoded", where=message.topic)
+        return memoryview(image.data)
 
     def _of_video(self, message: Message) -> bool:
         if message.topic not in self._is_video:

@@ -48,6 +48,20 @@ Types = dict[str, tuple[list[Any], list[tuple[str, Any]]]]
 
 def read_header(message: Message) -> Header:
     """The std_msgs/Header that a message begins with. Raises DecodingError."""
+    layout, seconds, nanoseconds, end = _head(message)
+    frame_id = bytes(message.data[layout.size : end]).rstrip(b"\0").decode("utf-8", "replace")
+    return Header(seconds * 10**9 + nanoseconds, frame_id.lstrip("/"))
+
+
+def end_of_header(message: Message) -> tuple[int, str]:
+    """Where what follows the std_msgs/Header begins, aligned to 4 bytes, and its byte order. Raises DecodingError."""
+    layout, _, _, end = _head(message)
+    order = layout.format[0]
+    return (end if message.encoding == "ros1" else end + -end % 4), order
+
+
+def _head(message: Message) -> tuple[struct.Struct, int, int, int]:
+    """The layout of a message's header, its seconds and nanoseconds, and where it ends."""
     data = message.data
     layout = _ROS1_HEAD if message.encoding == "ros1" else _CDR_HEAD.get(bytes(data[:2]))
     if layout is None or len(data) < layout.size:
@@ -56,8 +70,7 @@ def read_header(message: Message) -> Header:
     end = layout.size + length
     if length > _MAX_FRAME_ID_BYTES or end > len(data):
         raise DecodingError("the message is cut in its header", where=message.topic)
-    frame_id = bytes(data[layout.size : end]).rstrip(b"\0").decode("utf-8", "replace")
-    return Header(seconds * 10**9 + nanoseconds, frame_id.lstrip("/"))
+    return layout, seconds, nanoseconds, end
 
 
 class RosTypes:

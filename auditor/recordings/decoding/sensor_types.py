@@ -9,20 +9,28 @@ from typing import Literal, NamedTuple
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
+from auditor.recordings.decoding.images import DEPTH_PICTURE
 
-SensorKind = Literal["camera", "LiDAR"]
+SensorKind = Literal["camera", "LiDAR", "camera or LiDAR"]
 
 CAMERA: SensorKind = "camera"
 LIDAR: SensorKind = "LiDAR"
+UNKNOWN: SensorKind = "camera or LiDAR"
+"""The kind of a sensor whose message type nobody listed."""
+
 KINDS: Mapping[str, SensorKind] = {"image": CAMERA, "cloud": LIDAR}
 """The kind of sensor by the kind of decoder."""
 
 
 class SensorType(NamedTuple):
-    """The kind of sensor that a message type carries, and how its data become readable."""
+    """The kind of sensor that a message type carries, and how its data become readable.
+
+    Messages of fewer bytes than `least_bytes` are those of another sensor with the same type.
+    """
 
     kind: SensorKind
     remedy: str
+    least_bytes: int = 0
 
 
 def _packets(driver: str) -> SensorType:
@@ -30,10 +38,13 @@ def _packets(driver: str) -> SensorType:
 
 
 _LIVOX = SensorType(LIDAR, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2")
-_OUSTER = _packets("ouster_ros (replay)")
+_OUSTER = _packets("ouster_ros (replay)")._replace(least_bytes=256)  # packets of its IMU have 48
 _HESAI = _packets("hesai_ros_driver (source_type 3)")
 _PANDAR = _packets("hesai_lidar (data_type rosbag)")
 _ROBOSENSE = _packets("rslidar_sdk (msg_source 2)")
+_DRACO = SensorType(
+    LIDAR, "republish it as sensor_msgs/PointCloud2 with point_cloud_transport's republish and record that"
+)
 _REPUBLISH = "republish it as sensor_msgs/Image with image_transport's republish and record that"
 _OF_ROS_2 = "record it as MCAP with Foxglove's own schemas, or as sensor_msgs"
 
@@ -55,9 +66,8 @@ UNREAD: Mapping[str, SensorType] = {
     "rslidar_msg/msg/RslidarScan": _ROBOSENSE,
     "rslidar_msgs/msg/rslidarPacket": _ROBOSENSE,
     "rslidar_msgs/msg/rslidarScan": _ROBOSENSE,
-    "point_cloud_interfaces/msg/CompressedPointCloud2": SensorType(
-        LIDAR, "republish it as sensor_msgs/PointCloud2 with point_cloud_transport's republish and record that"
-    ),
+    "point_cloud_interfaces/msg/CompressedPointCloud2": _DRACO,
+    "draco_point_cloud_transport/msg/CompressedPointCloud2": _DRACO,
     "theora_image_transport/msg/Packet": SensorType(CAMERA, _REPUBLISH),
     "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": SensorType(CAMERA, _REPUBLISH),
     "foxglove_msgs/msg/RawImage": SensorType(CAMERA, _OF_ROS_2),
@@ -73,33 +83,22 @@ _REMEDIES: Mapping[str, str] = {
     COMPRESSED_VIDEO: _VIDEO,
     schemas.IMAGE: "record an encoding of 8 or 16 bits a value, such as mono8, bgr8 or bayer_rggb8",
     schemas.COMPRESSED_IMAGE: "record JPEG, PNG, or H.264 with auditor[video] installed",
+    schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
     schemas.POINT_CLOUD: "record a whole sensor_msgs/PointCloud2 with the fields x, y and z",
 }
 """What helps where a type can be decoded and its messages cannot."""
 
 _OTHER_SCHEMAS_REMEDY = "record or convert it so that its messages can be decoded"
 
-_NO_CAMERA_OR_LIDAR = (
-    "depth",
-    "disparity",
-    "mask",
-    "segment",
-    "semantic",
-    "label",
-    "occupancy",
-    "costmap",
-    "radar",
-    "sonar",
-    "imu",
-    "visual",
-    "debug",
-    "overlay",
-    "annotat",
-)
-"""Parts of the names of topics that carry images or points, and not those of a camera or LiDAR."""
+ONE_ROW_REASON = "a scanner of one row gives no picture's worth of points to compare with cameras"
 
 _MEASURED_VALUES = re.compile(r"'(8S|16S|32S|32F|64F)C\d*'")
 """Encodings of depths and labels in the reason why an image cannot be read: no camera gives negative values."""
+
+ONE_ROW: Mapping[str, str] = dict.fromkeys(
+    (f"sensor_msgs/msg/{name}" for name in ("LaserScan", "MultiEchoLaserScan")), ONE_ROW_REASON
+) | {"foxglove.LaserScan": ONE_ROW_REASON}
+"""Scanners of one row, which are left out, with the reason."""
 
 
 def remedy_of(schema: str) -> str:
@@ -107,9 +106,6 @@ def remedy_of(schema: str) -> str:
     return _REMEDIES.get(schema, _OTHER_SCHEMAS_REMEDY)
 
 
-def other_content(topic: str, reason: str) -> str:
-    """Why an unreadable topic is plainly no camera and no LiDAR; empty where it may be one."""
-    if _MEASURED_VALUES.search(reason):
-        return f"no camera picture: {reason}"
-    name = next((part for part in _NO_CAMERA_OR_LIDAR if part in topic.lower()), "")
-    return f"by its name ({name}) no picture of a camera and no points of a LiDAR" if name else ""
+def other_content(reason: str) -> str:
+    """Why pictures that cannot be read are plainly no camera's, by what they hold; empty where they may be."""
+    return f"no camera picture: {reason}" if _MEASURED_VALUES.search(reason) or DEPTH_PICTURE in reason else ""

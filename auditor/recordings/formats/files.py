@@ -19,9 +19,9 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.part_names import missing_parts
-from auditor.recordings.formats.topics import Channels, Names, Span, total_counts
+from auditor.recordings.formats.topics import Channels, Names, Span, total_counts, total_traffic
 from auditor.recordings.formats.unpacking import Source, source_of
-from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
+from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
 
 NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20
@@ -105,6 +105,11 @@ class FilesRecording(ABC):
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
         return total_counts(self._names, [read.channels for read in self._reads])
+
+    @property
+    def traffic(self) -> Mapping[Topic, Traffic]:
+        """Messages and bytes found by the last read, by topic and type."""
+        return total_traffic([read.channels for read in self._reads])
 
     @property
     def damage(self) -> tuple[Damage, ...]:

@@ -284,7 +284,7 @@ class BagRead:
             self._learn(fields, data)
         elif op == Op.MESSAGE:
             log_time_ns = time_ns(fields)
-            channel = self.channels.count_message(number(fields, b"conn"))
+            channel = self.channels.count_message(number(fields, b"conn"), len(data))
             if channel is not None and channel.wanted:
                 topic = channel.topic
                 yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, bytes(data))

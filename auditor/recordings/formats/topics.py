@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.recording import Definition, Topic
+from auditor.recordings.recording import Definition, Topic, Traffic
 
 MAX_TOPICS = 10_000
 MAX_NAME = 4096
@@ -59,12 +59,13 @@ class Names:
 class Channel:
     """One channel (MCAP), connection (.bag) or topic number (.db3) of one file during one read."""
 
-    __slots__ = ("count", "topic", "wanted")
+    __slots__ = ("count", "size_bytes", "topic", "wanted")
 
     def __init__(self, topic: Topic, *, wanted: bool) -> None:
         self.topic = topic
         self.wanted = wanted
         self.count = 0
+        self.size_bytes = 0
 
 
 class Channels:
@@ -90,8 +91,8 @@ class Channels:
         elif self._names.add_topic(topic, self._damage):
             where[number] = Channel(topic, wanted=self._wanted is None or topic.name in self._wanted)
 
-    def count_message(self, number: int) -> Channel | None:
-        """Count a message; None where its channel is unknown."""
+    def count_message(self, number: int, size_bytes: int) -> Channel | None:
+        """Count a message and its bytes; None where its channel is unknown."""
         channel = self._known.get(number)
         if channel is None and (channel := self._spare.get(number)) is not None:
             self._known[number] = channel
@@ -100,6 +101,7 @@ class Channels:
                 self._unknown[number] = self._unknown.get(number, 0) + 1
             return None
         channel.count += 1
+        channel.size_bytes += size_bytes
         self.total += 1
         return channel
 
@@ -118,6 +120,12 @@ class Channels:
         for channel in self._known.values():
             counts[channel.topic.name] = counts.get(channel.topic.name, 0) + channel.count
 
+    def add_traffic(self, traffic: dict[Topic, Traffic]) -> None:
+        """Add the messages found and their bytes to those by topic and type."""
+        for channel in self._known.values():
+            before = traffic.get(channel.topic, Traffic())
+            traffic[channel.topic] = Traffic(before.messages + channel.count, before.size_bytes + channel.size_bytes)
+
 
 def total_counts(names: Names, reads: Collection[Channels]) -> Mapping[str, int]:
     """The messages found, by topic, over several files."""
@@ -125,3 +133,11 @@ def total_counts(names: Names, reads: Collection[Channels]) -> Mapping[str, int]
     for read in reads:
         read.add_counts(counts)
     return counts
+
+
+def total_traffic(reads: Collection[Channels]) -> Mapping[Topic, Traffic]:
+    """The messages found and their bytes, by topic and type, over several files."""
+    traffic: dict[Topic, Traffic] = {}
+    for read in reads:
+        read.add_traffic(traffic)
+    return traffic

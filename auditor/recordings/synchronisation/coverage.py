@@ -1,15 +1,18 @@
-"""The coverage of a recording's topics: those of the rig, and those that are unreadable or left out."""
+"""The coverage of a recording's topics: those of the rig, and what became of each of the others."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import LIDAR, Rig
-from auditor.recordings.decoding import sensor_types
-from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.decoding import Decoders, sensor_types
+from auditor.recordings.recording import Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.counts import Counts
-from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.survey import Survey, UnreadableTopic
+from auditor.recordings.synchronisation.unlisted import REMEDY, why_a_sensor, why_none
+
+_LATE = "it begins behind the beginning, from which rigs are found, or its name has messages of another type as well"
 
 
 def topic_coverage(
@@ -21,14 +24,67 @@ def topic_coverage(
 ) -> tuple[TopicCoverage, ...]:
     """One entry a topic of camera pictures or LiDAR points, the rig's sensors first. The read must be exhausted."""
     of_rig = tuple(_of_sensor(recording, rig, survey, sensor, counts[sensor], times[sensor]) for sensor in rig.sensors)
-    return of_rig + outside_topics(recording, survey, rig)
+    held_s = max((time.held_ns for time in times.values()), default=0) / 1e9
+    outside = outside_topics(recording, survey, rig, held_s)
+    return of_rig + tuple(one for one in outside if one.state is not TopicState.NO_SENSOR)
 
 
-def outside_topics(recording: Recording, survey: Survey, rig: Rig | None = None) -> tuple[TopicCoverage, ...]:
-    """The topics of camera pictures or LiDAR points that are not in a rig, and why. The read must be exhausted."""
+def outside_topics(
+    recording: Recording, survey: Survey, rig: Rig | None = None, held_s: float = 0.0
+) -> tuple[TopicCoverage, ...]:
+    """What became of every topic with messages that is not in the rig. The read must be exhausted.
+
+    `held_s` is the time of the recording's frames in seconds.
+    """
     topics = {rig.topic(sensor) for sensor in rig.sensors} if rig else set()
-    unreadable = [one for one in _unreadable(recording, survey) if one.topic not in topics]
-    return (*unreadable, *_left_out(recording, survey, rig, topics))
+    traffic = recording.traffic
+    unreadable = [one for one in _unreadable(survey, traffic) if one.topic not in topics]
+    left_out = _left_out(recording, survey, rig, topics)
+    accounted = _accounted(recording, survey, traffic)
+    others = {topic: found for topic, found in traffic.items() if found.messages and topic not in accounted}
+    return (*unreadable, *left_out, *_unlisted(recording, others, held_s))
+
+
+def _accounted(recording: Recording, survey: Survey, traffic: Iterable[Topic]) -> set[Topic]:
+    """The topics that are read as sensors, calibrations or transforms, and those that are said to be unreadable."""
+    decoders = Decoders(recording.definition)
+    sensors = {image.topic.name for image in survey.images} | {cloud.topic.name for cloud in survey.clouds}
+    by_name = {topic.name: topic for topic in recording.topics()}
+
+    def is_read(topic: Topic) -> bool:
+        decoder = decoders.of(topic.schema, topic.encoding)
+        if decoder is None:
+            return False
+        return topic.name in sensors if decoder.kind in sensor_types.KINDS else by_name.get(topic.name) == topic
+
+    return {topic for topic in traffic if is_read(topic)} | {one.topic for one in survey.unreadable}
+
+
+def _unlisted(recording: Recording, others: Mapping[Topic, Traffic], held_s: float) -> Iterator[TopicCoverage]:
+    """The topics that the survey did not meet: sensors by their type, or by their data, or none."""
+    decoders = Decoders(recording.definition)
+    for topic, traffic in sorted(others.items(), key=lambda entry: (entry[0].name, entry[0].schema)):
+        decoder, listed = decoders.in_any_encoding(topic.schema), sensor_types.UNREAD.get(topic.schema)
+        if decoder is not None and decoder.kind in sensor_types.KINDS:
+            kind, remedy = sensor_types.KINDS[decoder.kind], sensor_types.remedy_of(topic.schema)
+            yield _outside(topic, kind, TopicState.UNREADABLE, traffic.messages, _LATE, remedy)
+        elif listed:
+            yield _outside(topic, listed.kind, TopicState.UNREADABLE, traffic.messages, _LATE, listed.remedy)
+        elif reason := sensor_types.ONE_ROW.get(topic.schema):
+            yield _outside(topic, sensor_types.LIDAR, TopicState.LEFT_OUT, traffic.messages, reason)
+        elif why := why_a_sensor(topic, traffic, held_s, recording.definition(topic.schema)):
+            remedy = REMEDY.format(topic=topic.name)
+            yield _outside(topic, sensor_types.UNKNOWN, TopicState.UNREADABLE, traffic.messages, why, remedy)
+        else:
+            none = why_none(topic, traffic, held_s)
+            yield _outside(topic, sensor_types.UNKNOWN, TopicState.NO_SENSOR, traffic.messages, none)
+
+
+def _outside(
+    topic: Topic, kind: sensor_types.SensorKind, state: TopicState, messages: int, reason: str, remedy: str = ""
+) -> TopicCoverage:
+    name = sensor_name(topic.name)
+    return TopicCoverage(topic.name, topic.schema, kind, state, None, name, messages, reason=reason, remedy=remedy)
 
 
 def _of_sensor(
@@ -54,26 +110,24 @@ def _of_sensor(
     )
 
 
-def _unreadable(recording: Recording, survey: Survey) -> Iterator[TopicCoverage]:
-    counted = recording.counts
+def _unreadable(survey: Survey, traffic: Mapping[Topic, Traffic]) -> Iterator[TopicCoverage]:
     for one in survey.unreadable:
-        read = counted.get(one.topic.name, 0)
-        if not read:
+        found = traffic.get(one.topic, Traffic())
+        if not found.messages:
             continue
-        name, other = one.topic.name, sensor_types.other_content(one.topic.name, one.reason)
-        known = (name, one.topic.schema, one.kind)
-        if other:
-            yield TopicCoverage(*known, TopicState.LEFT_OUT, None, sensor_name(name), read, reason=other)
+        if other := _other_content(one, found):
+            yield _outside(one.topic, one.kind, TopicState.LEFT_OUT, found.messages, other)
         else:
-            yield TopicCoverage(
-                *known,
-                TopicState.UNREADABLE,
-                None,
-                sensor_name(name),
-                read,
-                reason=one.reason,
-                remedy=one.remedy,
-            )
+            yield _outside(one.topic, one.kind, TopicState.UNREADABLE, found.messages, one.reason, one.remedy)
+
+
+def _other_content(one: UnreadableTopic, traffic: Traffic) -> str:
+    """Why a topic that cannot be read is plainly no camera and no LiDAR, by what it holds; empty where it may be."""
+    listed = sensor_types.UNREAD.get(one.topic.schema)
+    mean = traffic.size_bytes / traffic.messages
+    if listed and mean < listed.least_bytes:
+        return f"packets of {mean:.0f} bytes are not a {listed.kind}'s, which have {listed.least_bytes} at least"
+    return sensor_types.other_content(one.reason)
 
 
 def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set[str]) -> Iterator[TopicCoverage]:
@@ -86,16 +140,8 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     for topic, kind in outside:
         if rig in found.rigs and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording
-        yield TopicCoverage(
-            topic.name,
-            topic.schema,
-            kind,
-            TopicState.LEFT_OUT,
-            None,
-            sensor_name(topic.name),
-            counted.get(topic.name, 0),
-            reason=_why_left_out(topic, kind, rig, found.rigs, found.reasons),
-        )
+        why = _why_left_out(topic, kind, rig, found.rigs, found.reasons)
+        yield _outside(topic, kind, TopicState.LEFT_OUT, counted.get(topic.name, 0), why)
 
 
 def _why_left_out(

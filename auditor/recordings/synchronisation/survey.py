@@ -276,7 +276,7 @@ class _Surveyor:
                 kind, remedy = sensor_types.KINDS[declared.kind], sensor_types.remedy_of(topic.schema)
                 yield UnreadableTopic(topic, kind, self._why_unread(topic, readable=decoder is not None), remedy)
             elif declared is None and topic.schema in sensor_types.UNREAD:
-                kind, remedy = sensor_types.UNREAD[topic.schema]
+                kind, remedy, _ = sensor_types.UNREAD[topic.schema]
                 yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
 
     def _why_unread(self, topic: Topic, *, readable: bool) -> str:

@@ -14,6 +14,7 @@ from auditor.recordings.decoding.kitti import SCAN
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 
+OLD = schemas.POINT_CLOUD_OLD
 MAKER = MessageMaker("cdr")
 XYZ = np.random.default_rng(3).normal(0, 10, (30, 3)).astype(np.float32)
 
@@ -175,3 +176,42 @@ def test_points_beyond_any_world_count_as_no_return(value: float) -> None:
     points = np.array([[1, 2, 3], [value, 1, 1], [1, -value, value], [4, 5, 6]], np.float32)
     assert finite(points).tolist() == [[1, 2, 3], [4, 5, 6]]
     assert len(finite(points[1:3])) == 0
+
+
+def old_message(encoding: str, count: int | None = None) -> tuple[Message, CloudDecoder]:
+    """A sensor_msgs/PointCloud with the points XYZ, and its decoder."""
+    maker = MessageMaker(encoding)
+    point = maker.store.types["geometry_msgs/msg/Point32"]
+    points = [point(*map(float, one)) for one in XYZ]
+    cloud = maker.store.types[OLD](header=maker.header(5, "velo"), points=points, channels=[])
+    data = maker.serialise(OLD, cloud)
+    if count is not None:
+        data = data.replace(len(XYZ).to_bytes(4, "little"), count.to_bytes(4, "little"))
+    text = maker.definition(OLD).encode()
+    form = "ros1msg" if encoding == "ros1" else "ros2msg"
+    found = Decoders(lambda _: Definition(form, text)).cloud(OLD, encoding)
+    assert found is not None
+    return Message("/old", OLD, encoding, 9, data), found
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_points_of_the_old_type_come_out_as_recorded(encoding: str) -> None:
+    old, found = old_message(encoding)
+    assert np.array_equal(found.xyz_m(old), XYZ)
+    assert found.header(old).stamp_ns == 5
+
+
+@pytest.mark.parametrize("count", [31, 2**31])
+def test_a_cloud_of_the_old_type_that_holds_fewer_points_than_it_declares_is_damaged(count: int) -> None:
+    old, found = old_message("cdr", count)
+    with pytest.raises(DecodingError, match=f"declares {count} points"):
+        found.xyz_m(old)
+
+
+@settings(max_examples=50)
+@given(data=st.data())
+def test_a_cut_cloud_of_the_old_type_is_damaged_not_used(data: st.DataObject) -> None:
+    old, found = old_message("cdr")
+    cut = data.draw(st.integers(0, len(XYZ) * 12))
+    with pytest.raises(DecodingError):
+        found.xyz_m(Message("/old", OLD, "cdr", 9, old.data[:cut]))

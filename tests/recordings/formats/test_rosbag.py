@@ -110,3 +110,15 @@ def test_a_real_ros_2_file_of_an_unknown_type_is_read_and_gives_no_rig(real_data
         known = survey(recording)
         with pytest.raises(RigError, match="no camera images"):
             find_rigs(known)
+
+
+@pytest.mark.parametrize("kind", ["bag", "folder"])
+def test_the_bytes_of_every_topic_are_counted_requested_or_not(kind: str, request: pytest.FixtureRequest) -> None:
+    with open_recording(request.getfixturevalue(kind)) as recording:
+        held: dict[str, int] = {}
+        for message in recording.messages():
+            held[message.topic] = held.get(message.topic, 0) + len(message.data)
+        for _ in recording.messages(()):
+            pass
+        assert {topic.name: found.size_bytes for topic, found in recording.traffic.items()} == held
+        assert {topic.name: found.messages for topic, found in recording.traffic.items()} == dict(recording.counts)

@@ -19,7 +19,7 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_calibration, read_small_text
-from auditor.recordings.recording import Clock, Damage, Definition, Topic
+from auditor.recordings.recording import Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import MAX_BYTES
 
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
@@ -120,6 +120,11 @@ class KittiRecording:
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
         return self._counts
+
+    @property
+    def traffic(self) -> Mapping[Topic, Traffic]:
+        """Messages found by the last read, by topic; their bytes are not counted, for all types are known."""
+        return {topic: Traffic(self._counts.get(topic.name, 0)) for topic in self.topics()}
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics that have files."""

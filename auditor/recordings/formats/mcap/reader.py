@@ -119,7 +119,7 @@ class FileRead:
             self._damage.add("a message is too short", record.offset)
             return
         head = stream.read(_MESSAGE_HEAD.size)
-        channel = self.channels.count_message(head[0] | head[1] << 8)
+        channel = self.channels.count_message(head[0] | head[1] << 8, record.length - len(head))
         if channel is None or not channel.wanted:
             return
         body = read_body(stream, record._replace(length=record.length - len(head)), self._damage)
@@ -154,7 +154,8 @@ class FileRead:
                 break
             position = start + length
             if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEAD.size:
-                channel = self.channels.count_message(inside[start] | inside[start + 1] << 8)
+                number = inside[start] | inside[start + 1] << 8
+                channel = self.channels.count_message(number, length - _MESSAGE_HEAD.size)
                 if channel is not None and channel.wanted:
                     data = bytes(inside[start + _MESSAGE_HEAD.size : position])
                     message = self._made(channel, inside, start, data, offset)

@@ -125,7 +125,7 @@ class Db3Read:
             channel_id, log_time_ns = pages.value(row, 1), pages.value(row, 2)
             assert isinstance(channel_id, int)
             assert isinstance(log_time_ns, int)
-            channel = self.channels.count_message(channel_id)
+            channel = self.channels.count_message(channel_id, row.columns[3].length)
             if channel is None or not channel.wanted:
                 return
             data = pages.value(row, 3, MAX_BYTES)
