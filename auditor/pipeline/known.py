@@ -1,4 +1,4 @@
-"""Files that a store has read before: while they are as they were then, they are not read again."""
+"""What is known already: files that were read before, and verdicts that would be the same now."""
 
 import hashlib
 from collections.abc import Sequence
@@ -7,13 +7,20 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from auditor.identification.parameters import judging_digest
+from auditor.identification.sub_rigs import calibration_for
+from auditor.identification.thresholds import check_calibration
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure
+from auditor.model.rig_kind import Similarity
 from auditor.model.text import storable
+from auditor.model.verdict import Method
+from auditor.pipeline.judge import Criteria
 from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedure_by
 from auditor.recordings import Location, Origin, located
-from auditor.store import RecordingRecord, Sighting, Store
-from auditor.store.records import content_id
+from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement
+from auditor.store.records import content_id, judgement_id
 
 FEW = 50
 """So many measurements are read one by one, and more of them all at once."""
@@ -72,3 +79,33 @@ def _tells_more(origin: Origin, record: RecordingRecord) -> bool:
     """Whether an origin that is given is another than the store's."""
     known = Origin(record.vehicle, record.date, record.drive)
     return origin.over(known) != known
+
+
+def is_as_now(
+    judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria, beside: Sequence[str] = ()
+) -> bool:
+    """Whether judging its measurement by a calibration, `beside` others of its recording, would give this again.
+
+    Raises ThresholdsError where the calibration does not fit.
+    """
+    stored = store.measurement(judgement.measurement_id)
+    rig = store.rig(stored.rig_id)
+    similarity = check_calibration(
+        calibration_for(calibration, rig) or calibration,
+        rig_kind=rig.kind,
+        procedure=stored.procedure,
+        transfer=criteria.transfer,
+    )
+    robust = criteria.method is Method.ROBUST
+    now = judgement_id(
+        judgement.measurement_id,
+        calibration.calibration_id,
+        criteria.method,
+        repr(criteria.incidents_per_hour) if robust else criteria.statistic.value,
+        criteria.r,
+        judging_digest(),
+        transferred=similarity is not Similarity.SAME,
+        recounted=criteria.recount,
+        judged_with=tuple(beside),
+    )
+    return now == judgement.judgement_id

@@ -20,13 +20,11 @@ from auditor.pipeline.judge import (
     refuse_earlier_counting,
     rigs_in_turn,
 )
-from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
+from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE, frames_not_audited, reading_of
-from auditor.pipeline.remarks import as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
-from auditor.pipeline.stale import is_as_now
-from auditor.pipeline.vehicles import UsualRigs
+from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
