@@ -20,7 +20,7 @@ def folder(tmp_path_factory):
     shutil.copy(drive, logs / "b.mcap")
     (logs / "junk.mcap").write_text("no recording")
     (logs / "empty.bag").touch()
-    (logs / "part.mcap.part").write_text("half a recording")
+    (logs / "part.mcap.part").write_bytes(drive.read_bytes()[:999])
     return logs
 
 
