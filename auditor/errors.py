@@ -19,7 +19,7 @@ class AuditorError(Exception):
 
     def __init__(self, what: str, *, where: object = "", remedy: str = "") -> None:
         self.what = what
-        self.where = str(where)
+        self.where = _place(where)
         self.remedy = remedy
         super().__init__(what, self.where, remedy)
 
@@ -35,6 +35,12 @@ class AuditorError(Exception):
     def __reduce__(self) -> tuple[object, ...]:
         # Errors cross process borders; keyword-only arguments need their own pickling.
         return (_rebuild, (type(self), self.what, self.where, self.remedy))
+
+
+def _place(where: object) -> str:
+    """The text of a place; none of a thing without a text of its own, of which Python shows an address in memory."""
+    own = type(where).__str__ is not object.__str__ or type(where).__repr__ is not object.__repr__
+    return str(where) if own else ""
 
 
 def _rebuild(kind: type[AuditorError], what: str, where: str, remedy: str) -> AuditorError:

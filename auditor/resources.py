@@ -1,11 +1,30 @@
-"""What auditor finds outside its code: schemas, queries and reports, and the packages that add code of their own."""
+"""What auditor finds outside its code: files of this computer, its own resources, and packages that add code."""
 
+import re
 import sys
 from functools import cache
 from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 
+from auditor.errors import SettingError
+
 _PACKAGE = Path(__file__).parent
+
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/(/)?")
+"""How an address begins, such as s3://; of two slashes a Path keeps one, and a folder may be called so."""
+
+
+def local_path(path: str | Path) -> Path:
+    """A path on this computer. Raises SettingError for an address such as s3://bucket/store."""
+    text = str(path)
+    address = _ADDRESS.match(text)
+    if address and (address[1] or not Path(text).exists()):
+        raise SettingError(
+            "this is an address, and only files of this computer are read and written",
+            where=text,
+            remedy="copy it here or mount it as a folder, and give that path",
+        )
+    return Path(path)
 
 
 def resource_folder(name: str) -> Path:

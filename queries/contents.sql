@@ -5,7 +5,8 @@
 -- column paths: Every path that its content was read from, in order.
 -- column frames: Measured frames, by the latest measurement of each of its rigs.
 -- column clean: Frames that are clean, by the current judgement of these, as the next four columns.
--- column incidents: Frames that belong to an incident.
+-- column in_incidents: Frames that belong to an incident.
+-- column incidents: Incidents, by the current judgements; null where nothing was judged.
 -- column superseded_by: The recording that holds every frame of this one.
 -- column conflicts: Recordings with other data at the same stamps of the same sensors.
 WITH latest AS (
@@ -22,9 +23,16 @@ counted AS (
         sum(judgement.unidentified)::BIGINT AS unidentified,
         sum(judgement.suspect)::BIGINT AS suspect,
         sum(judgement.not_auditable)::BIGINT AS not_auditable,
-        sum(judgement.in_incidents)::BIGINT AS incidents
+        sum(judgement.in_incidents)::BIGINT AS in_incidents
     FROM latest
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = latest.measurement_id AND judgement.current
+    GROUP BY latest.recording_id
+),
+of_recording AS (
+    -- Of an incident that runs through several recordings of a drive each has one.
+    SELECT latest.recording_id, count(DISTINCT incident_id) AS incidents
+    FROM incident_frames
+    JOIN latest USING (measurement_id)
     GROUP BY latest.recording_id
 )
 SELECT
@@ -38,7 +46,8 @@ SELECT
     counted.unidentified,
     counted.suspect,
     counted.not_auditable,
-    counted.incidents,
+    counted.in_incidents,
+    CASE WHEN counted.in_incidents IS NOT NULL THEN coalesce(of_recording.incidents, 0) END AS incidents,
     recording.superseded_by,
     coalesce(recording.conflicts, []) AS conflicts,
     recording.size_bytes,
@@ -46,4 +55,5 @@ SELECT
     coalesce([one.path FOR one IN recording.sightings], [recording.path]) AS paths
 FROM stored_recordings AS recording
 LEFT JOIN counted USING (recording_id)
+LEFT JOIN of_recording USING (recording_id)
 ORDER BY recording.name, recording.recording_id

@@ -16,6 +16,7 @@ from auditor.cli.exit_codes import Exit
 from auditor.cli.log_lines import FORMATS, Level, is_json, tell, write_as
 from auditor.cli.output import answer, say
 from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
+from auditor.cli.values import PATH
 from auditor.errors import AuditorError
 
 _GO_ON = "finished recordings are kept, run the same command again to go on"
@@ -88,7 +89,7 @@ def _show_versions(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 )
 @click.option(
     "--config",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="AUDITOR_CONFIG",
     help="A file of settings.  [default: ~/.config/auditor/auditor.toml, where there is one]",
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli.values import FiniteRange
+from auditor.cli.values import PATH, FiniteRange
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:
@@ -21,17 +21,15 @@ DEFAULT_STORE = Path("audit")
 
 store_option = click.option(
     "--store",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=DEFAULT_STORE,
     show_default=True,
     help="Folder of the store: measurements, thresholds, verdicts.",
 )
-recordings_argument = click.argument(
-    "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
-)
+recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
 rig_option = click.option(
     "--rig",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A rig.toml, or Kalibr's camchain.yaml, in place of the recording's own calibration.",
 )
 jobs_option = click.option(
@@ -52,7 +50,7 @@ again_option = click.option(
 
 policy_option = click.option(
     "--policy",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
 )
 
@@ -190,7 +188,7 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default=None,
             help="Upsampling convention that psmnet's weights were trained with; needed where they do not say.",
         ),
-        click.option("--weights", type=click.Path(path_type=Path), help="Checkpoint of psmnet."),
+        click.option("--weights", type=PATH, help="Checkpoint of psmnet."),
         matcher_option,
     ):
         collected = option(collected)

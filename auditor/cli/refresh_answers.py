@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from auditor.store.versions.decisions import Decision, Refresh
 
 _PREFIX = "auditor_refresh_"
+_MOST_LEFT_OUT = 50
 
 
 class RefreshExit(IntEnum):
@@ -27,13 +28,13 @@ class RefreshExit(IntEnum):
 
 
 def exit_code(refresh: "Refresh") -> RefreshExit:
-    """0 promoted or nothing new, 1 held for a person or something failed, 2 all failed, 4 something refused."""
+    """0 promoted or nothing new, 1 something for a person to look at or failed, 2 all failed, 4 something refused."""
     decided = {one.decided.value for one in refresh.decisions}
     if not decided and refresh.failed:
         return RefreshExit.FAILED
     if "refused" in decided:
         return RefreshExit.REFUSED
-    return RefreshExit.HELD if "held" in decided or refresh.failed else RefreshExit.DONE
+    return RefreshExit.HELD if "held" in decided or refresh.failed or refresh.found else RefreshExit.DONE
 
 
 def json_line(refresh: "Refresh") -> str:
@@ -46,6 +47,7 @@ def json_line(refresh: "Refresh") -> str:
         "dry_run": refresh.dry_run,
         "measured": len(refresh.measured),
         "failed": [vars(one) for one in refresh.failed],
+        "found": [vars(one) for one in refresh.found],
         **({"planned": [vars(one) for one in refresh.planned]} if refresh.dry_run else {}),
         "rig_kinds": [_rig_kind(one, refresh.store) for one in refresh.decisions],
     }
@@ -77,8 +79,17 @@ def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
         "creep": one.creep,
         "to_do": [step._asdict() for step in next_steps(one, store)],
         "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
-        "left_out": sum(not used.included for used in one.recordings),
+        "left_out": [{"recording": used.name, "reason": used.reason} for used in one.left_out],
     }
+
+
+def left_out_lines(one: "Decision") -> Iterator[str]:
+    """One line for each recording that is not learnt from, with its reason; of very many the first."""
+    for used in one.left_out[:_MOST_LEFT_OUT]:
+        yield f"left out: {used.name}: {used.reason}"
+    more = len(one.left_out) - _MOST_LEFT_OUT
+    if more > 0:
+        yield f"left out: {more} more recordings, which the line of JSON names"
 
 
 def planned_lines(refresh: "Refresh") -> Iterator[str]:

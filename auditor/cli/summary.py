@@ -40,6 +40,8 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
     """Measure a batch, print what became of each recording, and return what is measured, in the order given."""
     from auditor.pipeline.many import measure_all, was_examined  # noqa: PLC0415 - keeps --help quick
 
+    for note in batch.notes:
+        say(f"{note}: it is text and no recording, and was not read")
     for error in batch.errors:
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)

@@ -3,6 +3,8 @@
 import re
 from decimal import Decimal
 from math import isfinite
+from os import PathLike
+from pathlib import Path
 
 import click
 
@@ -16,6 +18,30 @@ class FiniteRange(click.FloatRange):
         if not isfinite(number):
             self.fail(f"{value!r} is not a number: write one such as 0.5", param, ctx)
         return float(number)
+
+
+class LocalPath(click.Path):
+    """A path on this computer; an address such as s3://bucket is refused, which would make a folder of that name."""
+
+    def __init__(self, *, exists: bool = False, dir_okay: bool = True) -> None:
+        super().__init__(exists=exists, dir_okay=dir_okay, path_type=Path)
+
+    def convert(
+        self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | PathLike[str]:
+        """The path. Fails as click does."""
+        from auditor.errors import SettingError  # noqa: PLC0415 - keeps --help quick
+        from auditor.resources import local_path  # noqa: PLC0415
+
+        try:
+            local_path(str(value))
+        except SettingError as error:
+            self.fail(f"{value}: {error.what}; {error.remedy}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = LocalPath()
+"""A file or folder of this computer, as a Path."""
 
 
 class _Rate(click.ParamType[Decimal]):

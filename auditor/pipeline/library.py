@@ -257,7 +257,7 @@ def judge(
     kept = opened(store)
     measurements = kept.ids("measurements")
     if not measurements:
-        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
+        raise StoreError("nothing has been measured", where=kept.folder, remedy="measure recordings with auditor scan")
     settings = judge_settings(
         kept.folder,
         calibration,

@@ -3,13 +3,13 @@
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.pictures import Pictures
-from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
     counted_earlier,
@@ -21,7 +21,7 @@ from auditor.pipeline.judge import (
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
+from auditor.pipeline.reading import MIN_COVERAGE, frames_not_audited, reading_of
 from auditor.pipeline.remarks import as_a_part, marked, unresolved
 from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
@@ -31,10 +31,13 @@ from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasure
 from auditor.store.log import logged
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import histories, in_force_of
-from auditor.store.versions.records import provisional_of
+from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
-_PROVISIONAL = "its calibration is provisional: nobody named its recordings clean (calibration promote confirms it)"
+_PROVISIONAL = (
+    "its calibration is provisional: nobody named its recordings clean, or they are too few (calibration promote "
+    "confirms it)"
+)
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
@@ -82,12 +85,16 @@ class MeasureSettings:
 
 @dataclass(frozen=True)
 class Batch:
-    """Recordings to be measured into a store, None where there are none, and an error for each path that holds none."""
+    """Recordings to be measured into a store, None where there are none, and an error for each path that holds none.
+
+    `notes` are files of text beside recordings, which are none.
+    """
 
     tasks: tuple[MeasureTask, ...]
     errors: tuple[RecordingError, ...]
     settings: MeasureSettings
     store: Store | None = None
+    notes: tuple[Path, ...] = ()
 
     @property
     def shows_known(self) -> bool:
@@ -106,7 +113,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
         check_rig_file(settings.rig)
     found = find_recordings(paths)
     if not found.recordings:
-        return Batch((), found.errors, settings)
+        return Batch((), found.errors, settings, notes=found.notes)
     kept = Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
@@ -122,7 +129,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
         )
         for location in found.recordings
     )
-    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs), kept)
+    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs), kept, found.notes)
 
 
 def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
@@ -286,6 +293,7 @@ class Judge:
         self._store = store
         self._settings = settings
         known = [] if settings.calibration else histories(store)
+        self._known = known
         self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
         self._current = store.current_judgements()
         self._usual = UsualRigs(store)
@@ -314,8 +322,9 @@ class Judge:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
+            *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *_gaps(stored, judgement, self._settings.min_coverage),
+            *frames_not_audited(stored, judgement, settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
@@ -337,6 +346,11 @@ class Judge:
             gaps=missing,
             fresh=judgement is not earlier,
         )
+
+    @cached_property
+    def _lost(self) -> tuple[str, ...]:
+        """What was in force and is gone; looked up only where nothing in force fits."""
+        return tuple(map(lost_line, lost_versions(self._store, self._known)))
 
     def _kept(self, measurement: str, calibration: Calibration) -> StoredJudgement | None:
         """The current judgement of a measurement, where it is not to be judged again."""
@@ -361,23 +375,6 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
 def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:
     with logged(store.folder):
         yield from map(judge.judge, measurements)
-
-
-def reading_of(
-    measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE, no_sensors: Collection[str] = ()
-) -> Reading:
-    """Whether the recording of a measurement was read whole."""
-    frames = FrameCount(measurement.measured, measurement.skipped)
-    damage = measurement.damage
-    return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
-
-
-def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged."""
-    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
-    due = FrameCount(measurement.measured, measurement.skipped).due
-    if audited < min_coverage * due:
-        yield f"{audited} of {due} frames audited"
 
 
 def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:

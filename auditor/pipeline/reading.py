@@ -1,11 +1,13 @@
 """Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from auditor.model.coverage import TopicCoverage, coverage_line, declared, least_covered, left_out_line, unread_line
 from auditor.model.frames import TopicBalance
+from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
+from auditor.store import StoredJudgement, StoredMeasurement
 
 MIN_COVERAGE = 0.99
 """Share of messages, of time and of frames below which a recording counts as not fully audited."""
@@ -59,3 +61,22 @@ def judge_reading(
         tuple(filter(None, (coverage_line(topics), unread, left_out_line(topics), lost))),
         enough and not unread and not lost,
     )
+
+
+def reading_of(
+    measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE, no_sensors: Collection[str] = ()
+) -> Reading:
+    """Whether the recording of a measurement was read whole."""
+    frames = FrameCount(measurement.measured, measurement.skipped)
+    damage = measurement.damage
+    return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
+
+
+def frames_not_audited(
+    measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float
+) -> Iterator[str]:
+    """Whether too few frames of a recording could be judged."""
+    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
+    due = FrameCount(measurement.measured, measurement.skipped).due
+    if audited < min_coverage * due:
+        yield f"{audited} of {due} frames audited"

@@ -2,6 +2,7 @@
 
 import os
 import re
+from codecs import getincrementaldecoder
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,6 +14,7 @@ from auditor.recordings.formats.kitti.raw import KittiReader
 from auditor.recordings.formats.mcap.recording import McapReader
 from auditor.recordings.formats.part_names import DB3, file_kind
 from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, open_streams
+from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located
 from auditor.recordings.parts import files_of, grouped
 from auditor.recordings.recording import Reader, Recording
@@ -31,6 +33,9 @@ READERS: tuple[tuple[str, Reader], ...] = (
 
 _ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
 """Names of recordings, also hidden ones or with something behind: logs are so renamed, and would be overlooked."""
+
+_TEXT_BYTES = 4096
+"""So much of a file's beginning says whether it is text."""
 
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
@@ -90,11 +95,13 @@ def _within(folder: Path) -> list[Location]:
 class Found:
     """The recordings of a command line, each once, in its order, and one error for each path that gave none.
 
-    Files of searched folders that are named almost like recordings are errors as well.
+    Files of searched folders that are named almost like recordings are errors as well, unless they are text: these are
+    `notes` beside a recording, such as drive.mcap.json.
     """
 
     recordings: tuple[Location, ...]
     errors: tuple[RecordingError, ...]
+    notes: tuple[Path, ...] = ()
 
 
 def find_recordings(paths: Sequence[Path]) -> Found:
@@ -105,10 +112,15 @@ def find_recordings(paths: Sequence[Path]) -> Found:
     """
     found: dict[Path, None] = {}
     errors: dict[Path, RecordingError] = {}
+    notes: dict[Path, None] = {}
     for path in paths:
         try:
             found.update(dict.fromkeys(_recordings_at(path)))
-            errors.update({file: _misnamed(file) for file in _almost_recordings(path)} if path not in found else {})
+            for file in _almost_recordings(path) if path not in found else ():
+                if _is_text(file):
+                    notes[file] = None
+                else:
+                    errors[file] = _misnamed(file)
         except RecordingError as error:
             errors[path] = error
         except OSError as error:
@@ -121,7 +133,8 @@ def find_recordings(paths: Sequence[Path]) -> Found:
             recordings.append(location)
         except RecordingError as error:
             errors[location.path] = error
-    return Found(tuple(recordings), tuple(errors[path] for path in dict.fromkeys((*paths, *errors)) if path in errors))
+    in_order = dict.fromkeys((*paths, *errors))
+    return Found(tuple(recordings), tuple(errors[path] for path in in_order if path in errors), tuple(notes))
 
 
 def _almost_recordings(folder: Path) -> Iterator[Path]:
@@ -132,6 +145,17 @@ def _almost_recordings(folder: Path) -> Iterator[Path]:
             apple_double = name.startswith("._")
             if _ALMOST.search(name) and not apple_double and (name.startswith(".") or reader_of(file) is None):
                 yield file
+
+
+def _is_text(file: Path) -> bool:
+    """Whether a file begins with text, as no recording does, whole or in part, packed or not. Raises OSError."""
+    with file.open("rb") as opened:
+        beginning = opened.read(_TEXT_BYTES)
+    decoder = getincrementaldecoder("utf-8")()
+    try:
+        return "\0" not in decoder.decode(beginning) and bool(beginning) and not beginning.startswith(MAGIC_OF_BAGS)
+    except UnicodeDecodeError:
+        return False
 
 
 def _misnamed(file: Path) -> RecordingError:

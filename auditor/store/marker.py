@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auditor.errors import StoreError
+from auditor.model.text import storable
+from auditor.resources import local_path
 from auditor.store.files import is_part, locked, write_whole
 from auditor.store.packs.index import FOLDER, INDEX
 from auditor.store.schema import SCHEMA_VERSION, TABLES
@@ -104,6 +106,21 @@ def move_upgraded(folder: Path) -> None:
             f"its upgrade cannot be completed ({error.strerror or error})", where=folder, remedy="run the command again"
         ) from error
     write_marker(folder)
+
+
+def marked_folder(path: str | Path, *, create: bool) -> Path:
+    """The folder of a store of this version at a path, which is made where there is none and `create` says so.
+
+    Raises SettingError for an address such as s3://bucket, and StoreError where the folder holds something else.
+    """
+    folder = local_path(path).expanduser().resolve()
+    if storable(str(folder)) != str(folder):
+        raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
+    if not (folder / MARKER).exists():
+        check_free(folder, create=create)
+        write_marker(folder)
+    check_marker(folder)
+    return folder
 
 
 def check_free(folder: Path, *, create: bool) -> None:

@@ -19,7 +19,7 @@ from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, Verdic
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.files import Written, checked_id, finished, remove_abandoned, write_whole
 from auditor.store.log import Output, logged
-from auditor.store.marker import MARKER, check_free, check_marker, write_marker
+from auditor.store.marker import MARKER, marked_folder
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
@@ -94,20 +94,17 @@ class Store:
         self._read: tuple[str, pa.Table] | None = None
         self.packs = Packs(folder)
 
+    def __str__(self) -> str:
+        return str(self.folder)
+
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
         """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
 
-        Raises StoreError where the folder holds something else, or a store of another version.
+        Raises StoreError where the folder holds something else, or a store of another version, and SettingError for an
+        address such as s3://bucket.
         """
-        folder = Path(path).expanduser().resolve()
-        if storable(str(folder)) != str(folder):
-            raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
-        if not (folder / MARKER).exists():
-            check_free(folder, create=create)
-            write_marker(folder)
-        check_marker(folder)
-        store = cls(folder)
+        store = cls(marked_folder(path, create=create))
         if create:
             store.remove_abandoned()
         return store

@@ -71,7 +71,7 @@ def test_a_first_version_of_what_nobody_named_is_provisional_and_leaves_out_what
     add_drive(Store.open(audit.store), "attacked.mcap", seed=50, vehicle="car9", day=4, attacked=(2,))
     answer = audit("refresh")
     kind = kind_of(answer)
-    assert (answer.code, kind["decided"], kind["provisional"], kind["recordings"]) == (0, "promoted", True, 9)
+    assert (answer.code, kind["decided"], kind["provisional"], kind["recordings"]) == (1, "promoted", True, 9)
     assert [one["recording"] for one in kind["look_at"]] == ["attacked.mcap"]
     assert in_force(audit) == [kind["calibration"]]
     rows = audit.ask("SELECT name, included, look_at, reason FROM calibration_recordings ORDER BY included, name")
@@ -90,7 +90,9 @@ def test_what_was_named_clean_makes_a_first_version_that_is_not_provisional(firs
     for record in store.recordings()[:4]:
         label_clean(store, record)
     kind = kind_of(audit("refresh"))
-    assert (kind["decided"], kind["provisional"], kind["recordings"], kind["left_out"]) == ("promoted", False, 4, 5)
+    assert (kind["decided"], kind["provisional"], kind["recordings"]) == ("promoted", False, 4)
+    assert {one["reason"] for one in kind["left_out"]} == {"the first version is made of what was named clean"}
+    assert len(kind["left_out"]) == 5
 
 
 def test_what_a_person_named_stays_named_also_where_the_store_has_it_no_longer(first_night, audit_of, tmp_path):
@@ -442,9 +444,9 @@ def test_a_recording_of_a_day_that_has_not_come_is_not_learnt_from(first_night, 
 def test_metrics_and_the_page_say_the_same_whatever_a_recording_is_called(first_night, audit_of, tmp_path):
     audit = audit_of(first_night)
     add_drive(Store.open(audit.store), HOSTILE, seed=50, vehicle='ca"r\\1', day=4, attacked=(2,))
-    assert audit("refresh", "--metrics", tmp_path / "auditor.prom").code == 0
+    assert audit("refresh", "--metrics", tmp_path / "auditor.prom").code == 1
     text = (tmp_path / "auditor.prom").read_text()
-    assert "auditor_refresh_exit_code 0" in text
+    assert "auditor_refresh_exit_code 1" in text
     assert 'decided="promoted"' in text
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     assert all(float(line.rsplit(" ", 1)[1]) >= 0 for line in lines if "creep" not in line)
@@ -470,3 +472,86 @@ def test_a_version_that_came_into_force_while_a_refresh_ran_is_not_replaced(refr
     assert answer.code == 2
     assert "came into force meanwhile" in answer.out.decode()
     assert in_force(audit) == [other.calibration_id]
+
+
+def test_attacked_recordings_are_named_with_their_reason_and_the_night_ends_with_findings(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    add_drive(store, "short.mcap", seed=90, vehicle="car1", day=9, frames=12, attacked=(2,))
+    add_drive(store, "told.mcap", seed=91, vehicle="car2", day=9, attacked=(2,))
+    answer = audit("refresh")
+    line = json.loads(answer.out.decode().splitlines()[0])
+    [kind] = line["rig_kinds"]
+    assert answer.code == 1
+    assert {one["recording"] for one in line["found"]} == {"short.mcap", "told.mcap"}
+    reasons = {one["recording"]: one["reason"] for one in kind["left_out"]}
+    assert reasons["short.mcap"].startswith("12 frames, fewer than 20; ")
+    assert {"short.mcap", "told.mcap"} <= {one["recording"] for one in kind["look_at"]}
+    assert "left out: short.mcap: 12 frames, fewer than 20" in answer.err
+    assert "told.mcap: to be looked at: raised by" in answer.err
+    assert audit("refresh").code == 0, "the next night has nothing new, and the list of those that wait has them"
+    assert {"short.mcap", "told.mcap"} <= {one["recording"] for one in kind_of(audit("refresh"))["look_at"]}
+
+
+def test_a_short_recording_without_findings_is_named_and_does_not_end_the_night(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    add_drive(Store.open(audit.store), "short.mcap", seed=92, vehicle="car1", day=9, frames=12)
+    answer = audit("refresh")
+    assert answer.code == 0
+    assert "left out: short.mcap: 12 frames, fewer than 20\n" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("count", "frames", "provisional"), [(1, 40, True), (3, 6, True), (2, 40, True), (3, 20, False)]
+)
+def test_a_first_version_of_too_few_recordings_is_provisional_whoever_names_them(
+    count, frames, provisional, audit_of, tmp_path
+):
+    store = Store.open(tmp_path / "few", create=True)
+    for n in range(count):
+        add_drive(store, f"d{n}.mcap", seed=n, vehicle=f"car{n}", day=n + 1, frames=frames)
+    audit = audit_of(tmp_path / "few")
+    kind = kind_of(audit("refresh", audit.store, "--clean"))
+    assert (kind["decided"], kind["provisional"]) == ("promoted", provisional)
+    assert any("fewer than 3 recordings of 20 frames" in one for one in kind["reasons"]) == provisional
+    assert ("its calibration is provisional" in audit("judge", audit.store, store=False).err) == provisional
+
+
+def test_a_text_file_beside_a_recording_is_named_and_fails_no_night(audit_of, refreshed, tmp_path):
+    folder = tmp_path / "night"
+    folder.mkdir()
+    write_drive(folder / "a.mcap", 6, seed=1, positions_m=(0.6, 0.3, 0.0))
+    (folder / "a.mcap.truth.json").write_text('{"attacked": []}')
+    audit = audit_of(refreshed)
+    answer = audit("refresh", folder)
+    assert json.loads(answer.out.decode().splitlines()[0])["failed"] == []
+    assert answer.code == 0, answer.err
+    assert "a.mcap.truth.json: it is text and no recording" in answer.err
+    (folder / "a.mcap.bak").write_bytes((folder / "a.mcap").read_bytes())
+    assert audit("refresh", folder).code == 1, "a copy may be a recording that nobody read"
+
+
+def test_a_calibration_that_is_gone_is_told_every_time_until_one_is_put_in_force(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    [known] = in_force(audit)
+    path = Store.open(audit.store).path("calibrations", known)
+    content = path.read_bytes()
+    path.unlink()
+    for _ in range(2):
+        assert audit("refresh").code == 2
+        assert f"{known}: its file is gone from the store" in audit("calibration", "verify").out.decode()
+        assert audit("calibration", "verify").code == 3
+    path.write_bytes(content)
+    for history in (audit.store / "calibration_history").glob("*.parquet"):
+        history.unlink()
+    gone = f"calibration {known[:12]} came into force for"
+    for _ in range(2):
+        answer = audit("judge", audit.store, store=False)
+        assert (answer.code in (3, 4), gone in answer.err) == (True, True)
+        answer = audit("refresh")
+        assert kind_of(answer)["decided"] == "held"
+        assert gone in answer.err
+        assert audit("calibration", "verify").code == 3
+    assert audit("calibration", "promote", known).code == 0
+    assert gone not in audit("judge", audit.store, store=False).err
+    assert audit("calibration", "verify").code == 0

@@ -10,7 +10,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.output import answer
-from auditor.cli.values import SENSOR, FiniteRange
+from auditor.cli.values import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ _EITHER = ("delayed", "frozen")
 
 
 @click.command("attack", short_help="A compromised copy with its ground truth.")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@click.argument("source", type=PATH)
+@click.argument("target", type=PATH)
 @click.option("--on", "sensors", type=SENSOR, multiple=True, required=True, help="Sensor to attack; may be repeated.")
 @click.option(
     "--kind",
@@ -50,7 +50,7 @@ _EITHER = ("delayed", "frozen")
 )
 @click.option(
     "--pattern",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    type=LocalPath(exists=True, dir_okay=False),
     help="Image of a laser pattern for --kind pattern.",
 )
 @click.option(

@@ -14,7 +14,7 @@ from auditor.cli import judging_options, options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
-from auditor.cli.values import RATE
+from auditor.cli.values import PATH, RATE
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -42,13 +42,13 @@ class _Frames(click.ParamType[range]):
 
 
 @click.command("calibrate", short_help="Thresholds from clean recordings.")
-@click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=click.Path(path_type=Path))
+@click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=PATH)
 @options.store_option
 @click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")
 @judging_options.method_option
 @judging_options.strict_option
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
-@click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
+@click.option("--out", type=PATH, help="Also write the thresholds artefact to this file.")
 @judging_options.recount_option
 @options.measuring_options
 @format_option

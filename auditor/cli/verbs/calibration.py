@@ -10,7 +10,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, emit, format_option, print_rows, say, shown, write_bytes
-from auditor.cli.values import RATE
+from auditor.cli.values import PATH, RATE
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -265,10 +265,15 @@ def verify(calibration: str | None, store: Path) -> Exit:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.calibrations.versions import problems_of, remade  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.versions.history import histories  # noqa: PLC0415
+    from auditor.store.versions.records import lost_line, lost_versions, missing_calibrations  # noqa: PLC0415
 
     kept = Store.open(store)
     known = [_named(kept, calibration)] if calibration is not None else kept.ids("calibrations")
     problems = [f"{one}: {problem}" for one in known for problem in problems_of(kept, one)]
+    if calibration is None:
+        every = histories(kept)
+        problems += [*missing_calibrations(kept, every), *map(lost_line, lost_versions(kept, every))]
     for problem in problems:
         answer(shown(problem))
     again = sum(remade(kept, one) for one in known)
@@ -278,7 +283,7 @@ def verify(calibration: str | None, store: Path) -> Exit:
 
 @command.command("export", short_help="Write a calibration to a file.")
 @_id_argument
-@click.argument("out", metavar="FILE", type=click.Path(path_type=Path))
+@click.argument("out", metavar="FILE", type=PATH)
 @options.store_option
 def export(calibration: str, out: Path, store: Path) -> None:
     """Write a calibration to a file of its own, to judge by it elsewhere: auditor scan --calibration FILE.

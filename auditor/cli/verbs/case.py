@@ -8,7 +8,7 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import reading, refuse_altered
 from auditor.cli.output import answer, say
-from auditor.cli.values import FiniteRange
+from auditor.cli.values import PATH, FiniteRange, LocalPath
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command("case", short_help="One incident as a folder for other tools.")
 @click.argument("incident")
 @options.store_option
-@click.option("--into", type=click.Path(path_type=Path), required=True, help="The new folder to write.")
+@click.option("--into", type=PATH, required=True, help="The new folder to write.")
 @click.option("--zip", "zipped", is_flag=True, help="Write the folder as a zip beside it, too.")
 @click.option(
     "--seconds",
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--private-key",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    type=LocalPath(exists=True, dir_okay=False),
     envvar="AUDITOR_SIGNING_KEY",
     show_envvar=True,
     help="Sign the manifest with this Ed25519 key (PEM).",

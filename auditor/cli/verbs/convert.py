@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
 
 
 @click.command("convert", short_help="Any recording becomes MCAP.")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@click.argument("source", type=PATH)
+@click.argument("target", type=PATH)
 @options.budget_options
 def command(source: Path, target: Path, limits: "LimitsOf") -> None:
     """Write a recording again as MCAP with ROS 2 messages; images and points stay what they are.

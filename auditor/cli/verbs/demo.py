@@ -14,6 +14,7 @@ from auditor.cli import judging_options, options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.pipeline.demo import Take
@@ -37,7 +38,7 @@ _USUAL_R = Decimal("0.01")
 
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
-@click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
+@click.argument("folder", type=PATH, default=Path("auditor-demo"))
 @judging_options.method_option
 @options.jobs_option
 def command(folder: Path, method: str, jobs: int) -> int:

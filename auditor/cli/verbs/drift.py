@@ -9,6 +9,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, print_rows, say
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.store import Store
@@ -36,7 +37,7 @@ _COLUMNS = (
 @click.option("--days", type=click.IntRange(min=6), default=60, show_default=True, help="Days that are looked at.")
 @click.option("--vehicle", help="Show this vehicle only; chances are those of the fleet.")
 @click.option("--all", "every", is_flag=True, help="Show also what is steady.")
-@click.option("--page", type=click.Path(path_type=Path), help="Also write a page with the levels day by day.")
+@click.option("--page", type=PATH, help="Also write a page with the levels day by day.")
 @format_option
 def command(store: Path, days: int, vehicle: str | None, page: Path | None, form: str, *, every: bool) -> Exit:
     """Say which sensors of which vehicles drift or have changed, from the daily levels of a store.

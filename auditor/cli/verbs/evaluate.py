@@ -10,6 +10,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import emit, format_option, progress, say
+from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _FIRST_STREET = 1000
 
 
 @click.command("evaluate", short_help="The paper's tables on your own clean logs.")
-@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=PATH)
 @click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and evaluate on them too.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random attacks.")
 @click.option(
@@ -45,7 +46,7 @@ _FIRST_STREET = 1000
     "--pattern",
     "patterns",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="An image of a laser pattern to lay over the camera images; may be given again.",
 )
 @click.option(
@@ -57,7 +58,7 @@ _FIRST_STREET = 1000
 )
 @click.option(
     "--labels",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder of KITTI's object labels, to score the detectors of --detector by.",
 )
 @click.option(

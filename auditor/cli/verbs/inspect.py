@@ -9,9 +9,14 @@ import click
 
 from auditor.cli import options
 from auditor.cli.judging_options import no_sensor_option
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from auditor.cli.exit_codes import Tally
     from auditor.pipeline.many import LimitsOf
+    from auditor.recordings import Location
 
 _MOST_TOPICS_SHOWN = 200
 
@@ -21,7 +26,7 @@ _MOST_TOPICS_SHOWN = 200
 @options.rig_option
 @no_sensor_option
 @options.budget_options
-@click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
+@click.option("--write-rig", type=PATH, help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
     "--format",
     "form",
@@ -55,23 +60,19 @@ def command(
     from auditor.cli.recording_description import describe  # noqa: PLC0415
     from auditor.errors import AuditorError, LimitError, SettingError  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
-    from auditor.recordings import find_recordings  # noqa: PLC0415
 
     if write_rig:
         check_new(write_rig)
-    found = find_recordings(recordings)
-    if write_rig and len(found.recordings) > 1:
+    tally = Tally()
+    found = _found(recordings, tally)
+    if write_rig and len(found) > 1:
         raise SettingError(
-            f"these are {len(found.recordings)} recordings, and each may have a rig of its own",
+            f"these are {len(found)} recordings, and each may have a rig of its own",
             where="--write-rig",
             remedy="name one of them",
         )
-    tally = Tally()
-    for error in found.errors:
-        say(f"auditor: {error}")
-        tally.failed = True
     descriptions = []
-    for where in found.recordings:
+    for where in found:
         try:
             description = run_within(limits(where), describe, where, rig, write_rig, no_sensors)
             if write_rig and description["rigs"]:
@@ -92,6 +93,20 @@ def command(
     if form == "json":
         click.echo(json.dumps(descriptions, indent=2))
     return tally.exit_code()
+
+
+def _found(recordings: "Sequence[Path]", tally: "Tally") -> "tuple[Location, ...]":
+    """The recordings at some paths; what is none is said, and fails where it may have been one."""
+    from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
+    from auditor.recordings import find_recordings  # noqa: PLC0415
+
+    found = find_recordings(recordings)
+    for note in found.notes:
+        say(f"{note}: it is text and no recording, and was not read")
+    for error in found.errors:
+        say(f"auditor: {error}")
+        tally.failed = True
+    return found.recordings
 
 
 def _show(description: dict[str, Any]) -> None:

@@ -9,10 +9,11 @@ from click.core import ParameterSource
 from auditor.cli import judging_options, options
 from auditor.cli.logged import logged
 from auditor.cli.output import audit_format_option
+from auditor.cli.values import PATH
 
 
 @click.command("judge", short_help="Verdicts again, without recordings.")
-@click.argument("place", metavar="[STORE]", required=False, type=click.Path(path_type=Path))
+@click.argument("place", metavar="[STORE]", required=False, type=PATH)
 @options.store_option
 @judging_options.recount_option
 @options.jobs_option

@@ -12,7 +12,7 @@ from auditor.cli import options
 from auditor.cli.judging_options import no_sensor_option
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
-from auditor.cli.values import RATE
+from auditor.cli.values import PATH, RATE
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 @click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
-@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=click.Path(path_type=Path))
+@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=PATH)
 @options.store_option
 @click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
 @click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r that recordings are judged at.")
-@click.option("--metrics", type=click.Path(path_type=Path), help="Also write metrics for Prometheus to this file.")
+@click.option("--metrics", type=PATH, help="Also write metrics for Prometheus to this file.")
 @click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
 @no_sensor_option
 @options.measuring_options
@@ -55,9 +55,10 @@ def command(
     held for a person (auditor calibration promote), or refused.
 
     Prints one line of JSON, and writes the page STORE/reports/refresh.html. Exit codes: 0 promoted, or nothing new;
-    1 held for a person, or some recordings failed; 2 could not run; 4 refused.
+    1 held for a person, some recordings of this call have findings or are in doubt, or some failed; 2 could not run;
+    4 refused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.refresh_answers import exit_code, json_line, planned_lines  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.refresh_answers import exit_code, json_line, left_out_lines, planned_lines  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
 
@@ -74,8 +75,12 @@ def command(
         say(line)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
+        for line in left_out_lines(one):
+            say(f"  {line}")
         for step in next_steps(one, found.store):
             say(f"  {step.what}: {step.command}")
+    for finding in found.found:
+        say(f"{finding.recording}: to be looked at: {finding.reason}")
     answer(json_line(found))
     return exit_code(found)
 
@@ -127,12 +132,14 @@ def _refreshed(
 
     with only_refresh(kept), logged(kept.folder):
         measured, failed = _measure(recordings, kept, measuring)
-        for judged in judge_new(kept, r, no_sensors):
-            if judged.error is not None:
-                say(f"{judged.recording}: {judged.error}")
+        judged = list(judge_new(kept, r, no_sensors))
+        for one in judged:
+            if one.error is not None:
+                say(f"{one.recording}: {one.error}")
         named = [known for other in others for known in other.ids("measurements")] + measured
         named = named if clean else []
-        found = refresh(kept, others, named, r, measured=measured, failed=failed, no_sensors=no_sensors)
+        new = [one.measurement_id for one in judged]
+        found = refresh(kept, others, named, r, measured=measured, judged=new, failed=failed, no_sensors=no_sensors)
         render_refresh_page(found, kept, out=default_page(kept.folder))
         if metrics:
             write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)

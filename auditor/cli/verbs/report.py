@@ -10,6 +10,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading, refuse_altered
 from auditor.cli.output import answer
+from auditor.cli.values import PATH
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _PAGE = ".html"
 @click.option("--incident", metavar="ID", help="One page of the incident whose id begins so.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The folder to write, or a file NAME.html: then all is one page.  [default: in STORE/reports]",
 )
 @click.option(

@@ -9,6 +9,7 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.output import answer, print_rows, say
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.model.frames import Frame
@@ -19,12 +20,12 @@ _COLUMNS = ("sensor", "name", "topic", "state", "skew_ms", "data", "damaged")
 
 
 @click.command("show", short_help="Any frame, with what is damaged in it.")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=PATH)
 @click.argument("frame", type=click.IntRange(min=0))
 @options.store_option
 @options.rig_option
 @options.budget_options
-@click.option("--into", type=click.Path(path_type=Path), help="Write its pictures into this new folder, as PNG files.")
+@click.option("--into", type=PATH, help="Write its pictures into this new folder, as PNG files.")
 def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: "LimitsOf", into: Path | None) -> int:
     """Show one frame of a recording: its sensors, its verdict, and pictures of all cameras and of the cloud.
 

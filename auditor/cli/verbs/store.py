@@ -9,8 +9,9 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, say, shown
+from auditor.cli.values import PATH
 
-_store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+_store_argument = click.argument("store", type=PATH, default=options.DEFAULT_STORE)
 
 
 @click.group("store", short_help="List, remove, check, compact and upgrade what a store holds.")

@@ -12,6 +12,7 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.output import answer, print_rows, progress, say
+from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -27,17 +28,17 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 
 
 @click.command("train-matcher", short_help="A stereo network from your own clean logs.")
-@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=PATH)
 @click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and train on them too.")
 @click.option(
     "--validate",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A clean recording to validate the network on, not to train on; may be given again.",
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("network"),
     show_default=True,
     help="Folder of the training: samples, checkpoint, curve, weights.",

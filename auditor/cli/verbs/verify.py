@@ -9,16 +9,17 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import say, shown
+from auditor.cli.values import PATH, LocalPath
 
 if TYPE_CHECKING:
     from auditor.store.log.signatures import PublicKey
     from auditor.store.maintenance.verify import Verified
 
-_key = click.Path(path_type=Path, exists=True, dir_okay=False)
+_key = LocalPath(exists=True, dir_okay=False)
 
 
 @click.command("verify", short_help="Is a store, or a case, as it was written?")
-@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@click.argument("store", type=PATH, default=options.DEFAULT_STORE)
 @click.option("--public-key", type=_key, help="Also check that the holder of this Ed25519 key (PEM) signed everything.")
 @click.option(
     "--private-key",

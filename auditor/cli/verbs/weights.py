@@ -7,6 +7,7 @@ import click
 
 from auditor.cli.exit_codes import Exit
 from auditor.cli.output import answer, shown
+from auditor.cli.values import PATH
 
 
 @click.group("weights", short_help="Inspect PSMNet checkpoints, convert them safely.")
@@ -20,7 +21,7 @@ def command() -> None:
 
 
 @command.command("inspect")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 def inspect(file: Path) -> int:
     """Show what a checkpoint holds, and whether it can be used."""
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - keeps --help quick
@@ -32,8 +33,8 @@ def inspect(file: Path) -> int:
 
 
 @command.command("convert")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
+@click.argument("target", type=PATH)
 @click.option(
     "--align-corners/--no-align-corners",
     default=None,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
 from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
@@ -31,13 +32,14 @@ class Known:
 
     `parent` is the version in force, `before` what it was made of, `confirmed` the version that a person confirmed
     last. `withdrawn` are recordings that were new in versions that were rolled back; `waiting` those that a person
-    should look at, by recording.
+    should look at, by recording. `lost` says which versions came into force before, where no history tells of any.
     """
 
     parent: Calibration | None = None
     confirmed: Calibration | None = None
     before: tuple[UsedRecording, ...] = ()
     withdrawn: frozenset[str] = frozenset()
+    lost: tuple[str, ...] = ()
     waiting: Mapping[str, Quarantined] = field(default_factory=dict)
 
     @property
@@ -126,6 +128,12 @@ class Choice:
 
         waiting = sum(one.look_at and one.findings_by_others is not None and counts(one) for one in self.out)
         return waiting, waiting + sum(counts(one.used) for one in self.chosen)
+
+    @property
+    def too_few(self) -> bool:
+        """Whether fewer recordings than a first version needs have as many frames as say anything of a drive."""
+        enough = sum(one.used.frames >= CLEAN_DRIVE.fewest_frames for one in self.chosen)
+        return enough < INFLUENCE.fewest_first
 
     @property
     def some_named(self) -> bool:

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
-from auditor.errors import ThresholdsError
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.conditions import doubtful, rates_by_condition
+from auditor.identification.refreshing.drives import Shown
 from auditor.identification.refreshing.gate import (
     Step,
     compared,
@@ -25,9 +25,11 @@ from auditor.pipeline.judge import PRIOR_MATCHER, system_of
 from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, considered
 from auditor.pipeline.refreshing.pool import Group
 from auditor.store import Store, make_calibration
+from auditor.store.calibrations import OutdatedCalibrationError
 from auditor.store.versions.decisions import Decided, Decision, Interval, Rise
+from auditor.store.versions.history import History, histories
 from auditor.store.versions.quarantine import read_quarantine
-from auditor.store.versions.records import UsedRecording, read_version
+from auditor.store.versions.records import UsedRecording, lost_line, lost_versions, read_version
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,7 @@ def known_of(store: Store, group: Group) -> Known:
         _confirmed(store, group, parent),
         _used_before(store, parent),
         frozenset(_new_in_withdrawn(store, group)),
+        tuple(_lost(store, history)),
         {one.recording_id: one for one in read_quarantine(store, history)},
     )
 
@@ -68,6 +71,14 @@ def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decima
         decided = Decided.REFUSED if refused else Decided.NOTHING_NEW
         return Learnt(_decision(group, known, choice, decided, [*refused, *_raised_line(choice)]))
     return Learnt(_decide(group, known, calibration, choice, system, r, in_force), calibration)
+
+
+def _lost(store: Store, history: History) -> Iterator[str]:
+    """What is to be said of versions of a rig kind that came into force and whose history is gone."""
+    if history.in_force is None:
+        for one in lost_versions(store, histories(store)):
+            if (one.kind, one.matcher) == (str(history.rig_kind), history.procedure.matcher):
+                yield lost_line(one)
 
 
 def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
@@ -104,12 +115,13 @@ def _decide(
         *doubts(step, creep),
         *raised_often(shown, r),
         *doubtful(rates, r),
-        *_for_a_person(group, known.parent, calibration, choice, in_force),
+        *_for_a_person(group, known, calibration, choice, in_force),
     ]
     decided = Decided.REFUSED if refused else Decided.HELD if held else Decided.PROMOTED
+    reasons = [*refused, *held, *_raised_line(choice), *_few_line(group, choice, shown)]
     first = known.parent is None
     return replace(
-        _decision(group, known, choice, decided, [*refused, *held, *_raised_line(choice)]),
+        _decision(group, known, choice, decided, reasons),
         calibration_id=calibration.calibration_id,
         in_force=calibration.calibration_id if decided is Decided.PROMOTED else group.history.in_force,
         by_others=Interval(*false_alarms(shown)) if shown else None,
@@ -151,15 +163,16 @@ def _too_many_raised(choice: Choice) -> Iterator[str]:
 
 def _for_a_person(
     group: Group,
-    parent: Calibration | None,
+    known: Known,
     calibration: Calibration,
     choice: Choice,
     in_force: Sequence[Calibration],
 ) -> Iterator[str]:
     """What a refresh does not decide, whatever the thresholds are."""
+    yield from known.lost
     if calibration.calibration_id in group.history.withdrawn:
         yield "it was rolled back before"
-    if parent is None and not choice.some_named:
+    if known.parent is None and not choice.some_named:
         nearest = [
             one for one in in_force if one.procedure == calibration.procedure and closeness(one, group.rig) is not None
         ]
@@ -171,11 +184,22 @@ def _raised_line(choice: Choice) -> list[str]:
     return [f"{choice.raised} raised or unlike the others, and left out"] if choice.raised else []
 
 
+def _few_line(group: Group, choice: Choice, shown: Sequence[Shown]) -> list[str]:
+    """That a version is provisional since it is of too few recordings, and how little is known of its false alarms."""
+    if group.history.vouched or not choice.too_few:
+        return []
+    fewest, frames, alarms = INFLUENCE.fewest_first, CLEAN_DRIVE.fewest_frames, false_alarms(shown)
+    return [
+        f"provisional: fewer than {fewest} recordings of {frames} frames or more, so that false alarms may be "
+        f"{100 * alarms.low:.0f} to {100 * alarms.high:.0f} % of half seconds"
+    ]
+
+
 def _confirmed(store: Store, group: Group, parent: Calibration | None) -> Calibration | None:
     confirmed = group.history.confirmed
     try:
         return parent if parent is None or confirmed is None else store.calibration(confirmed)
-    except ThresholdsError:  # it was counted otherwise: nothing is known of it any more
+    except OutdatedCalibrationError:  # it was counted otherwise: nothing is known of it any more
         return parent
 
 
@@ -204,10 +228,15 @@ def _decision(group: Group, known: Known, choice: Choice, decided: Decided, reas
         calibration_id=None,
         before=group.history.in_force,
         in_force=group.history.in_force,
-        provisional=decided is not Decided.WAITING and not group.history.vouched and not choice.some_named,
+        provisional=decided is not Decided.WAITING and _is_provisional(group, choice),
         recordings=tuple(used),
         new=sum(one.used.recording_id not in in_force for one in choice.chosen),
     )
+
+
+def _is_provisional(group: Group, choice: Choice) -> bool:
+    """Whether a person should confirm a version: none has so far, and its recordings do not speak for themselves."""
+    return not group.history.vouched and (choice.too_few or not choice.some_named)
 
 
 def _doubted(one: Chosen) -> bool:

@@ -13,7 +13,8 @@ from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
 from auditor.store import Store
-from auditor.store.versions.decisions import Decided, Decision, Failure, Refresh
+from auditor.store.reviews import false_alarms
+from auditor.store.versions.decisions import Decided, Decision, Failure, Finding, Refresh
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force
 from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
@@ -33,13 +34,15 @@ def refresh(
     r: Decimal,
     *,
     measured: Sequence[str] = (),
+    judged: Collection[str] = (),
     failed: Sequence[Failure] = (),
     no_sensors: Collection[str] = (),
     dry_run: bool = False,
 ) -> Refresh:
     """Learn from what a store, and others beside it, have measured, and put in force what may be.
 
-    `named` are the measurements that this call names clean. `measured` are the recordings that were measured for it,
+    `named` are the measurements that this call names clean. `measured` are those that were measured for it, `judged`
+    those that it judged for the first time,
     `failed` those that could not be; `no_sensors` are topics that are neither cameras nor LiDARs. A rig kind that fails
     is one that failed; the others go on. With `dry_run` nothing is written. Raises StoreError.
     """
@@ -56,7 +59,23 @@ def refresh(
             failures.append(Failure(str(group.history.rig_kind), str(error)))
             continue
         decisions.append(_as_it_is(learnt.decision) if dry_run else learnt.decision)
-    return Refresh(store.folder, datetime.now(UTC), r, dry_run, tuple(measured), tuple(failures), tuple(decisions))
+    found = tuple(_to_be_looked_at(store, decisions, {*measured, *judged}))
+    now = datetime.now(UTC)
+    return Refresh(store.folder, now, r, dry_run, tuple(measured), tuple(failures), tuple(decisions), found)
+
+
+def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[Finding]:
+    """The new measurements that a person should look at, and those in whose incidents nobody has looked yet."""
+    current, reviewed = store.current_judgements(), false_alarms(store)
+    for used in sorted((one for decision in decisions for one in decision.recordings), key=lambda one: one.name):
+        known = used.measurement_id
+        if known not in new:
+            continue
+        in_incidents = current[known].in_incidents if known in current else 0
+        if used.look_at:
+            yield Finding(used.name, used.reason)
+        elif in_incidents and known not in reviewed and not store.given_labels(used.recording_id):
+            yield Finding(used.name, f"{in_incidents} frames of it are in incidents")
 
 
 def _as_it_is(decision: Decision) -> Decision:
@@ -114,8 +133,12 @@ def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: da
 
 
 def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) -> bool:
-    """Whether a version is new, or another was decided of it than before."""
-    return known is None or (known.outcome, known.reasons) != (version.outcome, version.reasons)
+    """Whether a version is new, or another was decided of it; that one came into force is never forgotten."""
+    if known is None:
+        return True
+    if known.outcome is Outcome.PROMOTED is not version.outcome:
+        return False
+    return (known.outcome, known.reasons) != (version.outcome, version.reasons)
 
 
 def default_page(store: Path) -> Path:

@@ -12,7 +12,8 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
 from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.judge import clean_frames_of, counted_earlier
-from auditor.pipeline.many import attacked_by_labels, conflicts_of, held_by, reading_of
+from auditor.pipeline.many import attacked_by_labels, conflicts_of, held_by
+from auditor.pipeline.reading import reading_of
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
 from auditor.store import RecordingRecord, Store, StoredMeasurement
 from auditor.store.reviews import false_alarms
@@ -66,7 +67,7 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
-        reviewed = false_alarms(store)
+        reviewed, judged = false_alarms(store), store.current_judgements()
         recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
         for stored in store.measurements():
             measurement = stored.measurement_id
@@ -81,6 +82,7 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
                         named=measurement in named,
                         reviewed=measurement in reviewed,
                         no_sensors=no_sensors,
+                        in_incidents=judged[measurement].in_incidents if measurement in judged else 0,
                     )
                 )
     return groups
@@ -104,12 +106,17 @@ def _log(
     named: bool,
     reviewed: bool,
     no_sensors: Collection[str],
+    in_incidents: int,
 ) -> Log:
-    known = stored.measurement_id
-    labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
+    known, given = stored.measurement_id, store.given_labels(stored.recording_id)
+    labelled = reviewed or any(one.attack is None for one in given)
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
+    if in_incidents and not reviewed and not given:
+        # Nobody has looked at what was found in it, whatever it is left out for.
+        found, look_at = f"; {in_incidents} frames of it are in incidents", True
+        barred, doubt = barred and barred + found, doubt and doubt + found
     return Log(
         used,
         partial(clean_frames_of, store, known),

@@ -81,6 +81,11 @@ class Decision:
         return tuple(one for one in self.recordings if one.included)
 
     @property
+    def left_out(self) -> tuple[UsedRecording, ...]:
+        """The recordings that are not learnt from, each with its reason."""
+        return tuple(one for one in self.recordings if not one.included)
+
+    @property
     def look_at(self) -> tuple[UsedRecording, ...]:
         """The recordings that a person should look at."""
         return tuple(one for one in self.recordings if one.look_at)
@@ -89,6 +94,14 @@ class Decision:
 @dataclass(frozen=True)
 class Failure:
     """A recording that could not be measured, and why."""
+
+    recording: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A recording of this refresh that a person should look at, and why."""
 
     recording: str
     reason: str
@@ -108,7 +121,9 @@ class Planned:
 class Refresh:
     """One refresh of a store: what was measured, what failed, and what was decided for each rig kind.
 
-    `planned` are the recordings that a dry run was given; what it decides is of those that are measured already.
+    `found` are the recordings that were given or judged now and that a person should look at: those with findings, and
+    those that are in doubt. `planned` are the recordings that a dry run was given; what it decides is of those that are
+    measured already.
     """
 
     store: Path
@@ -118,4 +133,5 @@ class Refresh:
     measured: tuple[str, ...]
     failed: tuple[Failure, ...]
     decisions: tuple[Decision, ...]
+    found: tuple[Finding, ...] = ()
     planned: tuple[Planned, ...] = ()

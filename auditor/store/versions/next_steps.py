@@ -38,5 +38,5 @@ def _steps(one: Decision) -> Iterator[tuple[str, list[str]]]:
         what = "put it in force if that is right, else leave it: the next refresh makes another"
         yield what, ["auditor", "calibration", "promote", candidate[:12]]
     if one.decided is Decided.PROMOTED and one.provisional:
-        what = "confirm the version in force: nobody has named a recording clean so far"
+        what = "confirm the version in force: nobody named its recordings clean, or they are too few"
         yield what, ["auditor", "calibration", "promote", candidate[:12]]

@@ -124,6 +124,37 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
     )
 
 
+def lost_versions(store: Store, known: Sequence[History]) -> list[CalibrationVersion]:
+    """The versions that came into force for a rig kind that no history, of `known`, tells of.
+
+    The file of such a history is gone: nothing says any more what was in force. A person restores it, or puts a version
+    in force, which begins another.
+    """
+    told = {(str(one.rig_kind), one.procedure.matcher) for one in known if one.moves}
+    versions = [read_version(store, one) for one in store.ids("calibration_versions")]
+    promoted = [one for one in versions if one is not None and one.outcome is Outcome.PROMOTED]
+    return [one for one in promoted if (one.kind, one.matcher) not in told]
+
+
+def lost_line(one: CalibrationVersion) -> str:
+    """What to say and do about a version of `lost_versions`."""
+    known = one.calibration_id[:12]
+    return (
+        f"calibration {known} came into force for {one.kind}, and its history is gone from the store: restore "
+        f"calibration_history, or put it in force with auditor calibration promote {known}"
+    )
+
+
+def missing_calibrations(store: Store, known: Sequence[History]) -> list[str]:
+    """One sentence for each version that the store tells of, or that a history, of `known`, names, without its file."""
+    named = {move.calibration_id for one in known for move in one.moves} | {*store.ids("calibration_versions")}
+    return [
+        f"{one}: its file is gone from the store: restore calibrations/{one}.parquet, or make it again from its "
+        "recordings with auditor calibrate"
+        for one in sorted(named - {*store.ids("calibrations")})
+    ]
+
+
 def provisional_of(store: Store, known: Sequence[History]) -> frozenset[str]:
     """The calibrations of some histories that are in force, provisional, and not confirmed by a person."""
     alone = [one.in_force for one in known if one.in_force is not None and not one.vouched]
