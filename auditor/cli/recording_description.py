@@ -10,7 +10,7 @@ from auditor.model.coverage import TopicCoverage, declared, unread_line
 from auditor.model.optics.common_view import common_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import calibration_warnings_of, rigs_through
+from auditor.pipeline.measure import FirstFrames, first_frames_of, rigs_through
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading
 from auditor.recordings import (
     Health,
@@ -50,7 +50,7 @@ def describe(
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        first = [first_frames_of(recording, one) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
             for one in found.rigs
@@ -59,7 +59,7 @@ def describe(
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         damage = [str(piece) for piece in recording.damage]
-        readings = [_reading(one, damage, no_sensors) for one in health]
+        readings = [_reading(one, seen, damage, no_sensors) for one, seen in zip(health, first, strict=True)]
         coverage = declared(_coverage(recording, surveyed, rigs, health), no_sensors)
         return {
             "recording": storable(str(where)),
@@ -71,8 +71,8 @@ def describe(
             "damage": damage,
             "problems": [*found.remarks, *surveyed.problems],
             "rigs": [
-                {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
-                for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)
+                {**_rig(rig, one), "calibration_warnings": list(seen.warnings), "reading": list(reading.remarks)}
+                for rig, one, seen, reading in zip(rigs, health, first, readings, strict=True)
             ],
             "unreadable": unread_line(coverage),
             "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
@@ -92,10 +92,15 @@ def _coverage(
     return of_rig + outside_topics(recording, surveyed, rigs[0], held_s)
 
 
-def _reading(health: Health, damage: list[str], no_sensors: Collection[str]) -> Reading:
+def _reading(health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
+    """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them."""
     balance = [sensor.balance for sensor in health.sensors.values()]
     frames = FrameCount(health.frames, health.skipped)
-    return judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
+    reading = judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
+    if first.compared or not first.measured:
+        return reading
+    dark = f"in none of {first.measured} frames at its beginning could three sensors be compared: too little texture"
+    return Reading((*reading.remarks, dark), complete=False)
 
 
 def _topics(

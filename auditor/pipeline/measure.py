@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
@@ -33,7 +33,7 @@ from auditor.measurement.disparity.matchers import (
 )
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Measurement, Procedure
+from auditor.model.measurement import Measurement, Procedure, Statistic
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
@@ -266,16 +266,31 @@ def unmasked_statistics(
     return tuple(of_check.get(one) for one in sensor_checks)
 
 
-def calibration_warnings_of(recording: Recording, in_force: RigInForce) -> tuple[str, ...]:
-    """What of a rig does not fit its first frames of a recording, one sentence a piece."""
+@dataclass(frozen=True)
+class FirstFrames:
+    """What the first frames of a recording show, of which some were measured: what of the rig does not fit them.
+
+    In `compared` of them three sensors could be compared.
+    """
+
+    warnings: tuple[str, ...]
+    measured: int
+    compared: int
+
+
+def first_frames_of(recording: Recording, in_force: RigInForce) -> FirstFrames:
+    """Measure some of the first frames of a recording with one rig."""
     use_one_thread()
     matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     frames = (frame for frame in stream if isinstance(frame, Frame))
+    measured = compared = 0
     for frame in islice(frames, *_CALIBRATION_FRAMES):
-        _, evidence = measure(frame, rig, matcher)
+        found, evidence = measure(frame, rig, matcher)
         check.add(evidence, FaultFeatures().update(evidence))
-    return check.warnings()
+        measured += 1
+        compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
+    return FirstFrames(check.warnings(), measured, compared)
 
 
 def _recording_record(

@@ -80,13 +80,15 @@ def command(
     Each recording is also judged by the others: the frames that are then not clean show how many of other roads will
     be.
 
+    Recordings of several rig kinds give one calibration each, shown one after the other.
+
     The first calibration of a rig kind is in force: scans judge by it. Later ones are candidates, until auditor
     calibration promote puts one in force.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
-    from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
+    from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
@@ -109,18 +111,27 @@ def command(
         clean = choose_clean(given, opened)
         for reason in clean.left_out:
             say(reason)
-        made = make(clean, r, frames, recount=recount, jobs=measuring.jobs)
-        _check_rate(made, method, strict=strict)
+        groups = by_kind(clean)
+        if out and len(groups) > 1:
+            raise SettingError(
+                f"these recordings have {len(groups)} rig kinds or procedures, and a file holds one calibration",
+                where="--out",
+                remedy="leave it out, and write each with auditor calibration export",
+            )
+        every = [make(one, r, frames, recount=recount, jobs=measuring.jobs) for one in groups]
+        for made in every:
+            _check_rate(made, method, strict=strict)
         kept = Store.open(store, create=True)
-        known = keep_calibrated(kept, made)
+        known = [keep_calibrated(kept, made) for made in every]
         if out:
-            write_calibration(made.calibration, out)
-    if method == "robust":
-        show_robust(made, form)
-    else:
-        show_paper(made.calibration, kept, r, form)
-    show_left_out(known, r, form)
-    _say_in_force(known, store)
+            write_calibration(every[0].calibration, out)
+    for made, of_kind in zip(every, known, strict=True):
+        if method == "robust":
+            show_robust(made, form)
+        else:
+            show_paper(made.calibration, kept, r, form)
+        show_left_out(of_kind, r, form)
+        _say_in_force(of_kind, store)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
 

@@ -196,6 +196,30 @@ def make(
     return MadeCalibration(calibration, clean, asked, sums.samples, CleanDrives(sums.drives), sums.errors, jobs)
 
 
+def by_kind(clean: CleanMeasurements) -> list[CleanMeasurements]:
+    """The clean measurements of each rig kind and procedure, those left out with those of their kind.
+
+    Without a chosen one they are returned as they are. A kind of which all are left out has none.
+    """
+    groups: list[tuple[tuple[RigKind, Procedure], CleanMeasurements]] = []
+    for store, known in clean.chosen:
+        kind, procedure = _kind_and_procedure(store, known)
+        place = next((n for n, (of, _) in enumerate(groups) if of[1] == procedure and of[0].matches(kind)), None)
+        if place is None:
+            groups.append(((kind, procedure), CleanMeasurements(((store, known),), ())))
+        else:
+            of, before = groups[place]
+            groups[place] = of, replace(before, chosen=(*before.chosen, (store, known)))
+    return [replace(found, out=tuple(_out_of(clean, *of))) for of, found in groups] or [clean]
+
+
+def _out_of(clean: CleanMeasurements, kind: RigKind, procedure: Procedure) -> Iterator[tuple[Store, str, str]]:
+    for store, known, reason in clean.out:
+        its_kind, its_procedure = _kind_and_procedure(store, known)
+        if kind.matches(its_kind) and procedure == its_procedure:
+            yield store, known, reason
+
+
 def _kind_and_procedure(store: Store, measurement: str) -> tuple[RigKind, Procedure]:
     stored = store.measurement(measurement)
     return store.rig(stored.rig_id).kind, stored.procedure
