@@ -201,6 +201,16 @@ def test_messages_of_a_second_type_under_one_name_are_told(
     assert states["/front", "std_msgs/msg/Bool"]["state"] == "no sensor"
 
 
+def test_a_second_type_of_a_sensor_under_one_name_is_told_however_little_it_is(
+    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    text = beside("/front", "std_msgs/msg/Bool", 8, count=1)
+    hidden = beside("/front", schemas.POINT_CLOUD, 40)
+    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, [text, hidden]), clean, capfd)
+    assert code == 3
+    assert "/front (LiDAR): it begins behind the beginning" in said
+
+
 def test_a_lidar_of_the_old_point_cloud_type_is_part_of_the_rig(
     tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,6 @@
 """The coverage of a recording's topics: those of the rig, and what became of each of the others."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import LIDAR, Rig
@@ -11,6 +11,8 @@ from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.counts import Counts
 from auditor.recordings.synchronisation.survey import Survey, UnreadableTopic
 from auditor.recordings.synchronisation.unlisted import REMEDY, why_a_sensor, why_none
+
+_LATE = "it begins behind the beginning, from which rigs are found, or its name has messages of another type as well"
 
 
 def topic_coverage(
@@ -35,12 +37,15 @@ def outside_topics(
     `held_s` is the time of the recording's frames in seconds.
     """
     topics = {rig.topic(sensor) for sensor in rig.sensors} if rig else set()
-    unreadable = [one for one in _unreadable(recording, survey) if one.topic not in topics]
+    traffic = recording.traffic
+    unreadable = [one for one in _unreadable(survey, traffic) if one.topic not in topics]
     left_out = _left_out(recording, survey, rig, topics)
-    return (*unreadable, *left_out, *_unlisted(recording, _accounted(recording, survey), held_s))
+    accounted = _accounted(recording, survey, traffic)
+    others = {topic: found for topic, found in traffic.items() if found.messages and topic not in accounted}
+    return (*unreadable, *left_out, *_unlisted(recording, others, held_s))
 
 
-def _accounted(recording: Recording, survey: Survey) -> set[Topic]:
+def _accounted(recording: Recording, survey: Survey, traffic: Iterable[Topic]) -> set[Topic]:
     """The topics that are read as sensors, calibrations or transforms, and those that are said to be unreadable."""
     decoders = Decoders(recording.definition)
     sensors = {image.topic.name for image in survey.images} | {cloud.topic.name for cloud in survey.clouds}
@@ -52,25 +57,34 @@ def _accounted(recording: Recording, survey: Survey) -> set[Topic]:
             return False
         return topic.name in sensors if decoder.kind in sensor_types.KINDS else by_name.get(topic.name) == topic
 
-    return {topic for topic in recording.traffic if is_read(topic)} | {one.topic for one in survey.unreadable}
+    return {topic for topic in traffic if is_read(topic)} | {one.topic for one in survey.unreadable}
 
 
-def _unlisted(recording: Recording, accounted: set[Topic], held_s: float) -> Iterator[TopicCoverage]:
-    """The topics that no table lists, and those whose name belongs to another type: sensors by their data, or none."""
-    for topic, traffic in sorted(recording.traffic.items(), key=lambda entry: entry[0].name):
-        if not traffic.messages or topic in accounted:
-            continue
-        known = (topic.name, topic.schema, sensor_types.UNKNOWN)
-        place = (None, sensor_name(topic.name), traffic.messages)
-        if topic.schema in sensor_types.ONE_ROW:
-            reason = sensor_types.ONE_ROW[topic.schema]
-            yield TopicCoverage(*known, TopicState.LEFT_OUT, *place, reason=reason)
+def _unlisted(recording: Recording, others: Mapping[Topic, Traffic], held_s: float) -> Iterator[TopicCoverage]:
+    """The topics that the survey did not meet: sensors by their type, or by their data, or none."""
+    decoders = Decoders(recording.definition)
+    for topic, traffic in sorted(others.items(), key=lambda entry: (entry[0].name, entry[0].schema)):
+        decoder, listed = decoders.in_any_encoding(topic.schema), sensor_types.UNREAD.get(topic.schema)
+        if decoder is not None and decoder.kind in sensor_types.KINDS:
+            kind, remedy = sensor_types.KINDS[decoder.kind], sensor_types.remedy_of(topic.schema)
+            yield _outside(topic, kind, TopicState.UNREADABLE, traffic.messages, _LATE, remedy)
+        elif listed:
+            yield _outside(topic, listed.kind, TopicState.UNREADABLE, traffic.messages, _LATE, listed.remedy)
+        elif reason := sensor_types.ONE_ROW.get(topic.schema):
+            yield _outside(topic, sensor_types.LIDAR, TopicState.LEFT_OUT, traffic.messages, reason)
         elif why := why_a_sensor(topic, traffic, held_s, recording.definition(topic.schema)):
             remedy = REMEDY.format(topic=topic.name)
-            yield TopicCoverage(*known, TopicState.UNREADABLE, *place, reason=why, remedy=remedy)
+            yield _outside(topic, sensor_types.UNKNOWN, TopicState.UNREADABLE, traffic.messages, why, remedy)
         else:
             none = why_none(topic, traffic, held_s)
-            yield TopicCoverage(*known, TopicState.NO_SENSOR, *place, reason=none)
+            yield _outside(topic, sensor_types.UNKNOWN, TopicState.NO_SENSOR, traffic.messages, none)
+
+
+def _outside(
+    topic: Topic, kind: sensor_types.SensorKind, state: TopicState, messages: int, reason: str, remedy: str = ""
+) -> TopicCoverage:
+    name = sensor_name(topic.name)
+    return TopicCoverage(topic.name, topic.schema, kind, state, None, name, messages, reason=reason, remedy=remedy)
 
 
 def _of_sensor(
@@ -96,17 +110,15 @@ def _of_sensor(
     )
 
 
-def _unreadable(recording: Recording, survey: Survey) -> Iterator[TopicCoverage]:
+def _unreadable(survey: Survey, traffic: Mapping[Topic, Traffic]) -> Iterator[TopicCoverage]:
     for one in survey.unreadable:
-        found = recording.traffic.get(one.topic, Traffic())
+        found = traffic.get(one.topic, Traffic())
         if not found.messages:
             continue
-        known = (one.topic.name, one.topic.schema, one.kind)
-        place = (None, sensor_name(one.topic.name), found.messages)
         if other := _other_content(one, found):
-            yield TopicCoverage(*known, TopicState.LEFT_OUT, *place, reason=other)
+            yield _outside(one.topic, one.kind, TopicState.LEFT_OUT, found.messages, other)
         else:
-            yield TopicCoverage(*known, TopicState.UNREADABLE, *place, reason=one.reason, remedy=one.remedy)
+            yield _outside(one.topic, one.kind, TopicState.UNREADABLE, found.messages, one.reason, one.remedy)
 
 
 def _other_content(one: UnreadableTopic, traffic: Traffic) -> str:
@@ -128,16 +140,8 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     for topic, kind in outside:
         if rig in found.rigs and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording
-        yield TopicCoverage(
-            topic.name,
-            topic.schema,
-            kind,
-            TopicState.LEFT_OUT,
-            None,
-            sensor_name(topic.name),
-            counted.get(topic.name, 0),
-            reason=_why_left_out(topic, kind, rig, found.rigs, found.reasons),
-        )
+        why = _why_left_out(topic, kind, rig, found.rigs, found.reasons)
+        yield _outside(topic, kind, TopicState.LEFT_OUT, counted.get(topic.name, 0), why)
 
 
 def _why_left_out(
