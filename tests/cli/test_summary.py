@@ -94,7 +94,7 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
 
     monkeypatch.setattr("auditor.pipeline.many.measure_all", measure_all)
     tally = Tally()
-    summary.show_measuring(SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), shows_known=True), tally)
+    summary.show_measuring(SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), notes=(), shows_known=True), tally)
     assert capfd.readouterr().err.splitlines() == [
         "a.mcap: 1 frames measured",
         "b.mcap: 1 frames measured",
