@@ -12,8 +12,9 @@ _SENSORS = (
     r"|MultiDOFJointState|NavSatFix|NavSatStatus|Range|RegionOfInterest|RelativeHumidity|Temperature|TimeReference)"
 )
 _FOXGLOVE = (
-    r"(CameraCalibration|CompressedAudio|FrameTransforms?|GeoJSON|Grid|ImageAnnotations|JointStates?|KeyValuePair"
-    r"|LocationFix(es)?|Log|Odometry|Point[23s]*|PoseInFrame|PosesInFrame|RawAudio|SceneEntity|SceneUpdate|VoxelGrid)"
+    r"(CameraCalibration|CompressedAudio|FrameTransforms?|GeoJSON|Grid|ImageAnnotations|ImageMarkerArray|JointStates?"
+    r"|KeyValuePair|LocationFix(es)?|Log|Odometry|Point[23s]*|PoseInFrame|PosesInFrame|RawAudio|SceneEntity"
+    r"|SceneUpdate|VoxelGrid)"
 )
 
 _ROS = (
@@ -24,14 +25,19 @@ _ROS = (
     "builtin_interfaces",
     "composition_interfaces",
     "control_msgs",
+    "costmap_2d",
     "diagnostic_msgs",
     "dynamic_reconfigure",
     "geographic_msgs",
     "geometry_msgs",
+    "grid_map_msgs",
     "lifecycle_msgs",
     "map_msgs",
+    "moveit_msgs",
     "nav2_msgs",
     "nav_msgs",
+    "octomap_msgs",
+    "pcl_msgs",
     "rcl_interfaces",
     "rosbag2_interfaces",
     "rosgraph_msgs",
@@ -43,9 +49,10 @@ _ROS = (
     "trajectory_msgs",
     "type_description_interfaces",
     "unique_identifier_msgs",
+    "vision_msgs",
     "visualization_msgs",
 )
-"""Packages of ROS itself, and of its navigation and control."""
+"""Packages of ROS itself, and of its maps, navigation, control and what was found in pictures."""
 
 _VEHICLES = (
     "ackermann_msgs",

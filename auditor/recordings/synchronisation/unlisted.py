@@ -23,7 +23,7 @@ def why_a_sensor(topic: Topic, traffic: Traffic, held_s: float, definition: Defi
     if is_other(topic.schema) or not _is_much(topic, traffic, held_s, definition):
         return ""
     raw = raw_data_of(definition)
-    holds = f", whose definition holds {raw}" if raw else ""
+    holds = f", whose definition holds {raw}," if raw else ""
     return f"the type {topic.schema or 'without a name'}{holds} is not known; {_rates(traffic, held_s)}"
 
 
