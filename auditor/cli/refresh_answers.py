@@ -132,7 +132,11 @@ def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
         ),
         ("planted_found", "Share of planted attacks that are found.", lambda d: d.found_after and d.found_after.value),
         ("creep_deviations", "Largest rise of a threshold since a person confirmed.", lambda d: d.creep),
-        ("provisional", "1 where nobody named a recording clean.", lambda d: int(d.provisional)),
+        (
+            "provisional",
+            "1 where a person should confirm it: no recording was named clean, or too few are.",
+            lambda d: int(d.provisional),
+        ),
     ):
         rows = [
             (labels(**_of(one), decided=one.decided.value), 1.0) if value is None else (labels(**_of(one)), value(one))
