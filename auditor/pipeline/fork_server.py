@@ -69,6 +69,7 @@ class _Server:
     def close(self) -> None:
         """End it, and with it all processes that it forked."""
         self._socket.close()
+        self._process.kill()  # it has nothing to lose, and would take its time to end by itself
         self._process.wait()
 
 

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import local
 
 from fsspec import AbstractFileSystem
 
@@ -12,27 +13,38 @@ PROTOCOL = "store"
 _PREFIX = f"{PROTOCOL}://"
 
 
+class _Place(local):
+    """Where a thread is in a file."""
+
+    bytes = 0
+
+
 class ReadOnlyFile:
-    """One open file, unbuffered: DuckDB reads blocks. It drops its handles without closing them."""
+    """One open file, unbuffered: DuckDB reads blocks. It drops its handles without closing them.
+
+    Several of DuckDB's threads read one object, each by a seek and a read: every thread has a place of its own.
+    """
 
     __slots__ = ("_descriptor", "_place")
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-        self._place = 0
+        self._place = _Place()
 
     def read(self, size: int = -1) -> bytes:
         """At most `size` bytes from here on; all that are left where it is negative."""
-        content = os.pread(self._descriptor, size if size >= 0 else os.fstat(self._descriptor).st_size, self._place)
-        self._place += len(content)
+        content = os.pread(
+            self._descriptor, size if size >= 0 else os.fstat(self._descriptor).st_size, self._place.bytes
+        )
+        self._place.bytes += len(content)
         return content
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Go to a place, and return it."""
         if whence == os.SEEK_END:
             offset += os.fstat(self._descriptor).st_size
-        self._place = offset + (self._place if whence == os.SEEK_CUR else 0)
-        return self._place
+        self._place.bytes = offset + (self._place.bytes if whence == os.SEEK_CUR else 0)
+        return self._place.bytes
 
     def fileno(self) -> int:
         """Its descriptor."""
@@ -40,7 +52,7 @@ class ReadOnlyFile:
 
     def tell(self) -> int:
         """The place."""
-        return self._place
+        return self._place.bytes
 
     def seekable(self) -> bool:
         """True: it is a file."""

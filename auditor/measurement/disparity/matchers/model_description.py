@@ -100,7 +100,7 @@ def read_model_file(path: Path) -> bytes:
     """The bytes of a model; raises SettingError where there are none, or too many."""
     try:
         if path.stat().st_size > MAX_MODEL_BYTES:
-            raise SettingError(f"over {MAX_MODEL_BYTES >> 30} GiB: networks are smaller", where=path)
+            raise SettingError(f"it has over {MAX_MODEL_BYTES} bytes: networks are smaller", where=path)
         return path.read_bytes()
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=path, remedy="name a model's file") from error
