@@ -10,7 +10,7 @@ from auditor.model.coverage import TopicCoverage, unread_line
 from auditor.model.optics.common_view import common_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import calibration_warnings_of, rigs_through
+from auditor.pipeline.measure import RigDoubts, doubts_of, rigs_through
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading
 from auditor.recordings import (
     Health,
@@ -45,7 +45,7 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        doubts = [doubts_of(recording, one, found) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
             for one in found.rigs
@@ -64,16 +64,22 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
             "labels": len(recording.labels()),
             "topics": list(_topics(recording, rigs, coverage)),
             "damage": damage,
-            "problems": [*found.remarks, *surveyed.problems],
+            "problems": list(surveyed.problems),
             "rigs": [
-                {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
-                for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)
+                {**_rig(rig, one), **_doubts(unfit), "reading": list(reading.remarks)}
+                for rig, one, unfit, reading in zip(rigs, health, doubts, readings, strict=True)
             ],
             "unreadable": unread_line(coverage),
             "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
             "missing": missing,
-            "complete": bool(rigs) and all(reading.complete for reading in readings),
+            "complete": bool(rigs)
+            and all(one.complete for one in readings)
+            and not any(one.withheld for one in doubts),
         }
+
+
+def _doubts(doubts: RigDoubts) -> dict[str, Any]:
+    return {"calibration_warnings": list(doubts.calibration_warnings), "withheld": doubts.withheld or None}
 
 
 def _reading(health: Health, damage: list[str]) -> Reading:

@@ -203,6 +203,7 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
+            reason = reason or ("its verdicts are withheld" * bool(stored.withheld))
             yield measurement, reason or (_in_incidents(judgements.get(measurement)) * (measurement not in excused))
 
 
@@ -367,7 +368,9 @@ def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAG
 
 
 def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged."""
+    """Whether too few frames of a recording could be judged, and why where verdicts are withheld."""
+    if measurement.withheld:
+        yield f"verdicts withheld: {measurement.withheld}"
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due:

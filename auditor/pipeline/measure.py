@@ -2,13 +2,14 @@
 
 import platform
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 from auditor import __version__
 from auditor.errors import RigError
@@ -37,6 +38,7 @@ from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
+from auditor.pipeline.geometry import in_force_by_any, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
@@ -53,7 +55,6 @@ from auditor.recordings import (
     located,
     open_recording,
     read_poses,
-    rigs_in_force,
     survey,
     synchronise,
 )
@@ -96,7 +97,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
         for known, one in todo.items():
             store.write_rig(one.rig)
-            _measure(recording, one, found.remarks, matcher, procedure, store, task.pictures, progress)
+            _measure(recording, one, found, matcher, procedure, store, task.pictures, progress)
             if task.again:
                 _remove_counted_earlier(store, known)
         ids = tuple(known for known in by_id if store.has_measurement(known))
@@ -133,20 +134,16 @@ def _remove_counted_earlier(store: Store, measurement: str) -> None:
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
     """The rigs that a recording is audited with, and when each is in force; that of a rig file always is.
 
-    Raises RigError.
+    Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
     """
     if rig_file is None:
-        return rigs_in_force(recording, surveyed)
+        return settled_rigs(recording, surveyed)
     return RigsInForce((RigInForce(given_rig(rig_file, surveyed), surveyed),))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
     """When one of a recording's own rigs is in force; any other rig always is."""
-    with suppress(RigError):
-        for one in rigs_in_force(recording, surveyed).rigs:
-            if one.rig.rig_id == rig.rig_id:
-                return one
-    return RigInForce(rig, surveyed)
+    return in_force_by_any(recording, surveyed, rig.rig_id) or RigInForce(rig, surveyed)
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
@@ -157,7 +154,7 @@ def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
 def _measure(
     recording: Recording,
     in_force: RigInForce,
-    remarks: Sequence[str],
+    found: RigsInForce,
     matcher: Matcher,
     procedure: Procedure,
     store: Store,
@@ -191,6 +188,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
+        doubts = _doubts(check, found, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
@@ -200,7 +198,8 @@ def _measure(
             measured_at=datetime.now(UTC),
             seconds=perf_counter() - started,
             damage=tuple(str(piece) for piece in stream.damage),
-            calibration_warnings=(*check.warnings(), *remarks),
+            calibration_warnings=doubts.calibration_warnings,
+            withheld=doubts.withheld or None,
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=stream.coverage,
@@ -266,8 +265,15 @@ def unmasked_statistics(
     return tuple(of_check.get(one) for one in sensor_checks)
 
 
-def calibration_warnings_of(recording: Recording, in_force: RigInForce) -> tuple[str, ...]:
-    """What of a rig does not fit its first frames of a recording, one sentence a piece."""
+class RigDoubts(NamedTuple):
+    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
+
+    calibration_warnings: tuple[str, ...]
+    withheld: str
+
+
+def doubts_of(recording: Recording, in_force: RigInForce, found: RigsInForce) -> RigDoubts:
+    """What of a rig, one of those `found`, does not fit its first frames of a recording."""
     use_one_thread()
     matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
@@ -275,7 +281,12 @@ def calibration_warnings_of(recording: Recording, in_force: RigInForce) -> tuple
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
         check.add(evidence, FaultFeatures().update(evidence))
-    return check.warnings()
+    return _doubts(check, found, stream)
+
+
+def _doubts(check: CalibrationCheck, found: RigsInForce, stream: FrameStream) -> RigDoubts:
+    warnings = (*check.warnings(), *found.remarks, *stream.timing.remarks)
+    return RigDoubts(warnings, found.withheld or stream.timing.withheld or check.withheld())
 
 
 def _recording_record(

@@ -111,6 +111,15 @@ class RigLimits:
     most_apart_m: float = parameter(
         30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
     )
+    positions_agree: float = parameter(
+        0.1, unit="share of a distance by which P and tf may differ", source="tf is often of the mounting; by hand"
+    )
+    positions_agree_m: float = parameter(0.02, unit="m of the same", source=BY_HAND)
+    most_exposures_apart_ns: int = parameter(
+        50 * 10**6,
+        unit="ns between the exposures of two cameras of a rig",
+        source="0.7 m at 50 km/h: 5 % of a disparity at 14 m, which Eq. 2 allows; neighbours in nuScenes 20 ms",
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 11
+SCHEMA_VERSION = 12
 """Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
 `upgrade` brings a store of the version before to this one.

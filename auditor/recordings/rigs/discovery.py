@@ -59,25 +59,23 @@ def search_rigs(survey: Survey) -> FoundRigs:
     frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
     for group in grouped(find_views(survey, reasons), frames):
-        rigs.extend(_rigs_of(group, survey.clouds, frames, reasons))
+        rigs.extend(_rigs_of(group, survey, frames, reasons))
     rigs.sort(key=lambda rig: -len(rig.sensors))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
 
-def _rigs_of(
-    group: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
-) -> Iterator[Rig]:
+def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
     alike = grouped_alike(group, frames)
     why: list[str] = []
     beside: list[str] = []
-    rectified = [rig for views in alike if (rig := _rectified_rig(views, clouds, frames, why, beside)) is not None]
+    rectified = [rig for views in alike if (rig := _rectified_rig(views, survey, frames, why, beside)) is not None]
     one_kind = [len(views) for views in alike] == [len(group)]
     enough = one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified)
     if not enough or beside:
         why_mixed: list[str] = []
-        mixed = list(_mixed_rigs(group, clouds, frames, why_mixed))
+        mixed = list(_mixed_rigs(group, survey, frames, why_mixed))
         if not enough or (mixed and mixed[0].n > max((rig.n for rig in rectified), default=0)):
             reasons.extend(why_mixed)
             yield from mixed or rectified
@@ -87,24 +85,22 @@ def _rigs_of(
 
 
 def _rectified_rig(
-    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str], beside: list[str]
+    views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str], beside: list[str]
 ) -> Rig | None:
-    placed = place(views, frames, reasons)
+    placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
         return None
     order = _collinear(placed, reasons, beside)
     cameras = overlapping_most([_rectified_camera(placed, index) for index in order], reasons)
-    return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
+    return _rig(cameras, _lidar(placed, survey.clouds, frames, reasons), reasons)
 
 
-def _mixed_rigs(
-    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
-) -> Iterator[Rig]:
+def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
     """Rigs of the cameras that can be measured together; each camera left out gets a rig with those that fit it."""
-    placed = place(views, frames, reasons)
+    placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
         return
-    lidar = _lidar(placed, clouds, frames, reasons)
+    lidar = _lidar(placed, survey.clouds, frames, reasons)
     why: list[str] = []
     cameras = apart([_turned_camera(placed, index) for index in range(len(placed.views))], why)
     cameras = overlapping_most(cameras, reasons)

@@ -23,6 +23,7 @@ from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.rigs.conventions import STANDARD, Conventions
 
 SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
@@ -90,7 +91,7 @@ class Survey:
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
     after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
-    those of the recording that are named as parts of the same drive.
+    those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     """
 
     topics: tuple[Topic, ...]
@@ -102,6 +103,7 @@ class Survey:
     interleaved: bool
     other_parts: tuple[Path, ...] = ()
     unreadable: tuple[UnreadableTopic, ...] = ()
+    conventions: Conventions = STANDARD
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
