@@ -45,7 +45,7 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        doubts = [doubts_of(recording, one, found) for one in found.rigs]
+        doubts = [doubts_of(recording, one, found.withheld) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
             for one in found.rigs
@@ -64,7 +64,7 @@ def describe(where: Location, shown: Path | None, written: Path | None) -> dict[
             "labels": len(recording.labels()),
             "topics": list(_topics(recording, rigs, coverage)),
             "damage": damage,
-            "problems": list(surveyed.problems),
+            "problems": [*found.remarks, *surveyed.problems],
             "rigs": [
                 {**_rig(rig, one), **_doubts(unfit), "reading": list(reading.remarks)}
                 for rig, one, unfit, reading in zip(rigs, health, doubts, readings, strict=True)

@@ -188,7 +188,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
-        doubts = _doubts(check, found, stream)
+        doubts = _doubts(check, found.withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
@@ -198,7 +198,7 @@ def _measure(
             measured_at=datetime.now(UTC),
             seconds=perf_counter() - started,
             damage=tuple(str(piece) for piece in stream.damage),
-            calibration_warnings=doubts.calibration_warnings,
+            calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
             withheld=doubts.withheld or None,
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
@@ -272,8 +272,8 @@ class RigDoubts(NamedTuple):
     withheld: str
 
 
-def doubts_of(recording: Recording, in_force: RigInForce, found: RigsInForce) -> RigDoubts:
-    """What of a rig, one of those `found`, does not fit its first frames of a recording."""
+def doubts_of(recording: Recording, in_force: RigInForce, withheld: str) -> RigDoubts:
+    """What of a rig does not fit its first frames of a recording; `withheld` is what is known already."""
     use_one_thread()
     matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
@@ -281,12 +281,12 @@ def doubts_of(recording: Recording, in_force: RigInForce, found: RigsInForce) ->
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
         check.add(evidence, FaultFeatures().update(evidence))
-    return _doubts(check, found, stream)
+    return _doubts(check, withheld, stream)
 
 
-def _doubts(check: CalibrationCheck, found: RigsInForce, stream: FrameStream) -> RigDoubts:
-    warnings = (*check.warnings(), *found.remarks, *stream.timing.remarks)
-    return RigDoubts(warnings, found.withheld or stream.timing.withheld or check.withheld())
+def _doubts(check: CalibrationCheck, withheld: str, stream: FrameStream) -> RigDoubts:
+    warnings = (*check.warnings(), *stream.timing.remarks)
+    return RigDoubts(warnings, withheld or stream.timing.withheld or check.withheld())
 
 
 def _recording_record(

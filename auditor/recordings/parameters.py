@@ -123,6 +123,22 @@ class RigLimits:
 
 
 @dataclass(frozen=True)
+class Sweeps:
+    """When a LiDAR's clouds are parts of a sweep: such a rig says so, and so has another id."""
+
+    looked_at: int = parameter(12, unit="first clouds a topic", source=BY_HAND)
+    fewest_clouds: int = parameter(4, unit="clouds with points", source=BY_HAND)
+    least_step: float = parameter(
+        0.6, unit="widths of a part from one to the next", source="whole sweeps 0 to 0.3, sectors 0.9 to 1.1"
+    )
+    points_quantile: float = parameter(0.9, unit="quantile of a part's points, by azimuth", source=BY_HAND)
+    half_turn_rad: float = parameter(2.6, unit="rad from part to part that may be either way", source=BY_HAND)
+    neighbours_rad: float = parameter(0.035, unit="rad between two points that follow each other", source=BY_HAND)
+    rare_sweeps: float = parameter(0.05, unit="share of the sweeps that lack parts", source=BY_HAND)
+    most_periods: float = parameter(1.5, unit="periods of a sweep from its first part to its last", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class CameraLimits:
     """Which calibrations are those of a camera at all; the others would overflow."""
 
@@ -162,6 +178,7 @@ class PictureDepth:
 
 
 RIG_LIMITS = RigLimits()
+SWEEPS = Sweeps()
 CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
@@ -171,7 +188,7 @@ POSES = Poses()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS)
 """All that can change which cameras form a rig, and what a rig says of them."""
 
 PLACING = (POSES,)

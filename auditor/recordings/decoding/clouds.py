@@ -13,6 +13,9 @@ from auditor.recordings.decoding.ros import RosTypes, read_header
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The datatype numbers of sensor_msgs/PointField."""
 
+_FLOATS = {7, 8}
+"""Those of coordinates in metres: whole numbers are centimetres, millimetres or ticks, and no message says which."""
+
 MAX_POINTS = 10**7
 MAX_POINT_BYTES = 4096
 
@@ -69,6 +72,12 @@ def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class i
         datatype = DATATYPES.get(field.datatype)
         if field.name not in {"x", "y", "z"} or field.name in names or datatype is None or field.count > 1:
             continue
+        if field.datatype not in _FLOATS:
+            kind = np.dtype(datatype).name
+            raise DecodingError(
+                f"its field {field.name!r} holds whole numbers ({kind}), and the message does not say of which unit; "
+                "convert x, y and z to float32 metres"
+            )
         if field.offset + int(datatype[1]) > cloud.point_step:
             raise DecodingError(f"the field {field.name!r} lies outside its point")
         names.append(field.name)

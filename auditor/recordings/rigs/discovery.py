@@ -18,6 +18,7 @@ from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
@@ -178,7 +179,10 @@ def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
             if camera_SE3_lidar is not None:
                 rig_SE3_camera = motion(camera.rotation.T, camera.centre_m)
                 name = cloud.topic.name
-                return Lidar(sensor_name(name), name, rig_SE3_camera @ camera_SE3_lidar)
+                rig_SE3_lidar = rig_SE3_camera @ camera_SE3_lidar
+                ahead = rig_SE3_lidar[:3, :3].T @ camera.rotation[2]
+                sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
+                return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep)
     return None
 
 
@@ -279,7 +283,10 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
         anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
         if anchor_SE3_lidar is not None:
             name = sensor_name(cloud.topic.name)
-            return Lidar(name, cloud.topic.name, placed.rig_SE3_anchor @ anchor_SE3_lidar)
+            rig_SE3_lidar = placed.rig_SE3_anchor @ anchor_SE3_lidar
+            ahead = rig_SE3_lidar[:3, :3].T @ np.sum([rotation[2] for rotation in placed.rotations], axis=0)
+            sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
+            return Lidar(name, cloud.topic.name, rig_SE3_lidar, sweep=sweep)
         reasons.append(
             f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
         )
