@@ -37,6 +37,7 @@ class GeometryFit:
     regions_quantile: float = parameter(0.75, unit="quantile of the regions' shares", source=_FIT)
     frames_quantile: float = parameter(0.75, unit="quantile of the frames' shares", source=_FIT)
     at_chance: float = parameter(0.12, unit="share of points that agree by chance, at most", source=_FIT)
+    in_doubt: float = parameter(0.7, unit="share of points below which other axes are tried", source=_FIT)
     fits: float = parameter(0.5, unit="share from which on a way to read a calibration fits", source=_FIT)
     better_by: float = parameter(0.2, unit="share by which it has to fit better than the standard's", source=_FIT)
     fewest_in_view: int = parameter(20, unit="LiDAR points in the view of a camera", source=BY_HAND)

@@ -19,6 +19,7 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.recordings import (
     Contradictions,
+    Positions,
     Recording,
     RigInForce,
     RigsInForce,
@@ -26,6 +27,7 @@ from auditor.recordings import (
     contradictions,
     find_rigs,
     rigs_in_force,
+    search_rigs,
     synchronise,
 )
 
@@ -74,6 +76,26 @@ def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigI
             if one.rig.rig_id == rig_id:
                 return one
     return None
+
+
+def negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> str:
+    """Why no verdict may be given where the images of a rig fit by `pictures`: they fit its cameras in reverse order.
+
+    Empty where they do not, or fit as they are.
+    """
+    if not pictures < GEOMETRY_FIT.fits:
+        return ""
+    other = replace(survey, conventions=replace(survey.conventions, positions=Positions.NEGATED))
+    topics = sorted(camera.topic for camera in rig.cameras)
+    for turned in search_rigs(other).rigs:
+        if turned.rig_id != rig.rig_id and sorted(camera.topic for camera in turned.cameras) == topics:
+            fit = _candidate(recording, other, turned).pictures
+            if fit >= GEOMETRY_FIT.fits and fit - pictures >= GEOMETRY_FIT.better_by:
+                return (
+                    "the images fit the cameras in reverse order, and not as they are: the fourth columns of P have "
+                    f"the wrong sign; {_REPAIR}"
+                )
+    return ""
 
 
 def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:

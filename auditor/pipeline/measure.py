@@ -38,7 +38,7 @@ from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.geometry import in_force_by_any, settled_rigs
+from auditor.pipeline.geometry import in_force_by_any, negated, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
@@ -188,7 +188,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
-        doubts = _doubts(check, found.withheld, stream)
+        doubts = _doubts(recording, in_force, check, found.withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
@@ -281,12 +281,15 @@ def doubts_of(recording: Recording, in_force: RigInForce, withheld: str) -> RigD
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
         check.add(evidence, FaultFeatures().update(evidence))
-    return _doubts(check, withheld, stream)
+    return _doubts(recording, in_force, check, withheld, stream)
 
 
-def _doubts(check: CalibrationCheck, withheld: str, stream: FrameStream) -> RigDoubts:
+def _doubts(
+    recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
+) -> RigDoubts:
     warnings = (*check.warnings(), *stream.timing.remarks)
-    return RigDoubts(warnings, withheld or stream.timing.withheld or check.withheld())
+    withheld = withheld or stream.timing.withheld or check.withheld()
+    return RigDoubts(warnings, withheld or negated(recording, in_force.survey, in_force.rig, check.pictures))
 
 
 def _recording_record(

@@ -5,7 +5,7 @@ from auditor.recordings.opening import Found, find_recordings, format_of, open_r
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
 from auditor.recordings.rigs.contradictions import Contradictions, contradictions
-from auditor.recordings.rigs.conventions import STANDARD, Conventions
+from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
@@ -26,9 +26,7 @@ from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 
 __all__ = [
-    "STANDARD",
     "Contradictions",
-    "Conventions",
     "ConvertReport",
     "Damage",
     "Found",
@@ -39,6 +37,7 @@ __all__ = [
     "Health",
     "Location",
     "Origin",
+    "Positions",
     "Reader",
     "Recording",
     "RigInForce",

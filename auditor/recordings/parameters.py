@@ -139,6 +139,17 @@ class Sweeps:
 
 
 @dataclass(frozen=True)
+class PointUnits:
+    """Which clouds are in metres at all; the others are not read."""
+
+    nearest_m: float = parameter(0.3, unit="m, median range", source="the nearest return of LiDARs that are sold")
+    farthest_m: float = parameter(
+        300.0, unit="m, median range", source="the farthest return of those; KITTI and nuScenes 6 to 13 m"
+    )
+    fewest_points: int = parameter(50, unit="points", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class CameraLimits:
     """Which calibrations are those of a camera at all; the others would overflow."""
 
@@ -179,6 +190,7 @@ class PictureDepth:
 
 RIG_LIMITS = RigLimits()
 SWEEPS = Sweeps()
+POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
@@ -188,7 +200,7 @@ POSES = Poses()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS)
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS, POINT_UNITS)
 """All that can change which cameras form a rig, and what a rig says of them."""
 
 PLACING = (POSES,)

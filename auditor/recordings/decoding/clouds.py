@@ -9,6 +9,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.parameters import POINT_UNITS
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The datatype numbers of sensor_msgs/PointField."""
@@ -63,6 +64,20 @@ def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
     with np.errstate(invalid="ignore", over="ignore"):
         good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
     return xyz_m if good.all() else xyz_m[good]
+
+
+def check_unit(xyz_m: NDArray[np.float32]) -> None:
+    """Raise DecodingError where the ranges of (N, 3) points are none of a LiDAR in metres."""
+    range_m = np.linalg.norm(xyz_m, axis=1)
+    range_m = range_m[range_m > 0]  # missing returns may be written as zeros
+    if range_m.size < POINT_UNITS.fewest_points:
+        return
+    median_m = float(np.median(range_m))
+    if not POINT_UNITS.nearest_m <= median_m <= POINT_UNITS.farthest_m:
+        raise DecodingError(
+            f"half of its points would lie {'beyond' if median_m > 1 else 'within'} {median_m:.3g} m, so that x, y and "
+            "z are not metres; convert them to metres"
+        )
 
 
 def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class is generated

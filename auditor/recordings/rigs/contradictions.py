@@ -28,7 +28,7 @@ def contradictions(survey: Survey) -> Contradictions:
     sentences = tuple(filter(None, (*sizes, *places)))
     candidates = tuple(
         Conventions(positions, scale)
-        for positions in (Positions if any(places) else (Positions.P,))
+        for positions in ((Positions.P, Positions.TF) if any(places) else (Positions.P,))
         for scale in (Scale if any(sizes) else (Scale.DECLARED,))
     )
     return Contradictions(sentences, candidates)

@@ -11,11 +11,13 @@ from enum import StrEnum
 class Positions(StrEnum):
     """Where the positions of a group of cameras come from.
 
-    P: the fourth columns of P wherever one has an offset, else tf. TF: tf alone.
+    P: the fourth columns of P wherever one has an offset, else tf. TF: tf alone. NEGATED: P with the sign of those
+    columns changed.
     """
 
     P = "P"
     TF = "tf"
+    NEGATED = "-P"
 
 
 class Scale(StrEnum):
@@ -38,7 +40,11 @@ class Conventions:
 
     def __str__(self) -> str:
         """What differs from the standard, in words; empty where nothing does."""
-        positions = {Positions.P: "", Positions.TF: "the camera positions of tf were taken"}
+        positions = {
+            Positions.P: "",
+            Positions.TF: "the camera positions of tf were taken",
+            Positions.NEGATED: "the camera positions of P were negated",
+        }
         scales = {Scale.DECLARED: "", Scale.RECORDED: "K and P were taken as those of the recorded pictures"}
         return " and ".join(filter(None, (positions[self.positions], scales[self.scale])))
 

@@ -27,8 +27,8 @@ _HEAD = """\
 # distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) describe the lens.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
-# lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis where sweeps begin, from part to part,
-# and of the part that has the sweep's time; whether it turns from x to y (1) or back (-1); parts a sweep.
+# lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis, where sweeps begin, from part to
+# part, and of the part that has the sweep's time; whether it turns from x to y (1) or back (-1); parts a sweep.
 # depth_bits, of a camera that writes more than 8 bits a value: how many; without it its first pictures show it.
 """
 

@@ -99,6 +99,8 @@ def place(
     """Put the views of a group into one rig frame; None, with the reason, where their positions are not known."""
     origin = _origin(group)
     offsets = [view.offset_m for view in group]
+    if positions is Positions.NEGATED:
+        offsets = [-offset for offset in offsets]
     by_tf = _by_tf(group, origin, frames)
     if _has_offsets(offsets) and not _two_origins(offsets, by_tf) and not (positions is Positions.TF and by_tf):
         # A frame that cameras at different places share is the one that P projects from; else it is the camera's own.

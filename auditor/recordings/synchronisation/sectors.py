@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.model.arrays import Points
+from auditor.model.arrays import Floats, Points
 from auditor.model.rig import Sweep
 from auditor.recordings.parameters import SWEEPS
 
@@ -128,6 +128,6 @@ def _step(sectors: Sequence[Sector]) -> float:
     return median(abs(float(_wrapped(b.azimuth_rad - a.azimuth_rad))) for a, b in pairwise(sectors))
 
 
-def _wrapped(angle: "np.ndarray | float") -> "np.ndarray | np.float64":
+def _wrapped(angle: Floats | float) -> Floats:
     """Angles in -pi to pi."""
-    return (np.asarray(angle) + np.pi) % _TURN - np.pi
+    return np.asarray((np.asarray(angle) + np.pi) % _TURN - np.pi, dtype=np.float64)

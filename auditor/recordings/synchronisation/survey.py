@@ -17,6 +17,7 @@ from auditor.recordings.decoding import (
     decoder_table,
     sensor_types,
 )
+from auditor.recordings.decoding.clouds import check_unit
 from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.sensor_types import SensorKind
@@ -238,7 +239,7 @@ class _Surveyor:
         self._samples.setdefault(message.topic, []).append(sample)
         self._take_time(message.topic, sample.time_ns)
         if message.topic not in self._sensors:
-            size = _size_px(message, decoder) if decoder.kind == "image" else len(decoder.xyz_m(message))
+            size = _size_px(message, decoder) if decoder.kind == "image" else _points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
         if decoder.kind == "cloud":
@@ -320,3 +321,10 @@ def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:
     size_px = decoder.size_px(message)
     decoder.pixels(message, colour=False, size_px=size_px)
     return size_px
+
+
+def _points(message: Message, decoder: CloudDecoder) -> int:
+    """How many points a cloud in metres has. Raises DecodingError."""
+    xyz_m = decoder.xyz_m(message)
+    check_unit(xyz_m)
+    return len(xyz_m)
