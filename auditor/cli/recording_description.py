@@ -132,6 +132,7 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     return {
         "rig_id": rig.rig_id,
         "kind": str(rig.kind),
+        "clouds_a_sweep": rig.lidar.sweep.parts if rig.lidar and rig.lidar.sweep else None,
         "beside_line_px": {} if rig.shares_view else _beside_line(rig),
         "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],

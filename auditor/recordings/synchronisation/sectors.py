@@ -90,8 +90,8 @@ def _parts(sectors: Sequence[Sector | None], sweep: Sweep) -> int:
             sizes.append(0)
         sizes[-1] += 1
     whole = Counter(sizes[1:-1] or sizes)
-    rare = SWEEPS.rare_sweeps * whole.total()
-    return min(size for size, times in whole.items() if times > rare)
+    rare = max(1, SWEEPS.rare_sweeps * whole.total())
+    return min((size for size, times in whole.items() if times > rare), default=max(whole))
 
 
 class SweepStarts:
