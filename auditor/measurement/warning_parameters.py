@@ -33,7 +33,7 @@ class GeometryFit:
     regions: tuple[int, int] = parameter((4, 8), unit="rows and columns of a view", source=BY_HAND)
     fewest_points: int = parameter(15, unit="compared LiDAR points a region", source=BY_HAND)
     fewest_pixels: int = parameter(100, unit="comparable half-resolution pixels a region", source=BY_HAND)
-    fewest_regions: int = parameter(4, unit="regions: light on a reference camera leaves three", source=_FIT)
+    fewest_regions: int = parameter(6, unit="regions: light on a reference camera leaves three", source=_FIT)
     regions_quantile: float = parameter(0.75, unit="quantile of the regions' shares", source=_FIT)
     frames_quantile: float = parameter(0.75, unit="quantile of the frames' shares", source=_FIT)
     at_chance: float = parameter(0.18, unit="share of points that agree by chance, at most", source=_FIT)
