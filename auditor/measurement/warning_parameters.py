@@ -31,6 +31,7 @@ class GeometryFit:
     """Where images and points fit a rig at all: no verdict is given where they do not, and no count follows."""
 
     regions: tuple[int, int] = parameter((4, 8), unit="rows and columns of a view", source=BY_HAND)
+    least_width: float = parameter(0.5, unit="share of the widest baseline that a pair has", source=_FIT)
     fewest_points: int = parameter(15, unit="compared LiDAR points a region", source=BY_HAND)
     fewest_pixels: int = parameter(100, unit="comparable half-resolution pixels a region", source=BY_HAND)
     fewest_regions: int = parameter(6, unit="regions: light on a reference camera leaves three", source=_FIT)

@@ -52,8 +52,10 @@ class GeometryFit(NamedTuple):
 
 
 def geometry_fit(arrays: FrameArrays) -> GeometryFit:
-    """The fit of a measured frame, by the pairs that resolve depth: others hardly depend on where cameras stand."""
+    """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
     parts = [(own, i, k) for own, i, k in _parts(arrays) if resolves_depth(own.rig, i, k)]
+    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in parts), default=0.0)
+    parts = [one for one in parts if one[0].rig.baseline_m(*one[1:]) >= GEOMETRY_FIT.least_width * widest_m]
     pictures = _measured(_of_pictures(own.frame_checks.consistencies[i, k]) for own, i, k in parts)
     seen = [part for part in parts if part[2] in part[0].lidar]
     points = _best(_of_points(part[0].lidar[part[2]], part) for part in seen)
