@@ -10,7 +10,7 @@ from auditor.model.coverage import TopicCoverage, declared, unread_line
 from auditor.model.optics.common_view import common_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import FirstFrames, first_frames_of, rigs_through
+from auditor.pipeline.measure import FirstFrames, RigDoubts, first_frames_of, rigs_through
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading
 from auditor.recordings import (
     Health,
@@ -50,7 +50,7 @@ def describe(
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        first = [first_frames_of(recording, one) for one in found.rigs]
+        first = [first_frames_of(recording, one, found.withheld) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
             for one in found.rigs
@@ -71,13 +71,15 @@ def describe(
             "damage": damage,
             "problems": [*found.remarks, *surveyed.problems],
             "rigs": [
-                {**_rig(rig, one), "calibration_warnings": list(seen.warnings), "reading": list(reading.remarks)}
+                {**_rig(rig, one), **_doubts(seen.doubts), "reading": list(reading.remarks)}
                 for rig, one, seen, reading in zip(rigs, health, first, readings, strict=True)
             ],
             "unreadable": unread_line(coverage),
             "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
             "missing": missing,
-            "complete": bool(rigs) and all(reading.complete for reading in readings),
+            "complete": bool(rigs)
+            and all(one.complete for one in readings)
+            and not any(seen.doubts.withheld for seen in first),
         }
 
 
@@ -90,6 +92,10 @@ def _coverage(
     of_rig = tuple(one for one in health[0].coverage if one.sensor is not None)
     held_s = max((one.time.held_ns for one in of_rig if one.time), default=0) / 1e9
     return of_rig + outside_topics(recording, surveyed, rigs[0], held_s)
+
+
+def _doubts(doubts: RigDoubts) -> dict[str, Any]:
+    return {"calibration_warnings": list(doubts.calibration_warnings), "withheld": doubts.withheld or None}
 
 
 def _reading(health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
@@ -152,6 +158,7 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     return {
         "rig_id": rig.rig_id,
         "kind": str(rig.kind),
+        "clouds_a_sweep": rig.lidar.sweep.parts if rig.lidar and rig.lidar.sweep else None,
         "beside_line_px": {} if rig.shares_view else _beside_line(rig),
         "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],

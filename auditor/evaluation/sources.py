@@ -61,13 +61,16 @@ class Recorded:
                     remedy="evaluate on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
+            found = rigs_through(recording, surveyed, self.rig)
+            if found.withheld:
+                raise RecordingError(found.withheld, where=self.path, remedy="evaluate on recordings that fit")
             yield tuple(
                 _clean_drive(
                     recording,
                     one.rig,
                     iter(synchronise(recording, one.rig, one.survey, colour=colour, stretches=one.stretches)),
                 )
-                for one in rigs_through(recording, surveyed, self.rig).rigs
+                for one in found.rigs
             )
 
 

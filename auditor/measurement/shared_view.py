@@ -18,7 +18,7 @@ from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Image
 from auditor.model.checks import Pair
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import LIDAR, Rig, Triple
 
@@ -32,7 +32,7 @@ class FrameArrays:
 
     `rig` is the one that was measured, rectified where the recording's is not. `views` has the half-resolution (h, w)
     grey image of each camera present, `maps` the stereo maps by (source, reference), `lidar` the LiDAR's points by
-    reference.
+    reference, `cloud` all of them.
 
     Where cameras do not stand on one line, `pairs` has the arrays of each matched pair (i, k) in its own view. All else
     is of the common view, to which `maps` were warped, but for `frame_checks`: those of pairs are of their own views,
@@ -47,6 +47,7 @@ class FrameArrays:
     frame_checks: FrameChecks
     pairs: Mapping[Pair, "PairArrays"] = field(default_factory=dict)
     valid_masks: Mapping[int, Mask] = field(default_factory=dict)
+    cloud: PointCloud | None = None
 
     @cached_property
     def small_views(self) -> Mapping[int, Image]:
@@ -115,7 +116,8 @@ def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
         for triple in prepared.triples
     }
     frame_checks = collect_checks(prepared.half_res, prepared.colours, maps, lidar, rig, prepared.grid)
-    return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
+    masks, cloud = prepared.valid_masks, prepared.frame.cloud
+    return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=masks, cloud=cloud)
 
 
 def _shrunk(half: Image) -> Image:

@@ -7,6 +7,8 @@ from auditor.model.parameter import BY_HAND, parameter
 _DECISIONS = "docs/decisions.md"
 _WARNINGS = "docs/decisions.md, a rig that does not fit: between clean frames and false geometry (benchmark fitting)"
 
+_FIT = "docs/decisions.md, verdicts withheld: between clean, attacked and wrong geometry (benchmark geometry_fit)"
+
 
 @dataclass(frozen=True)
 class CalibrationCheck:
@@ -25,6 +27,26 @@ class CalibrationCheck:
 
 
 @dataclass(frozen=True)
+class GeometryFit:
+    """Where images and points fit a rig at all: no verdict is given where they do not, and no count follows."""
+
+    regions: tuple[int, int] = parameter((4, 8), unit="rows and columns of a view", source=BY_HAND)
+    least_width: float = parameter(0.5, unit="share of the widest baseline that a pair has", source=_FIT)
+    fewest_points: int = parameter(15, unit="compared LiDAR points a region", source=BY_HAND)
+    fewest_pixels: int = parameter(100, unit="comparable half-resolution pixels a region", source=BY_HAND)
+    fewest_regions: int = parameter(6, unit="regions: light on a reference camera leaves three", source=_FIT)
+    regions_quantile: float = parameter(0.75, unit="quantile of the regions' shares", source=_FIT)
+    frames_quantile: float = parameter(0.75, unit="quantile of the frames' shares", source=_FIT)
+    at_chance: float = parameter(0.18, unit="share of points that agree by chance, at most", source=_FIT)
+    in_doubt: float = parameter(0.7, unit="share of points below which other axes are tried", source=_FIT)
+    fits: float = parameter(0.5, unit="share from which on a way to read a calibration fits", source=_FIT)
+    better_by: float = parameter(0.2, unit="share by which it has to fit better than the standard's", source=_FIT)
+    fewest_in_view: int = parameter(20, unit="LiDAR points in the view of a camera", source=BY_HAND)
+    most_checked: int = parameter(6, unit="frames by which ways to read a calibration are compared", source=BY_HAND)
+    every_checked: int = parameter(4, unit="frames, of which one is compared so", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class PsmnetPreflight:
     """Warnings before PSMNet measures: no count follows from them."""
 
@@ -36,7 +58,8 @@ class PsmnetPreflight:
 
 
 CALIBRATION_CHECK = CalibrationCheck()
+GEOMETRY_FIT = GeometryFit()
 PSMNET_PREFLIGHT = PsmnetPreflight()
 
-WARNING = (CALIBRATION_CHECK, PSMNET_PREFLIGHT)
-"""What decides warnings, and no count."""
+WARNING = (CALIBRATION_CHECK, GEOMETRY_FIT, PSMNET_PREFLIGHT)
+"""What decides warnings and where verdicts are withheld, and no count."""

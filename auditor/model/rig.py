@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -76,14 +77,33 @@ class Camera:
         return camera_centre(self.projection)
 
 
+@dataclass(frozen=True)
+class Sweep:
+    """How the clouds of a LiDAR, of another sector each, make sweeps. Angles are around its z axis, from its x axis.
+
+    A sweep begins at the seam, turns in the `direction` (1: from x to y) by a step a cloud, and has so many `parts` at
+    least. Its time is that of the part nearest to `time_rad`, which looks ahead as the cameras do.
+    """
+
+    seam_rad: float
+    step_rad: float
+    time_rad: float
+    direction: int
+    parts: int
+
+
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera."""
+    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera.
+
+    `sweep` says how its clouds are put together; None where each is a whole sweep.
+    """
 
     name: str
     topic: str
     rig_SE3_lidar: Matrix
     offset_ns: int | None = None
+    sweep: Sweep | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +257,7 @@ class Rig:
                 "topic": self.lidar.topic,
                 "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
                 **_offset_to_dict(self.lidar.offset_ns),
+                **_sweep_to_dict(self.lidar.sweep),
             }
         return {
             "lidar": lidar,
@@ -292,7 +313,17 @@ def _lidar(fields: Fields) -> Lidar:
         topic=fields.text("topic"),
         rig_SE3_lidar=fields.matrix("rig_SE3_lidar", 4, 4),
         offset_ns=_offset(fields),
+        sweep=_sweep(fields.table("sweep", "the LiDAR's sweep")) if "sweep" in fields else None,
     )
+
+
+def _sweep(fields: Fields) -> Sweep:
+    angles = fields.numbers("seam_step_time_rad")
+    direction, parts = fields.whole("direction"), fields.whole("parts")
+    if len(angles) != 3 or not 0 < angles[1] <= math.pi or direction not in (-1, 1) or parts < 1:
+        what = f"{fields.of} needs three angles, a step of at most pi, a direction of 1 or -1, and parts"
+        raise RigError(what, where="rig")
+    return Sweep(*angles, direction, parts)
 
 
 def _camera(fields: Fields) -> Camera:
@@ -346,6 +377,14 @@ def _depth_to_dict(depth_bits: int | None) -> dict[str, Any]:
 def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
     """Empty where the offset is to be estimated, so that the ids of such rigs do not depend on it."""
     return {} if offset_ns is None else {"offset_ns": offset_ns}
+
+
+def _sweep_to_dict(sweep: Sweep | None) -> dict[str, Any]:
+    """Empty where each cloud is a whole sweep, so that the ids of such rigs do not depend on it."""
+    if sweep is None:
+        return {}
+    angles = [sweep.seam_rad, sweep.step_rad, sweep.time_rad]
+    return {"sweep": {"seam_step_time_rad": angles, "direction": sweep.direction, "parts": sweep.parts}}
 
 
 def _lens_to_dict(lens: Lens) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
-from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.algorithm2 import NOT_MEASURED, sensors_where
 from auditor.identification.causes.faults import fault_scores
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, marks_of
@@ -35,7 +35,7 @@ from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Statistic
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
-from auditor.model.verdict import Method, Verdict
+from auditor.model.verdict import Method, Verdict, VerdictKind
 from auditor.pipeline.clean_frames import frame_statistics, observed_features
 from auditor.store import (
     FrameStatistics,
@@ -105,6 +105,17 @@ def refuse_earlier_counting(store: Store, measurement: str) -> None:
         )
 
 
+def refuse_withheld(store: Store, measurement: str) -> None:
+    """Raises ThresholdsError where no verdict may be given on a measurement: nothing can be learnt from it either."""
+    reason = store.measurement(measurement).withheld
+    if reason:
+        raise ThresholdsError(
+            f"its verdicts are withheld: {reason}",
+            where=f"measurement {measurement}",
+            remedy="leave it out, or scan it again once it is put right",
+        )
+
+
 def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:
     """The calibration, of some, that a measurement is judged by: made of measurements of the same procedure.
 
@@ -157,6 +168,8 @@ def judge_measurement(
     else:
         thresholds = thresholds_at(fitted.calibration, criteria.statistic, criteria.r, transferred=fitted.transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)
+    if reason := store.measurement(measurement).withheld:
+        rows = _withheld(rig, fitted.frames, reason)
     if criteria.strict:
         _refuse_unresolvable(fitted.calibration, criteria, thresholds)
     before = (store.current_judgements() if current is None else current).get(measurement)
@@ -281,6 +294,17 @@ def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Threshold
     missing = sensors_where(rig.sensors, errors.states != SensorState.PRESENT)
     verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
     return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
+
+
+def _withheld(rig: Rig, frames: FrameStatistics, reason: str) -> Rows:
+    """No verdict on any frame, with the reason."""
+    verdict = Verdict(
+        VerdictKind.NOT_AUDITABLE, NOT_MEASURED * len(rig.triples), out_of_system=rig.sensors, reason=reason
+    )
+    return [
+        (frame, stamp_ns, verdict)
+        for frame, stamp_ns in zip(frames.frames.tolist(), frames.stamps_ns.tolist(), strict=True)
+    ]
 
 
 def _refuse_unresolvable(

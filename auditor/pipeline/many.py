@@ -210,6 +210,7 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
+            reason = reason or ("its verdicts are withheld" * bool(stored.withheld))
             yield measurement, reason or (_found(judgements.get(measurement)) * (measurement not in excused))
 
 

@@ -2,13 +2,14 @@
 
 import platform
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 from auditor import __version__
 from auditor.errors import RigError
@@ -39,6 +40,7 @@ from auditor.model.measurement import Measurement, Procedure, Statistic
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
+from auditor.pipeline.geometry import in_force_by_any, negated, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
@@ -55,7 +57,6 @@ from auditor.recordings import (
     located,
     open_recording,
     read_poses,
-    rigs_in_force,
     survey,
     synchronise,
 )
@@ -98,7 +99,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
         for known, one in todo.items():
             store.write_rig(one.rig)
-            _measure(recording, one, found.remarks, matcher, procedure, store, task.pictures, progress)
+            _measure(recording, one, found, matcher, procedure, store, task.pictures, progress)
             if task.again:
                 _remove_counted_earlier(store, known)
         ids = tuple(known for known in by_id if store.has_measurement(known))
@@ -135,20 +136,16 @@ def _remove_counted_earlier(store: Store, measurement: str) -> None:
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
     """The rigs that a recording is audited with, and when each is in force; that of a rig file always is.
 
-    Raises RigError.
+    Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
     """
     if rig_file is None:
-        return rigs_in_force(recording, surveyed)
+        return settled_rigs(recording, surveyed)
     return RigsInForce((RigInForce(given_rig(rig_file, surveyed), surveyed),))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
     """When one of a recording's own rigs is in force; any other rig always is."""
-    with suppress(RigError):
-        for one in rigs_in_force(recording, surveyed).rigs:
-            if one.rig.rig_id == rig.rig_id:
-                return one
-    return RigInForce(rig, surveyed)
+    return in_force_by_any(recording, surveyed, rig.rig_id) or RigInForce(rig, surveyed)
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
@@ -159,7 +156,7 @@ def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
 def _measure(
     recording: Recording,
     in_force: RigInForce,
-    remarks: Sequence[str],
+    found: RigsInForce,
     matcher: Matcher,
     procedure: Procedure,
     store: Store,
@@ -193,6 +190,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
+        doubts = _doubts(recording, in_force, check, found.withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
@@ -202,7 +200,8 @@ def _measure(
             measured_at=datetime.now(UTC),
             seconds=perf_counter() - started,
             damage=tuple(str(piece) for piece in stream.damage),
-            calibration_warnings=(*check.warnings(), *remarks),
+            calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
+            withheld=doubts.withheld or None,
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=with_repeats(stream.coverage, repeated.counts),
@@ -270,20 +269,23 @@ def unmasked_statistics(
     return tuple(of_check.get(one) for one in sensor_checks)
 
 
-@dataclass(frozen=True)
-class FirstFrames:
-    """What the first frames of a recording show, of which some were measured: what of the rig does not fit them.
+class RigDoubts(NamedTuple):
+    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
 
-    In `compared` of them three sensors could be compared.
-    """
+    calibration_warnings: tuple[str, ...]
+    withheld: str
 
-    warnings: tuple[str, ...]
+
+class FirstFrames(NamedTuple):
+    """What some of a recording's first frames show: `measured` ones; in `compared` of them three sensors could be."""
+
+    doubts: RigDoubts
     measured: int
     compared: int
 
 
-def first_frames_of(recording: Recording, in_force: RigInForce) -> FirstFrames:
-    """Measure some of the first frames of a recording with one rig."""
+def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -> FirstFrames:
+    """Measure some of the first frames of a recording with one rig; `withheld` is what is known already."""
     use_one_thread()
     matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
@@ -294,7 +296,15 @@ def first_frames_of(recording: Recording, in_force: RigInForce) -> FirstFrames:
         check.add(evidence, FaultFeatures().update(evidence))
         measured += 1
         compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
-    return FirstFrames(check.warnings(), measured, compared)
+    return FirstFrames(_doubts(recording, in_force, check, withheld, stream), measured, compared)
+
+
+def _doubts(
+    recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
+) -> RigDoubts:
+    warnings = (*check.warnings(), *stream.timing.remarks)
+    withheld = withheld or stream.timing.withheld or check.withheld()
+    return RigDoubts(warnings, withheld or negated(recording, in_force.survey, in_force.rig, check.pictures))
 
 
 def _recording_record(

@@ -75,7 +75,9 @@ def reading_of(
 def frames_not_audited(
     measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float
 ) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged."""
+    """Whether too few frames of a recording could be judged, and why where verdicts are withheld."""
+    if measurement.withheld:
+        yield f"verdicts withheld: {measurement.withheld}"
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due:

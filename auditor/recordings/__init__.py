@@ -4,6 +4,8 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
+from auditor.recordings.rigs.contradictions import Contradictions, contradictions
+from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
@@ -24,6 +26,7 @@ from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 
 __all__ = [
+    "Contradictions",
     "ConvertReport",
     "Damage",
     "Found",
@@ -34,6 +37,7 @@ __all__ = [
     "Health",
     "Location",
     "Origin",
+    "Positions",
     "Reader",
     "Recording",
     "RigInForce",
@@ -43,6 +47,7 @@ __all__ = [
     "check_health",
     "check_rig",
     "check_rig_file",
+    "contradictions",
     "convert",
     "find_recordings",
     "find_rigs",

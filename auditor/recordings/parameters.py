@@ -111,6 +111,42 @@ class RigLimits:
     most_apart_m: float = parameter(
         30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
     )
+    positions_agree: float = parameter(
+        0.1, unit="share of a distance by which P and tf may differ", source="tf is often of the mounting; by hand"
+    )
+    positions_agree_m: float = parameter(0.02, unit="m of the same", source=BY_HAND)
+    most_exposures_apart_ns: int = parameter(
+        50 * 10**6,
+        unit="ns between the exposures of two cameras of a rig",
+        source="0.7 m at 50 km/h: 5 % of a disparity at 14 m, which Eq. 2 allows; neighbours in nuScenes 20 ms",
+    )
+
+
+@dataclass(frozen=True)
+class Sweeps:
+    """When a LiDAR's clouds are parts of a sweep: such a rig says so, and so has another id."""
+
+    looked_at: int = parameter(12, unit="first clouds a topic", source=BY_HAND)
+    fewest_clouds: int = parameter(4, unit="clouds with points", source=BY_HAND)
+    least_step: float = parameter(
+        0.6, unit="widths of a part from one to the next", source="whole sweeps 0 to 0.3, sectors 0.9 to 1.1"
+    )
+    points_quantile: float = parameter(0.9, unit="quantile of a part's points, by azimuth", source=BY_HAND)
+    half_turn_rad: float = parameter(2.6, unit="rad from part to part that may be either way", source=BY_HAND)
+    neighbours_rad: float = parameter(0.035, unit="rad between two points that follow each other", source=BY_HAND)
+    rare_sweeps: float = parameter(0.05, unit="share of the sweeps that lack parts", source=BY_HAND)
+    most_periods: float = parameter(1.5, unit="periods of a sweep from its first part to its last", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class PointUnits:
+    """Which clouds are in metres at all; the others are not read."""
+
+    nearest_m: float = parameter(0.3, unit="m, median range", source="the nearest return of LiDARs that are sold")
+    farthest_m: float = parameter(
+        300.0, unit="m, median range", source="the farthest return of those; KITTI and nuScenes 6 to 13 m"
+    )
+    fewest_points: int = parameter(50, unit="points", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -171,6 +207,8 @@ class SensorLike:
 
 
 RIG_LIMITS = RigLimits()
+SWEEPS = Sweeps()
+POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
@@ -182,7 +220,7 @@ SENSOR_LIKE = SensorLike()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS, POINT_UNITS)
 """All that can change which cameras form a rig, and what a rig says of them."""
 
 ACCOUNTING = (SENSOR_LIKE,)

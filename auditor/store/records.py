@@ -89,9 +89,9 @@ class GivenLabel:
 class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 
-    `calibration_warnings` has one about each thing that a wrong calibration would explain. `offsets_ns` follow the
-    sensors:
-    how far their stamps lie behind the leftmost camera's.
+    `calibration_warnings` has one about each thing that a wrong calibration would explain. `withheld` is why no verdict
+    may be given, and what to do about it. `offsets_ns` follow the sensors: how far their stamps lie behind the leftmost
+    camera's.
     """
 
     recording_id: str
@@ -107,6 +107,7 @@ class MeasurementRecord:
     clock_jumps: int | None = None
     coverage: tuple[TopicCoverage, ...] | None = None
     pose_topics: tuple[PoseTopic, ...] | None = None
+    withheld: str | None = None
 
     @property
     def measurement_id(self) -> str:
@@ -118,7 +119,7 @@ class MeasurementRecord:
 class StoredMeasurement:
     """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason.
 
-    `coverage` is None where it was measured before that was kept.
+    `coverage` is None where it was measured before that was kept. `withheld` is why no verdict may be given on it.
     """
 
     measurement_id: str
@@ -137,6 +138,7 @@ class StoredMeasurement:
     measured_at: datetime.datetime
     seconds: float
     coverage: tuple[TopicCoverage, ...] | None = None
+    withheld: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

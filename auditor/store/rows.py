@@ -159,6 +159,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "pose_topics": None if measurement.pose_topics is None else [vars(topic) for topic in measurement.pose_topics],
         "damage": list(measurement.damage),
         "calibration_warnings": list(measurement.calibration_warnings),
+        "withheld": measurement.withheld,
         "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),
         "clock_jumps": measurement.clock_jumps,
         "versions": dict(sorted(measurement.versions.items())),
@@ -190,7 +191,7 @@ def _coverage_of(row: Mapping[str, Any]) -> TopicCoverage:
 MEASUREMENT_COLUMNS = (
     *("measurement_id", "recording_id", "rig_id", "matcher", "settings", "counting_version", "frames", "measured"),
     *("skipped", "first_stamp_ns", "last_stamp_ns", "balance", "damage", "calibration_warnings", "versions"),
-    *("measured_at", "seconds", "coverage"),
+    *("measured_at", "seconds", "coverage", "withheld"),
 )
 """What `stored_measurement` needs of a row."""
 
@@ -214,6 +215,7 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
         measured_at=row["measured_at"].replace(tzinfo=UTC),
         seconds=row["seconds"],
         coverage=None if row["coverage"] is None else tuple(_coverage_of(one) for one in row["coverage"]),
+        withheld=row["withheld"],
     )
 
 

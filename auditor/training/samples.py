@@ -67,7 +67,10 @@ class Recorded:
                     remedy="train on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
-            first = rigs_through(recording, surveyed, self.rig).rigs[0]
+            found = rigs_through(recording, surveyed, self.rig)
+            if found.withheld:
+                raise RecordingError(found.withheld, where=self.path, remedy="train on recordings that fit")
+            first = found.rigs[0]
             rig = first.rig
             if rig.lidar is None:
                 raise RecordingError(

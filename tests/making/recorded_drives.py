@@ -46,9 +46,13 @@ def make_frame(
     random = np.random.default_rng(number)
     at = START_NS + number * PERIOD_NS if stamp_ns is None else stamp_ns
     stamps = {sensor: at + (offsets or {}).get(sensor, 0) for sensor in rig.sensors}
-    shape = (HEIGHT, WIDTH, 3) if colour else (HEIGHT, WIDTH)
+    channels = (3,) if colour else ()
     images = {
-        camera.number: CameraImage(camera.number, stamps[camera.number], random.integers(0, 256, shape, np.uint8))
+        camera.number: CameraImage(
+            camera.number,
+            stamps[camera.number],
+            random.integers(0, 256, (camera.height_px, camera.width_px, *channels), np.uint8),
+        )
         for camera in rig.cameras
     }
     cloud = None

@@ -180,5 +180,9 @@ def _geometry(rig: dict[str, Any]) -> Iterator[str]:
             yield f"not on one line ({beside} at 10 m): rectified pair by pair, and mapped to {shown}"
         else:
             yield f"not rectified as recorded: measured on rectified {shown}"
+    if rig["clouds_a_sweep"]:
+        yield f"{rig['clouds_a_sweep']} clouds of {rig['sensors'][0]['name']} make one sweep, and are put together"
+    if rig["withheld"]:
+        yield f"verdicts are withheld: {rig['withheld']}"
     for warning in rig["calibration_warnings"]:
         yield f"WARNING: {warning}"

@@ -11,12 +11,17 @@ from math import isnan
 
 import numpy as np
 
+from auditor.measurement.fault_features.geometry_fit import GeometryFit, geometry_fit
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import FrameArrays
-from auditor.measurement.warning_parameters import CALIBRATION_CHECK
+from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
 from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
+
+_REPAIR = (
+    "wrong unit, axes or mounting of its points, or another vehicle's cameras; put it right, or give a rig file (--rig)"
+)
 
 
 class CalibrationCheck:
@@ -32,6 +37,7 @@ class CalibrationCheck:
         self._rig: Rig | None = None
         self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
+        self._fits: list[GeometryFit] = []
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
@@ -42,6 +48,7 @@ class CalibrationCheck:
     def add(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Take this frame."""
         self._rig = arrays.rig
+        self._fits.append(geometry_fit(arrays))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -60,6 +67,36 @@ class CalibrationCheck:
         ]
         # Where rows do not fit, stereo's distances cannot check the LiDAR's.
         return tuple(off) or tuple(self._lidar_warnings(self._rig))
+
+    @property
+    def pictures(self) -> float:
+        """How well the images of pairs fit each other in the better frames, a share; NaN where it is not known."""
+        return _fitting([fit.pictures for fit in self._fits])
+
+    def withheld(self) -> str:
+        """Why no verdict may be given: in most frames the points fit the images nowhere; empty where they do somewhere.
+
+        No attack does that: it leaves regions, pairs or frames in which points and images fit.
+        """
+        lidar = self._rig.lidar if self._rig else None
+        in_view = [fit.in_view for fit in self._fits if fit.in_view >= 0]
+        if lidar is None or not in_view:
+            return ""
+        if max(in_view) < GEOMETRY_FIT.fewest_in_view:
+            return f"no camera sees points of the LiDAR {lidar.name} in any frame: {_REPAIR}"
+        points = _fitting([fit.points for fit in self._fits])
+        name, other = self._best_axes()
+        if other >= GEOMETRY_FIT.fits and not other - points < GEOMETRY_FIT.better_by:
+            return f"the points of the LiDAR {lidar.name} fit the images with {name}, and not as they are: {_REPAIR}"
+        if points < GEOMETRY_FIT.at_chance:
+            return f"the points of the LiDAR {lidar.name} fit the images nowhere, {points:.0%} by chance: {_REPAIR}"
+        return ""
+
+    def _best_axes(self) -> tuple[str, float]:
+        """The other axes of points that fit best, and how well, in the better frames."""
+        names = sorted({name for fit in self._fits for name in fit.other_axes})
+        fits = {name: _fitting([fit.other_axes.get(name, 0.0) for fit in self._fits]) for name in names}
+        return max(fits.items(), key=lambda one: np.nan_to_num(one[1]), default=("", 0.0))
 
     def _lidar_warnings(self, rig: Rig) -> Iterator[str]:
         pairs = [pair for pair in self._features if pair[1] == rig.n]

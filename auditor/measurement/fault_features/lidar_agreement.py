@@ -50,16 +50,16 @@ class LidarComparison:
 
 def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement:
     """Compare the LiDAR's points with stereo of this frame and of the one before; all NaN where too few can be."""
-    difference = _differences(now, now.sure_px)
+    difference = differences(now, now.sure_px)
     compared = np.count_nonzero(~np.isnan(difference))
     if compared < LIDAR_AGREEMENT.fewest:
         return Agreement()
     bias, biased = _bias(difference)
-    moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
-    moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
+    moved = {(s, 0): differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
+    moved |= {(0, s): differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
     (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
     least = _moved_little(now, difference, most, right, down)
-    earlier = None if before is None else _differences(now, before.sure_px)
+    earlier = None if before is None else differences(now, before.sure_px)
     return Agreement(
         compared=float(compared),
         agreeing=_agreeing(difference),
@@ -81,11 +81,11 @@ def _moved_little(now: LidarComparison, unmoved: Floats32, moved: Floats32, righ
     A LiDAR whose points agree at least as well once moved by the tolerated offset is as vehicles are built.
     """
     by = LIDAR_AGREEMENT.tolerated_px
-    little = _differences(now, now.sure_px, right=int(np.sign(right)) * by, down=int(np.sign(down)) * by)
+    little = differences(now, now.sure_px, right=int(np.sign(right)) * by, down=int(np.sign(down)) * by)
     return unmoved if _only(moved, little) > _only(little, moved) else little
 
 
-def _differences(points: LidarComparison, sure_px: Floats32, right: int = 0, down: int = 0) -> Floats32:
+def differences(points: LidarComparison, sure_px: Floats32, right: int = 0, down: int = 0) -> Floats32:
     """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
     height, width = sure_px.shape
     row, column = (points.row + down) // HALF, (points.column + right) // HALF

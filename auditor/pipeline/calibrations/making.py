@@ -32,7 +32,7 @@ from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple
 from auditor.model.rig_kind import RigKind
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.judge import refuse_earlier_counting, system_of
+from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
 from auditor.pipeline.many import CleanMeasurements
 from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Content, Store, content_of, make_calibration
@@ -232,6 +232,7 @@ def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
     remedy = "calibrate each of them on its own"
     for store, known in measurements:
         refuse_earlier_counting(store, known)
+        refuse_withheld(store, known)
         kind, procedure = _kind_and_procedure(store, known)
         if not first.matches(kind):
             raise ThresholdsError(f"two rig kinds in one calibration: {first}, and {kind}", remedy=remedy)

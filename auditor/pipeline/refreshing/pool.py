@@ -134,6 +134,8 @@ def _log(
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:
     """Why a log is not learnt from, whoever calls it clean, and whether a person should look at it."""
     known = stored.measurement_id
+    if stored.withheld:
+        return f"its verdicts are withheld: {stored.withheld}", True
     if reason := attacked_by_labels(store, known) or held_by(store, recording):
         return reason, False
     if conflict := conflicts_of(store, recording):

@@ -9,11 +9,15 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, end_of_header, read_header
+from auditor.recordings.parameters import POINT_UNITS
 from auditor.safety.budget import MAX_POINTS
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The datatype numbers of sensor_msgs/PointField."""
 
+
+_FLOATS = {7, 8}
+"""Those of coordinates in metres: whole numbers are centimetres, millimetres or ticks, and no message says which."""
 MAX_POINT_BYTES = 4096
 _BEYOND_M = np.float32(1e9)
 
@@ -89,6 +93,20 @@ def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
     return xyz_m if good.all() else xyz_m[good]
 
 
+def check_unit(xyz_m: NDArray[np.float32]) -> None:
+    """Raise DecodingError where the ranges of (N, 3) points are none of a LiDAR in metres."""
+    range_m = np.linalg.norm(xyz_m, axis=1)
+    range_m = range_m[range_m > 0]  # missing returns may be written as zeros
+    if range_m.size < POINT_UNITS.fewest_points:
+        return
+    median_m = float(np.median(range_m))
+    if not POINT_UNITS.nearest_m <= median_m <= POINT_UNITS.farthest_m:
+        raise DecodingError(
+            f"half of its points would lie {'beyond' if median_m > 1 else 'within'} {median_m:.3g} m, so that x, y and "
+            "z are not metres; convert them to metres"
+        )
+
+
 def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class is generated
     order = ">" if cloud.is_bigendian else "<"
     names, formats, offsets = [], [], []
@@ -96,6 +114,12 @@ def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class i
         datatype = DATATYPES.get(field.datatype)
         if field.name not in {"x", "y", "z"} or field.name in names or datatype is None or field.count > 1:
             continue
+        if field.datatype not in _FLOATS:
+            kind = np.dtype(datatype).name
+            raise DecodingError(
+                f"its field {field.name!r} holds whole numbers ({kind}), and the message does not say of which unit; "
+                "convert x, y and z to float32 metres"
+            )
         if field.offset + int(datatype[1]) > cloud.point_step:
             raise DecodingError(f"the field {field.name!r} lies outside its point")
         names.append(field.name)

@@ -10,30 +10,23 @@ from auditor.model.optics.geometry import Matrix
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.decoding.interface import Region, SizePx
 from auditor.recordings.parameters import CAMERA_LIMITS
+from auditor.recordings.rigs.conventions import Scale
 
 _WHOLE = Region()
 
 
-def of_pictures(info: CameraInfo, size_px: SizePx) -> CameraInfo:
+def of_pictures(info: CameraInfo, size_px: SizePx, scale: Scale = Scale.DECLARED) -> CameraInfo:
     """The camera info with K and P of the pictures as they were recorded, which have `size_px`.
 
     K and P are of the whole sensor (sensor_msgs/CameraInfo); they are moved by the region's corner and divided by the
-    binning, as ROS's image_geometry does. Where the camera info has the size of the pictures in spite of both, its
-    driver wrote K and P for them already. Raises RigError where neither fits the pictures.
+    binning, as ROS's image_geometry does. Pictures that were made smaller or larger without a word about it scale them
+    by the ratio of the sizes. Where the camera info has the size of the pictures in spite of region and binning, its
+    driver wrote K and P for them already; where RECORDED it did so in any case. Raises RigError where region and
+    binning do not fit the pictures.
     """
-    across, down = (max(by, 1) for by in info.binning)
-    region = info.region if info.region.width_px and info.region.height_px else _WHOLE
-    if (region == _WHOLE and across == down == 1) or size_px == (info.width_px, info.height_px):
+    picture_of_sensor = _picture_of_sensor(info, size_px)
+    if picture_of_sensor is None or scale is Scale.RECORDED:
         return info
-    width, height = (info.width_px, info.height_px) if region == _WHOLE else (region.width_px, region.height_px)
-    if not (_is_binned(size_px[0], width, across) and _is_binned(size_px[1], height, down)):
-        raise RigError(
-            f"its pictures have {size_px[0]} x {size_px[1]} px, and its camera info speaks of {width} x {height} px of "
-            f"{info.width_px} x {info.height_px}, binned by {across} x {down}"
-        )
-    picture_of_sensor = np.array(
-        [[1 / across, 0, -region.left_px / across], [0, 1 / down, -region.top_px / down], [0, 0, 1]]
-    )
     return replace(
         info,
         intrinsics=picture_of_sensor @ info.intrinsics,
@@ -41,6 +34,47 @@ def of_pictures(info: CameraInfo, size_px: SizePx) -> CameraInfo:
         width_px=size_px[0],
         height_px=size_px[1],
     )
+
+
+def contradicts_size(info: CameraInfo, size_px: SizePx) -> bool:
+    """Whether a camera info declares another size than its pictures have, so that K and P may be of either.
+
+    Width and height that changed places are told by the pictures, and leave no choice.
+    """
+    declared = info.width_px, info.height_px
+    return all(declared) and size_px not in (declared, declared[::-1])
+
+
+def scaled_by(info: CameraInfo, size_px: SizePx) -> float | None:
+    """By which one ratio pictures are smaller or larger than declared; None where region or binning explain it."""
+    if _region_of(info) != _WHOLE or max(info.binning) > 1 or not contradicts_size(info, size_px):
+        return None
+    across, down = size_px[0] / info.width_px, size_px[1] / info.height_px
+    # Half a pixel is lost or won where a size is rounded.
+    alike = abs(across * info.height_px - size_px[1]) <= max(1.0, across)
+    return (across + down) / 2 if alike else None
+
+
+def _picture_of_sensor(info: CameraInfo, size_px: SizePx) -> Matrix | None:
+    """(3, 3) from the pixels that a camera info declares to those of the pictures; None where both are the same."""
+    ratio = scaled_by(info, size_px)
+    if ratio is not None:
+        return np.diag([size_px[0] / info.width_px, size_px[1] / info.height_px, 1.0])
+    across, down = (max(by, 1) for by in info.binning)
+    region = _region_of(info)
+    if (region == _WHOLE and across == down == 1) or size_px == (info.width_px, info.height_px):
+        return None
+    width, height = (info.width_px, info.height_px) if region == _WHOLE else (region.width_px, region.height_px)
+    if not (_is_binned(size_px[0], width, across) and _is_binned(size_px[1], height, down)):
+        raise RigError(
+            f"its pictures have {size_px[0]} x {size_px[1]} px, and its camera info speaks of {width} x {height} px of "
+            f"{info.width_px} x {info.height_px}, binned by {across} x {down}"
+        )
+    return np.array([[1 / across, 0, -region.left_px / across], [0, 1 / down, -region.top_px / down], [0, 0, 1]])
+
+
+def _region_of(info: CameraInfo) -> Region:
+    return info.region if info.region.width_px and info.region.height_px else _WHOLE
 
 
 def _is_binned(binned_px: int, whole_px: int, by: int) -> bool:

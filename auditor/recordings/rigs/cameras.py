@@ -1,6 +1,6 @@
 """The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +12,8 @@ from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
-from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures
+from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
+from auditor.recordings.rigs.conventions import Scale
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
@@ -21,13 +22,14 @@ _KNOWN_RECTIFIED = "/kitti/camera_"
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """An image topic with its calibration."""
+    """An image topic with its calibration; `repairs` are sentences on what of the latter had to be put right."""
 
     image: ImageTopic
     info: CameraInfo
     rectified: bool
     lens: Lens
     info_topic: str = ""
+    repairs: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -71,6 +73,7 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
     """
     best: dict[str, View] = {}
     infos_by_frame = _infos_by_frame(survey)
+    in_tf = {frame for transform in survey.transforms for frame in (transform.parent, transform.child)}
     for image in sorted(survey.images, key=_preference):
         found = _camera_info_of(image, survey, infos_by_frame)
         if found is None:
@@ -78,11 +81,11 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
             continue
         topic, info = found
         try:
-            view = _view(image, info)
+            view = _view(image, info, survey.conventions.scale)
         except RigError as error:
             reasons.append(f"{image.topic.name}: {error.what}")
             continue
-        best.setdefault(topic, replace(view, info_topic=topic))
+        best.setdefault(topic, _in_known_frame(replace(view, info_topic=topic), in_tf))
     views = sorted(best.values(), key=lambda view: view.image.topic.name)
     names = (view.name for view in views)
     return first_ones(views, RIG_LIMITS.most_candidates, "cameras are calibrated", names, reasons)
@@ -96,16 +99,39 @@ def sensor_name(topic: str) -> str:
     return parts[-1] if parts else topic
 
 
-def _view(image: ImageTopic, info: CameraInfo) -> View:
+def _view(image: ImageTopic, info: CameraInfo, scale: Scale) -> View:
     """The view of an image topic. Raises RigError where its calibration is not that of a camera."""
     check_size(image.size_px)
-    info = of_pictures(info, image.size_px)
+    repairs = _scaled(image, info) if scale is Scale.DECLARED else ()
+    info = of_pictures(info, image.size_px, scale)
     if _is_rectified(image, info):
-        view = View(image, info, rectified=True, lens=NO_LENS)
+        view = View(image, info, rectified=True, lens=NO_LENS, repairs=repairs)
     else:
-        view = View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion))
+        view = View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion), repairs=repairs)
     check_camera((view.K, view.projection[:, :3]), view.rotation, view.lens.coefficients)
     return view
+
+
+def _scaled(image: ImageTopic, info: CameraInfo) -> tuple[str, ...]:
+    ratio = scaled_by(info, image.size_px)
+    if ratio is None:
+        return ()
+    width_px, height_px = image.size_px
+    return (
+        f"{image.topic.name} has pictures of {width_px} x {height_px} px and a camera info of {info.width_px} x "
+        f"{info.height_px} px: its K and P were scaled by {ratio:.3g}",
+    )
+
+
+def _in_known_frame(view: View, in_tf: Collection[str]) -> View:
+    """The view in the frame of its pictures, where tf knows that one and not the frame of the camera info."""
+    declared, of_image = view.info.header.frame_id, view.image.frame_id
+    if declared in in_tf or of_image not in in_tf:
+        return view
+    repair = f"tf does not know {declared!r}, the frame of {view.info_topic}: the frame {of_image!r} of its pictures "
+    header = replace(view.info.header, frame_id=of_image)
+    repairs = (*view.repairs, *([repair + "was taken"] if declared else []))
+    return replace(view, info=replace(view.info, header=header), repairs=repairs)
 
 
 def _preference(image: ImageTopic) -> tuple[bool, bool, int, str]:
@@ -124,10 +150,12 @@ def _infos_by_frame(survey: Survey) -> dict[str, list[str]]:
 def _camera_info_of(
     image: ImageTopic, survey: Survey, infos_by_frame: Mapping[str, Sequence[str]]
 ) -> tuple[str, CameraInfo] | None:
+    # Where a camera has an info of its lens and one of its rectified pictures, each goes with its own.
+    names = ("camera_info_rect", "camera_info") if "rect" in image.topic.name else ("camera_info",)
     for namespace in _namespaces(image.topic.name):
-        topic = f"{namespace}/camera_info"
-        if topic in survey.camera_infos:
-            return topic, survey.camera_infos[topic]
+        for topic in (f"{namespace}/{name}" for name in names):
+            if topic in survey.camera_infos:
+                return topic, survey.camera_infos[topic]
     same_frame = infos_by_frame.get(image.frame_id, ()) if image.frame_id else ()
     return (same_frame[0], survey.camera_infos[same_frame[0]]) if len(same_frame) == 1 else None
 

@@ -18,6 +18,7 @@ from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
@@ -59,25 +60,23 @@ def search_rigs(survey: Survey) -> FoundRigs:
     frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
     for group in grouped(find_views(survey, reasons), frames):
-        rigs.extend(_rigs_of(group, survey.clouds, frames, reasons))
+        rigs.extend(_rigs_of(group, survey, frames, reasons))
     rigs.sort(key=lambda rig: -len(rig.sensors))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
 
-def _rigs_of(
-    group: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
-) -> Iterator[Rig]:
+def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
     alike = grouped_alike(group, frames)
     why: list[str] = []
     beside: list[str] = []
-    rectified = [rig for views in alike if (rig := _rectified_rig(views, clouds, frames, why, beside)) is not None]
+    rectified = [rig for views in alike if (rig := _rectified_rig(views, survey, frames, why, beside)) is not None]
     one_kind = [len(views) for views in alike] == [len(group)]
     enough = one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified)
     if not enough or beside:
         why_mixed: list[str] = []
-        mixed = list(_mixed_rigs(group, clouds, frames, why_mixed))
+        mixed = list(_mixed_rigs(group, survey, frames, why_mixed))
         if not enough or (mixed and mixed[0].n > max((rig.n for rig in rectified), default=0)):
             reasons.extend(why_mixed)
             yield from mixed or rectified
@@ -87,24 +86,22 @@ def _rigs_of(
 
 
 def _rectified_rig(
-    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str], beside: list[str]
+    views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str], beside: list[str]
 ) -> Rig | None:
-    placed = place(views, frames, reasons)
+    placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
         return None
     order = _collinear(placed, reasons, beside)
     cameras = overlapping_most([_rectified_camera(placed, index) for index in order], reasons)
-    return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
+    return _rig(cameras, _lidar(placed, survey.clouds, frames, reasons), reasons)
 
 
-def _mixed_rigs(
-    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
-) -> Iterator[Rig]:
+def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
     """Rigs of the cameras that can be measured together; each camera left out gets a rig with those that fit it."""
-    placed = place(views, frames, reasons)
+    placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
         return
-    lidar = _lidar(placed, clouds, frames, reasons)
+    lidar = _lidar(placed, survey.clouds, frames, reasons)
     why: list[str] = []
     cameras = apart([_turned_camera(placed, index) for index in range(len(placed.views))], why)
     cameras = overlapping_most(cameras, reasons)
@@ -182,7 +179,10 @@ def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
             if camera_SE3_lidar is not None:
                 rig_SE3_camera = motion(camera.rotation.T, camera.centre_m)
                 name = cloud.topic.name
-                return Lidar(sensor_name(name), name, rig_SE3_camera @ camera_SE3_lidar)
+                rig_SE3_lidar = rig_SE3_camera @ camera_SE3_lidar
+                ahead = rig_SE3_lidar[:3, :3].T @ camera.rotation[2]
+                sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
+                return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep)
     return None
 
 
@@ -283,7 +283,10 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
         anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
         if anchor_SE3_lidar is not None:
             name = sensor_name(cloud.topic.name)
-            return Lidar(name, cloud.topic.name, placed.rig_SE3_anchor @ anchor_SE3_lidar)
+            rig_SE3_lidar = placed.rig_SE3_anchor @ anchor_SE3_lidar
+            ahead = rig_SE3_lidar[:3, :3].T @ np.sum([rotation[2] for rotation in placed.rotations], axis=0)
+            sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
+            return Lidar(name, cloud.topic.name, rig_SE3_lidar, sweep=sweep)
         reasons.append(
             f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
         )

@@ -27,6 +27,8 @@ _HEAD = """\
 # distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) describe the lens.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
+# lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis, where sweeps begin, from part to
+# part, and of the part that has the sweep's time; whether it turns from x to y (1) or back (-1); parts a sweep.
 # depth_bits, of a camera that writes more than 8 bits a value: how many; without it its first pictures show it.
 """
 
@@ -69,6 +71,11 @@ def _lines(rig: Rig) -> Iterator[str]:
         yield f"topic = {_text(rig.lidar.topic)}"
         yield from _offset(rig.lidar)
         yield f"rig_SE3_lidar = {_matrix(rig.lidar.rig_SE3_lidar)}"
+        if sweep := rig.lidar.sweep:
+            yield "[lidar.sweep]"
+            yield f"seam_step_time_rad = [{sweep.seam_rad!r}, {sweep.step_rad!r}, {sweep.time_rad!r}]"
+            yield f"direction = {sweep.direction}"
+            yield f"parts = {sweep.parts}"
     for camera in rig.cameras:
         yield f"\n[[cameras]]  # S_{camera.number}, x = {camera.centre_m[0]:+.4f} m"
         yield f"number = {camera.number}"

@@ -35,10 +35,14 @@ class RigInForce:
 
 
 class RigsInForce(NamedTuple):
-    """The rigs of a recording, those of its beginning first, and a sentence for each change."""
+    """The rigs of a recording, those of its beginning first, and a sentence for each change or repair.
+
+    `withheld` is why no verdict may be given on any of them, and what to do about it; empty where there is no reason.
+    """
 
     rigs: tuple[RigInForce, ...]
     remarks: tuple[str, ...] = ()
+    withheld: str = ""
 
 
 def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
@@ -50,7 +54,7 @@ def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
     needed = [_needs(rig, survey) for rig in rigs]
     changes = Changes(recording, survey, frozenset[Key]().union(*(needs.keys() for needs in needed)))
     found: dict[str, RigInForce] = {}
-    remarks: dict[str, None] = {}
+    remarks = dict.fromkeys(_repairs(rigs, survey))
     for rig, needs in zip(rigs, needed, strict=True):
         line = _Line(rig, survey, needs, [other for other in rigs if other is not rig])
         line.follow(changes)
@@ -58,6 +62,14 @@ def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
             found.setdefault(one.rig.rig_id, one)
         remarks.update(dict.fromkeys(line.remarks))
     return RigsInForce(tuple(found.values()), tuple(remarks))
+
+
+def _repairs(rigs: Sequence[Rig], survey: Survey) -> Iterator[str]:
+    """What of the calibrations of some rigs had to be put right."""
+    topics = {camera.topic for rig in rigs for camera in rig.cameras}
+    for view in find_views(survey, []):
+        if view.image.topic.name in topics:
+            yield from view.repairs
 
 
 def _needs(rig: Rig, survey: Survey) -> Mapping[Key, int]:

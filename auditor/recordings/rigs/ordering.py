@@ -1,7 +1,8 @@
 """The positions and viewing directions of a group of cameras.
 
 Positions come from the projection matrices where any of them has an offset (P[3] = -fx' Tx, sensor_msgs/CameraInfo),
-else from tf; never from both, since some converters write the same offset twice.
+else from tf; never from both, since some converters write the same offset twice. Where the two contradict each other
+the survey's conventions say which counts.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 from auditor.model.optics.geometry import Matrix, angle_between, motion
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.cameras import View
+from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.frame_tree import FrameTree
 
 MIN_BASELINE_M = 0.005
@@ -91,12 +93,16 @@ def _distinguished(a: View, b: View) -> bool:
     return _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
 
 
-def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Placed | None:
+def place(
+    group: Sequence[View], frames: FrameTree, reasons: list[str], positions: Positions = Positions.P
+) -> Placed | None:
     """Put the views of a group into one rig frame; None, with the reason, where their positions are not known."""
-    origin = min(group, key=lambda view: _distance_m(view.offset_m, np.zeros(3)))
+    origin = _origin(group)
     offsets = [view.offset_m for view in group]
+    if positions is Positions.NEGATED:
+        offsets = [-offset for offset in offsets]
     by_tf = _by_tf(group, origin, frames)
-    if any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets) and not _two_origins(offsets, by_tf):
+    if _has_offsets(offsets) and not _two_origins(offsets, by_tf) and not (positions is Positions.TF and by_tf):
         # A frame that cameras at different places share is the one that P projects from; else it is the camera's own.
         shared = any(
             view.frame_id == origin.frame_id and _distance_m(view.offset_m, origin.offset_m) > _SAME_PLACE_M
@@ -115,6 +121,37 @@ def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Place
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
     return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
+
+
+def contradiction(group: Sequence[View], frames: FrameTree) -> str:
+    """What P and tf say of the positions of a group where they contradict each other; empty where they do not."""
+    origin = _origin(group)
+    offsets = [view.offset_m for view in group]
+    by_tf = _by_tf(group, origin, frames)
+    if by_tf is None or not _has_offsets(offsets) or _two_origins(offsets, by_tf):
+        return ""
+    for view, place_in_tf in zip(group, by_tf, strict=True):
+        by_p_m = view.offset_m - origin.offset_m
+        by_tf_m = origin.rotation.T @ place_in_tf[:3, 3]
+        apart_m = max(_distance_m(by_p_m, np.zeros(3)), _distance_m(by_tf_m, np.zeros(3)))
+        if _distance_m(by_p_m, by_tf_m) > max(RIG_LIMITS.positions_agree_m, RIG_LIMITS.positions_agree * apart_m):
+            return (
+                f"P puts {view.name} {_metres(by_p_m)} m beside {origin.name}, and tf {_metres(by_tf_m)} m "
+                "(right, down, ahead)"
+            )
+    return ""
+
+
+def _metres(place_m: Matrix) -> str:
+    return "(" + ", ".join(f"{value:+.3f}" for value in place_m) + ")"
+
+
+def _origin(group: Sequence[View]) -> View:
+    return min(group, key=lambda view: _distance_m(view.offset_m, np.zeros(3)))
+
+
+def _has_offsets(offsets: Sequence[Matrix]) -> bool:
+    return any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets)
 
 
 def _near(placed: Placed, reasons: list[str]) -> Placed:

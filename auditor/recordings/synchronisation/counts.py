@@ -17,7 +17,7 @@ BETWEEN = "between frames"
 
 @dataclass
 class Counts:
-    """The use of the messages of one sensor.
+    """The use of the messages of one sensor; several at a time where a LiDAR's sweep was recorded in parts.
 
     `regular` ones are used by their own stamp, `unused` ones belong to another rig; `against` counts the others by
     reason, but for those at the edges, duplicates, and up to `most_surplus` messages of a fast sensor between two that
@@ -34,38 +34,38 @@ class Counts:
     against: dict[str, int] = field(default_factory=dict)
     _surplus: int = 0
 
-    def use(self, against: str) -> None:
+    def use(self, against: str, messages: int = 1) -> None:
         """Count a message that is in a frame."""
-        self.used += 1
+        self.used += messages
         self._surplus = 0
         if against:
-            self._count_against(against)
+            self._count_against(against, messages)
         else:
-            self.regular += 1
+            self.regular += messages
 
-    def damage(self) -> None:
+    def damage(self, messages: int = 1) -> None:
         """Count a message that could not be decoded whole."""
-        self.damaged += 1
-        self._count_against(Against.DAMAGED)
+        self.damaged += messages
+        self._count_against(Against.DAMAGED, messages)
 
-    def skip(self, reason: str, against: str = "") -> None:
+    def skip(self, reason: str, against: str = "", messages: int = 1) -> None:
         """Count a message that is in no frame; `against` is what is wrong with its stamp."""
-        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+        self.skipped[reason] = self.skipped.get(reason, 0) + messages
         if reason == BETWEEN:
             self._surplus += 1
         if against:
-            self._count_against(against)
+            self._count_against(against, messages)
         elif reason == LATE:
-            self._count_against(Against.LATE)
+            self._count_against(Against.LATE, messages)
         elif reason == TOO_FEW or (reason == BETWEEN and self._surplus > self.most_surplus):
-            self._count_against(Against.UNPAIRED)
+            self._count_against(Against.UNPAIRED, messages)
 
     def skip_duplicate(self) -> None:
         """Count a message that another recorder of its topic has written too."""
         self.skipped[DUPLICATE] = self.skipped.get(DUPLICATE, 0) + 1
 
-    def _count_against(self, reason: str) -> None:
-        self.against[str(reason)] = self.against.get(str(reason), 0) + 1
+    def _count_against(self, reason: str, messages: int) -> None:
+        self.against[str(reason)] = self.against.get(str(reason), 0) + messages
 
 
 def counts_of(sensors: Collection[int], timing: Timing) -> dict[int, Counts]:

@@ -13,6 +13,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import merge
 
+import numpy as np
+
 from auditor.errors import DecodingError
 from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
@@ -26,6 +28,7 @@ from auditor.recordings.synchronisation.coverage import topic_coverage
 from auditor.recordings.synchronisation.stamps import DUPLICATE, StampCheck
 from auditor.recordings.synchronisation.stretches import WHOLE, Stretch, stretch_at
 from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.sweeps import Assembled, SweepAssembly
 from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Window
 
 
@@ -78,7 +81,7 @@ class FrameStream:
         self._counts = counts_of(self._rig.sensors, self.timing)
         times = {}
         for group in self._chosen_groups(frames, Decoders(self._recording.definition)):
-            of_members = [one.message.log_time_ns for one in group.members.values()]
+            of_members = [part.log_time_ns for one in group.members.values() for part in one.messages]
             times[group.number] = (min(of_members), max(of_members))
         return times
 
@@ -113,14 +116,32 @@ class FrameStream:
         self, messages: Iterator[Message], by_topic: Mapping[str, int], decoders: Decoders
     ) -> Iterator[tuple[int, Waiting]]:
         checks = {sensor: self.timing.stamp_check(sensor) for sensor in by_topic.values()}
+        sweeps = self._assembly(decoders)
         for order, message in enumerate(messages):
             sensor = by_topic[message.topic]
             self._counts[sensor].read += 1
             waiting = self._placed(message, order, self.timing.offset_ns[sensor], checks[sensor], decoders)
             if waiting is None:
                 self._counts[sensor].skip_duplicate()
+            elif sensor == LIDAR and sweeps is not None:
+                yield from self._whole(sweeps.add(waiting))
             else:
                 yield sensor, waiting
+        if sweeps is not None:
+            yield from self._whole(sweeps.rest())
+
+    def _assembly(self, decoders: Decoders) -> SweepAssembly | None:
+        """What puts the LiDAR's clouds together, where they are parts of sweeps."""
+        sweep = self._rig.lidar.sweep if self._rig.lidar else None
+        period_ns = self.timing.own_period_ns.get(LIDAR, self.timing.period_ns)
+        return SweepAssembly(sweep, period_ns, decoders) if sweep is not None else None
+
+    def _whole(self, sweeps: Iterator[Assembled]) -> Iterator[tuple[int, Waiting]]:
+        for sweep in sweeps:
+            if sweep.cut:
+                self._counts[LIDAR].skip(EDGE, messages=len(sweep.waiting.messages))
+            else:
+                yield LIDAR, sweep.waiting
 
     def _placed(
         self, message: Message, order: int, offset_ns: int, check: StampCheck, decoders: Decoders
@@ -222,8 +243,8 @@ class _FrameMaker:
 
     def leave(self, group: Group) -> None:
         """Count the messages of a frame that belongs to another rig."""
-        for sensor in group.members:
-            self._counts[sensor].unused += 1
+        for sensor, waiting in group.members.items():
+            self._counts[sensor].unused += len(waiting.messages)
 
     def make(self, group: Group, stretch: int = 0, reason: str = "") -> Frame | Skipped:
         """The frame, or a Skipped with the reason why there is none, such as that of the stretch it lies in."""
@@ -244,12 +265,12 @@ class _FrameMaker:
                     images[sensor] = self._image(sensor, waiting)
             except DecodingError as error:
                 problems[sensor] = error.what
-                self._counts[sensor].damage()
+                self._counts[sensor].damage(len(waiting.messages))
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
         if len(good) < MIN_SENSORS:
             return self._skip_rest(group, stamp_ns, good)
         for sensor, waiting in good.items():
-            self._counts[sensor].use(waiting.against)
+            self._counts[sensor].use(waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, [sensor for sensor, waiting in good.items() if not waiting.against])
         stamp_ns = self._stamp_ns(good)
         presence = {sensor: self._presence(sensor, group, stamp_ns, problems) for sensor in self._rig.sensors}
@@ -270,15 +291,15 @@ class _FrameMaker:
     def _skip(self, group: Group, stamp_ns: int, reason: str) -> Skipped:
         for sensor, waiting in group.members.items():
             if waiting.problem:
-                self._counts[sensor].damage()
+                self._counts[sensor].damage(len(waiting.messages))
             else:
-                self._counts[sensor].skip(reason, waiting.against)
+                self._counts[sensor].skip(reason, waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, ())
         return Skipped(group.number, stamp_ns, reason, self._culprit(group.members))
 
     def _skip_rest(self, group: Group, stamp_ns: int, good: Mapping[int, Waiting]) -> Skipped:
         for sensor, waiting in good.items():
-            self._counts[sensor].skip(TOO_FEW, waiting.against)
+            self._counts[sensor].skip(TOO_FEW, waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, ())
         return Skipped(group.number, stamp_ns, TOO_FEW, self._culprit(good))
 
@@ -301,4 +322,5 @@ class _FrameMaker:
         decoder = self._decoders.cloud(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not a point cloud", where=waiting.message.topic)
-        return PointCloud(waiting.stamp_ns, decoder.xyz_m(waiting.message))
+        parts = [decoder.xyz_m(message) for message in waiting.messages]
+        return PointCloud(waiting.stamp_ns, parts[0] if len(parts) == 1 else np.concatenate(parts))

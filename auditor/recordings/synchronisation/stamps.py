@@ -71,6 +71,17 @@ def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[i
     }
 
 
+def clocks_ahead_ns(clocks: Mapping[int, SensorClock]) -> dict[int, int]:
+    """By sensor how far its clock is ahead of the others', where their times of recording show that it is another one.
+
+    A camera may stamp in time since its start beside others in UTC. Delays of a sensor differ by far less.
+    """
+    usual = {s: one.delay_ns for s, one in clocks.items() if one.is_set and one.still_ns is None and one.has_log}
+    shared = median_low(usual.values()) if usual else 0
+    ahead = {sensor: shared - delay for sensor, delay in usual.items()}
+    return {sensor: by for sensor, by in ahead.items() if abs(by) > STAMP_AGREEMENT.most_ns}
+
+
 def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
     if not any(sample.stamp_ns for sample in samples):
         return SensorClock(is_set=False)

@@ -17,13 +17,16 @@ from auditor.recordings.decoding import (
     decoder_table,
     sensor_types,
 )
+from auditor.recordings.decoding.clouds import check_unit
 from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
+from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, SWEEPS
 from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.mountings import Mountings
+from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
 
 SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
@@ -66,12 +69,16 @@ class ImageTopic:
 
 @dataclass(frozen=True)
 class CloudTopic:
-    """A topic of point clouds; `points` is how many finite ones its first readable cloud has."""
+    """A topic of point clouds; `points` is how many finite ones its first readable cloud has.
+
+    Where clouds are parts of sweeps, `sectors` are those of the `samples`; else there are none.
+    """
 
     topic: Topic
     frame_id: str
     points: int
     samples: tuple[Sample, ...]
+    sectors: tuple[Sector | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,7 @@ class Survey:
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
     after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
-    those of the recording that are named as parts of the same drive.
+    those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     """
 
     topics: tuple[Topic, ...]
@@ -103,11 +110,16 @@ class Survey:
     interleaved: bool
     other_parts: tuple[Path, ...] = ()
     unreadable: tuple[UnreadableTopic, ...] = ()
+    conventions: Conventions = STANDARD
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
         sensors: tuple[ImageTopic | CloudTopic, ...] = (*self.images, *self.clouds)
         return next((sensor.samples for sensor in sensors if sensor.topic.name == topic), ())
+
+    def sectors(self, topic: str) -> tuple[Sector | None, ...]:
+        """The sectors of a LiDAR's clouds that are parts of sweeps, as its samples."""
+        return next((cloud.sectors for cloud in self.clouds if cloud.topic.name == topic), ())
 
 
 def survey(recording: Recording) -> Survey:
@@ -125,6 +137,7 @@ class _Surveyor:
         self._decoders = Decoders(recording.definition)
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
+        self._sectors_seen: dict[str, list[Sector | None]] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._mountings = Mountings()
         self._problems: dict[str, None] = {}
@@ -156,7 +169,10 @@ class _Surveyor:
                 ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
                 for t, f, size in images
             ),
-            clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
+            clouds=tuple(
+                CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name))
+                for t, f, points in clouds
+            ),
             camera_infos=dict(sorted(self._infos.items())),
             transforms=self._mountings.all(),
             problems=tuple(self._problems),
@@ -220,11 +236,23 @@ class _Surveyor:
         self._samples.setdefault(message.topic, []).append(sample)
         self._take_time(message.topic, sample.time_ns)
         if message.topic not in self._sensors:
-            size = _size_px(message, decoder) if decoder.kind == "image" else len(decoder.xyz_m(message))
+            size = _size_px(message, decoder) if decoder.kind == "image" else _points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+        if decoder.kind == "cloud":
+            self._take_sector(message, decoder)
         if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
             self._take_depth(message, decoder)
+
+    def _take_sector(self, message: Message, decoder: CloudDecoder) -> None:
+        """Note where a cloud looks, as long as the topic's clouds may be parts of sweeps."""
+        sectors = self._sectors_seen.setdefault(message.topic, [])
+        if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]):
+            sectors.append(sector_of(decoder.xyz_m(message)))
+
+    def _sectors_of(self, topic: str) -> tuple[Sector | None, ...]:
+        sectors = self._sectors_seen.get(topic, [])
+        return tuple(sectors) if len(sectors) == len(self._samples[topic]) and in_parts(sectors) else ()
 
     def _take_depth(self, message: Message, decoder: ImageDecoder) -> None:
         largest = decoder.largest_value(message) if isinstance(decoder, DeepImageDecoder) else None
@@ -290,3 +318,10 @@ def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:
     size_px = decoder.size_px(message)
     decoder.pixels(message, colour=False, size_px=size_px)
     return size_px
+
+
+def _points(message: Message, decoder: CloudDecoder) -> int:
+    """How many points a cloud in metres has. Raises DecodingError."""
+    xyz_m = decoder.xyz_m(message)
+    check_unit(xyz_m)
+    return len(xyz_m)

@@ -31,6 +31,7 @@ class Waiting(NamedTuple):
     """A message in the window; sorted by when it was captured, less the sensor's offset.
 
     `stamp_ns` is its stamp, or what stands in for it; `against` says why it counts against the coverage even if used.
+    `parts` are all messages of a LiDAR's sweep that was recorded in parts, in their order.
     """
 
     time_ns: int
@@ -39,6 +40,12 @@ class Waiting(NamedTuple):
     message: Message
     problem: str
     against: str = ""
+    parts: tuple[Message, ...] = ()
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """The message, or all of its sweep."""
+        return self.parts or (self.message,)
 
 
 @dataclass(frozen=True)
@@ -236,13 +243,13 @@ class Window:
 
     def _refuse(self, sensor: int, waiting: Waiting, reason: str) -> None:
         if waiting.problem:
-            self._counts[sensor].damage()
+            self._counts[sensor].damage(len(waiting.messages))
         else:
-            self._counts[sensor].skip(reason, waiting.against)
+            self._counts[sensor].skip(reason, waiting.against, len(waiting.messages))
 
 
 def _bytes(waiting: Waiting) -> int:
-    return len(waiting.message.data) + MESSAGE_BYTES
+    return sum(len(message.data) + MESSAGE_BYTES for message in waiting.messages)
 
 
 class Edges:

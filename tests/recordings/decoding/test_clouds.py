@@ -9,7 +9,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
-from auditor.recordings.decoding.clouds import finite
+from auditor.recordings.decoding.clouds import check_unit, finite
 from auditor.recordings.decoding.kitti import SCAN
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
@@ -81,12 +81,30 @@ def test_fields_are_found_by_name_in_any_order_among_others_with_padding() -> No
     assert np.array_equal(decoder().xyz_m(message(points.view(np.uint8), fields, 31)), XYZ)
 
 
-@pytest.mark.parametrize(("datatype", "dtype"), [(8, "<f8"), (3, "<i2"), (5, "<i4")])
-def test_other_datatypes_are_converted(datatype: int, dtype: str) -> None:
-    values = np.arange(90).reshape(30, 3).astype(dtype)
-    size = np.dtype(dtype).itemsize
-    cloud = message(values.view(np.uint8), xyz_fields(size, datatype), 3 * size)
+def test_points_of_64_bits_are_converted() -> None:
+    values = np.arange(90.0).reshape(30, 3)
+    cloud = message(values.view(np.uint8), xyz_fields(8, 8), 24)
     assert np.array_equal(decoder().xyz_m(cloud), np.arange(90).reshape(30, 3))
+
+
+@pytest.mark.parametrize(("datatype", "name"), [(3, "int16"), (5, "int32"), (2, "uint8")])
+def test_whole_numbers_are_of_no_stated_unit_and_not_read(datatype: int, name: str) -> None:
+    values = np.arange(90).astype(name).reshape(30, 3)
+    cloud = message(values.view(np.uint8), xyz_fields(values.itemsize, datatype), 3 * values.itemsize)
+    with pytest.raises(DecodingError, match=rf"whole numbers \({name}\).*does not say of which unit"):
+        decoder().xyz_m(cloud)
+
+
+@pytest.mark.parametrize(("scale", "metres"), [(1.0, True), (1000.0, False), (100.0, False), (0.001, False)])
+def test_ranges_of_no_lidar_are_not_metres(scale: float, metres: bool) -> None:
+    ranges_m = np.random.default_rng(1).gamma(2, 5, 500)[:, None] + 1
+    xyz = (np.array([0.6, 0.8, 0.0]) * ranges_m * scale).astype(np.float32)
+    with_zeros = np.concatenate([xyz, np.zeros((2000, 3), np.float32)])
+    if metres:
+        check_unit(with_zeros)
+    else:
+        with pytest.raises(DecodingError, match="not metres"):
+            check_unit(with_zeros)
 
 
 def test_big_endian_points_are_turned() -> None:

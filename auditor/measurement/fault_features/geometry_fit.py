@@ -1,0 +1,129 @@
+"""How well images and points fit a rig where they fit best: what no attack on a portion of the view can take away.
+
+A view is cut into regions. In each the LiDAR's points are compared with stereo wherever the two images are consistent,
+and the share that agrees within 1 px is taken. The fit of a pair is that of its better regions. A rig that is wrong
+altogether fits by chance, in all regions of all pairs alike.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.checks.photometric_consistency import PairConsistency
+from auditor.measurement.disparity.lidar import LidarView, lidar_view
+from auditor.measurement.fault_features.lidar_agreement import LidarComparison, differences
+from auditor.measurement.pairwise_views import OF_TWO
+from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, PATCH_CORRELATION
+from auditor.measurement.shared_view import FrameArrays
+from auditor.measurement.warning_parameters import GEOMETRY_FIT
+from auditor.model.arrays import Floats, Indices, Mask
+from auditor.model.checks import resolves_depth
+
+_ROWS, _COLUMNS = GEOMETRY_FIT.regions
+
+
+_Part = tuple[FrameArrays, int, int]
+
+_OTHER_AXES = {
+    "y negated": (1.0, -1.0, 1.0),
+    "z negated": (1.0, 1.0, -1.0),
+    "x and y negated": (-1.0, -1.0, 1.0),
+    "y and z negated": (1.0, -1.0, -1.0),
+}
+"""Other axes of points that show a road as the right ones do, and nothing else: left-handed, turned or upside down."""
+
+
+class GeometryFit(NamedTuple):
+    """The fit of one frame: shares of the better regions, NaN where too few regions could be compared.
+
+    `points`: the LiDAR's points agree with stereo, by the best pair. `pictures`: the two images of a pair are
+    consistent, the mean of the pairs. `in_view`: how many points lie in the view of a camera; -1 without a LiDAR.
+    `other_axes`: as `points`, of points with other axes; known only where `points` fit badly.
+    """
+
+    points: float
+    pictures: float
+    in_view: int
+    other_axes: Mapping[str, float]
+
+
+def geometry_fit(arrays: FrameArrays) -> GeometryFit:
+    """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
+    parts = [(own, i, k) for own, i, k in _parts(arrays) if resolves_depth(own.rig, i, k)]
+    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in parts), default=0.0)
+    parts = [one for one in parts if one[0].rig.baseline_m(*one[1:]) >= GEOMETRY_FIT.least_width * widest_m]
+    pictures = _measured(_of_pictures(own.frame_checks.consistencies[i, k]) for own, i, k in parts)
+    seen = [part for part in parts if part[2] in part[0].lidar]
+    points = _best(_of_points(part[0].lidar[part[2]], part) for part in seen)
+    others = (
+        {} if points >= GEOMETRY_FIT.in_doubt else {name: _of_axes(seen, axes) for name, axes in _OTHER_AXES.items()}
+    )
+    return GeometryFit(
+        points,
+        float(np.mean(pictures)) if pictures else nan,
+        max((own.lidar[k].returns for own, _, k in seen), default=-1),
+        others,
+    )
+
+
+def _of_axes(parts: Sequence[_Part], axes: tuple[float, float, float]) -> float:
+    """As the points' fit, each coordinate multiplied."""
+    clouds = ((part, part[0].cloud) for part in parts)
+    return _best(
+        _of_points(
+            lidar_view(replace(cloud, xyz_m=cloud.xyz_m * np.array(axes, dtype=np.float32)), part[0].rig, part[2]), part
+        )
+        for part, cloud in clouds
+        if cloud is not None
+    )
+
+
+def _parts(arrays: FrameArrays) -> Iterator[_Part]:
+    """The matched pairs (i, k), each with the arrays of its view."""
+    for pair in arrays.maps:
+        own, (i, k) = (arrays.pairs[pair].own, OF_TWO) if pair in arrays.pairs else (arrays, pair)
+        yield own, i, k
+
+
+def _of_points(view: LidarView, part: _Part) -> float:
+    own, i, k = part
+    points = LidarComparison.of(view, own.maps[i, k], own.frame_checks.consistencies[i, k], i)
+    apart_px = differences(points, points.sure_px)
+    compared = ~np.isnan(apart_px)
+    region = _region(points.row[compared] // HALF, points.column[compared] // HALF, points.sure_px.shape)
+    agree = np.abs(apart_px[compared]) <= LIDAR_AGREEMENT.agree_px
+    return _better_regions(region, agree, GEOMETRY_FIT.fewest_points)
+
+
+def _of_pictures(consistency: PairConsistency) -> float:
+    row, column = np.nonzero(consistency.comparable)
+    region = _region(row, column, consistency.ncc.shape)
+    consistent = consistency.ncc[row, column] > PATCH_CORRELATION.consistent
+    return _better_regions(region, consistent, GEOMETRY_FIT.fewest_pixels)
+
+
+def _region(row: NDArray[np.integer], column: NDArray[np.integer], shape: tuple[int, int]) -> Indices:
+    height, width = shape
+    return np.asarray(row * _ROWS // height * _COLUMNS + column * _COLUMNS // width, dtype=np.intp)
+
+
+def _better_regions(region: Indices, good: Mask, fewest: int) -> float:
+    """The share that is good in the better regions; NaN where too few regions have enough to tell."""
+    count = np.bincount(region, minlength=_ROWS * _COLUMNS)
+    known = count >= fewest
+    shares: Floats = np.bincount(region, weights=good, minlength=_ROWS * _COLUMNS)[known] / count[known]
+    if shares.size < GEOMETRY_FIT.fewest_regions:
+        return nan
+    return float(np.quantile(shares, GEOMETRY_FIT.regions_quantile))
+
+
+def _measured(shares: Iterable[float]) -> list[float]:
+    return [share for share in shares if not np.isnan(share)]
+
+
+def _best(shares: Iterable[float]) -> float:
+    return max(_measured(shares), default=nan)

@@ -1,0 +1,143 @@
+"""Before any verdict: where a recording's calibrations contradict themselves, its images and points say which is right.
+
+Each way to read them gives a rig, and a few frames are measured with it. One that fits, where the others do not, is
+taken and said. Where none fits, no verdict is given.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.measurement import geometry_fit, measure, use_one_thread
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.warning_parameters import GEOMETRY_FIT
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
+from auditor.recordings import (
+    Contradictions,
+    Positions,
+    Recording,
+    RigInForce,
+    RigsInForce,
+    Survey,
+    contradictions,
+    find_rigs,
+    rigs_in_force,
+    search_rigs,
+    synchronise,
+)
+
+_REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
+
+
+class _Candidate(NamedTuple):
+    """A way to read the calibrations, and how well LiDAR points and images fit the rig that it gives.
+
+    Both are shares, NaN where they are not known.
+    """
+
+    survey: Survey
+    points: float
+    pictures: float
+
+
+def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
+    """The rigs of a recording by the way of reading its calibrations that its images and points fit.
+
+    Raises RigError where there is no rig.
+    """
+    found = contradictions(surveyed)
+    if not found.sentences:
+        return rigs_in_force(recording, surveyed)
+    candidates = _candidates(recording, surveyed, found)
+    best, fit = _best(candidates)
+    rigs = rigs_in_force(recording, best.survey)
+    if fit < GEOMETRY_FIT.fits:
+        said = " and ".join(found.sentences[:2])
+        return rigs._replace(withheld=f"{said}, and the images and points fit neither: {_REPAIR}")
+    if best.survey.conventions == surveyed.conventions:
+        return rigs
+    remark = f"{found.sentences[0]}: {best.survey.conventions}, for so the images and points fit"
+    return rigs._replace(remarks=(remark, *rigs.remarks))
+
+
+def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigInForce | None:
+    """When the rig of an id is in force, however the recording's calibrations are read; None where it never is."""
+    for conventions in contradictions(surveyed).candidates:
+        try:
+            rigs = rigs_in_force(recording, replace(surveyed, conventions=conventions)).rigs
+        except RigError:
+            continue
+        for one in rigs:
+            if one.rig.rig_id == rig_id:
+                return one
+    return None
+
+
+def negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> str:
+    """Why no verdict may be given where the images of a rig fit by `pictures`: they fit its cameras in reverse order.
+
+    Empty where they do not, or fit as they are.
+    """
+    if not pictures < GEOMETRY_FIT.fits:
+        return ""
+    other = replace(survey, conventions=replace(survey.conventions, positions=Positions.NEGATED))
+    topics = sorted(camera.topic for camera in rig.cameras)
+    for turned in search_rigs(other).rigs:
+        if turned.rig_id != rig.rig_id and sorted(camera.topic for camera in turned.cameras) == topics:
+            fit = _candidate(recording, other, turned).pictures
+            if fit >= GEOMETRY_FIT.fits and fit - pictures >= GEOMETRY_FIT.better_by:
+                return (
+                    "the images fit the cameras in reverse order, and not as they are: the fourth columns of P have "
+                    f"the wrong sign; {_REPAIR}"
+                )
+    return ""
+
+
+def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:
+    """Each way to read the calibrations that gives a rig of its own, the standard's first. Raises RigError."""
+    candidates: dict[str, _Candidate] = {}
+    for conventions in found.candidates:
+        survey = replace(surveyed, conventions=conventions)
+        try:
+            rig = find_rigs(survey)[0]
+            if rig.rig_id not in candidates:
+                candidates[rig.rig_id] = _candidate(recording, survey, rig)
+        except RigError:
+            if conventions == found.candidates[-1] and not candidates:
+                raise
+    return list(candidates.values())
+
+
+def _best(candidates: Sequence[_Candidate]) -> tuple[_Candidate, float]:
+    """The best one and its fit; the first, where none fits clearly better."""
+    # Points that can be compared by one way and by no region of another do not fit the latter.
+    by_points = not all(np.isnan(one.points) for one in candidates)
+    fits = [np.nan_to_num(one.points if by_points else one.pictures) for one in candidates]
+    best = int(np.argmax(fits))
+    chosen = best if fits[best] - fits[0] >= GEOMETRY_FIT.better_by else 0
+    return candidates[chosen], float(fits[chosen])
+
+
+def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
+    """How well a rig of a survey fits some frames of the beginning, in the better ones."""
+    use_one_thread()
+    matcher = find_matcher("sgbm")
+    fits = [geometry_fit(measure(frame, rig, matcher)[1]) for frame in _frames(recording, survey, rig)]
+    return _Candidate(survey, _better_frames([one.points for one in fits]), _better_frames([o.pictures for o in fits]))
+
+
+def _better_frames(shares: Sequence[float]) -> float:
+    known = [share for share in shares if not np.isnan(share)]
+    return float(np.quantile(known, GEOMETRY_FIT.frames_quantile)) if known else float("nan")
+
+
+def _frames(recording: Recording, survey: Survey, rig: Rig) -> Iterator[Frame]:
+    stream = synchronise(recording, rig, survey)
+    frames = (frame for frame in stream if isinstance(frame, Frame))
+    every = GEOMETRY_FIT.every_checked
+    yield from islice(frames, 0, every * GEOMETRY_FIT.most_checked, every)

@@ -1,0 +1,184 @@
+"""Geometry and clocks that contradict themselves are put right by the images and points, or no verdict is given."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.errors import ThresholdsError
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.model.frames import Frame
+from auditor.model.optics.geometry import Matrix
+from auditor.model.rig import Camera, Rig
+from auditor.model.verdict import VerdictKind
+from auditor.pipeline.measure import rigs_through
+from auditor.recordings import RigsInForce, open_recording, survey, write_mcap
+from auditor.recordings.writers import frames as writer
+from auditor.store import Store
+from tests.making.calibrations import calibrate
+
+Points = Callable[[Matrix], Matrix]
+
+
+@pytest.fixture(scope="module")
+def drive() -> SyntheticDrive:
+    return make_drive(2, 4, width_px=621, height_px=188)
+
+
+def negated(camera: Camera) -> Matrix:
+    return camera.projection * np.array([1, 1, 1, -1])
+
+
+def doubled(camera: Camera) -> Matrix:
+    return camera.projection * np.array([1, 1, 1, 2])
+
+
+def scaled(rig: Rig, by: float) -> Rig:
+    """The same cameras with `by` times the pixels."""
+    cameras = (
+        replace(
+            camera,
+            width_px=round(by * camera.width_px),
+            height_px=round(by * camera.height_px),
+            projection=np.diag([by, by, 1.0]) @ camera.projection,
+        )
+        for camera in rig.cameras
+    )
+    return Rig(rig.lidar, tuple(cameras))
+
+
+def with_points(drive: SyntheticDrive, change: Points) -> Iterator[Frame]:
+    for frame in drive.frames():
+        assert frame.cloud is not None
+        yield replace(frame, cloud=replace(frame.cloud, xyz_m=change(frame.cloud.xyz_m).astype(np.float32)))
+
+
+def found_in(path: Path) -> RigsInForce:
+    with open_recording(path) as recording:
+        return rigs_through(recording, survey(recording))
+
+
+def scan(path: Path, folder: Path) -> tuple[int, Store, str]:
+    """The exit code, the store and why verdicts are withheld."""
+    code = run(["scan", str(path), "--store", str(folder / "audit"), "--jobs", "1"])
+    store = Store.open(folder / "audit")
+    [measurement] = store.measurements()
+    return code, store, measurement.withheld or ""
+
+
+def kinds(store: Store) -> dict[VerdictKind, int]:
+    [judgement] = store.current_judgements().values()
+    return {kind: count for kind, count in judgement.counts.items() if count}
+
+
+@pytest.mark.parametrize("wrong", [negated, doubled])
+def test_positions_of_p_that_tf_contradicts_are_those_that_fit(
+    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: Callable[[Camera], Matrix]
+) -> None:
+    monkeypatch.setattr(writer, "_projection", wrong)
+    write_mcap(tmp_path / "wrong.mcap", drive.rig, drive.frames())
+    found = found_in(tmp_path / "wrong.mcap")
+    assert not found.withheld
+    assert "and tf" in found.remarks[0]
+    assert "the camera positions of tf were taken" in found.remarks[0]
+    [one] = found.rigs
+    assert [camera.topic for camera in one.rig.cameras] == [camera.topic for camera in drive.rig.cameras]
+    assert one.rig.baseline_m(1, one.rig.n) == pytest.approx(drive.rig.baseline_m(1, drive.rig.n), abs=1e-6)
+
+
+def test_k_and_p_of_a_larger_picture_are_scaled_and_that_is_said(drive: SyntheticDrive, tmp_path: Path) -> None:
+    write_mcap(tmp_path / "larger.mcap", scaled(drive.rig, 2.0), drive.frames())
+    found = found_in(tmp_path / "larger.mcap")
+    assert not found.withheld
+    assert "its K and P were scaled by 0.5" in found.remarks[0]
+    assert found.rigs[0].rig.camera(1).focal_px == pytest.approx(drive.rig.camera(1).focal_px)
+
+
+def test_k_and_p_that_are_of_the_pictures_already_stay_as_they_are(
+    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_projection", lambda camera: np.diag([0.5, 0.5, 1.0]) @ camera.projection)
+    write_mcap(tmp_path / "declared.mcap", scaled(drive.rig, 2.0), drive.frames())
+    found = found_in(tmp_path / "declared.mcap")
+    assert not found.withheld
+    assert "K and P were taken as those of the recorded pictures" in found.remarks[0]
+    assert found.rigs[0].rig.camera(1).focal_px == pytest.approx(drive.rig.camera(1).focal_px)
+
+
+def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: SyntheticDrive, tmp_path: Path) -> None:
+    wide = replace(drive.rig.camera(1), width_px=1000)
+    cameras = tuple(replace(camera, width_px=wide.width_px) for camera in scaled(drive.rig, 1.7).cameras)
+    write_mcap(tmp_path / "odd.mcap", Rig(drive.rig.lidar, cameras), drive.frames())
+    found = found_in(tmp_path / "odd.mcap")
+    assert "declares 1000 x 320 px, and the pictures have 621 x 188 px" in found.withheld
+    assert "--rig" in found.withheld
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda xyz: xyz * 3.28, "fit the images nowhere"),
+        (lambda xyz: xyz * np.array([1, -1, 1]), "with y negated, and not as they are"),
+        (lambda xyz: xyz * np.array([-1, -1, 1]), "no camera sees points"),
+    ],
+    ids=["feet", "left-handed", "turned"],
+)
+def test_points_that_fit_no_image_are_no_attack(
+    drive: SyntheticDrive, tmp_path: Path, change: Points, why: str
+) -> None:
+    write_mcap(tmp_path / "points.mcap", drive.rig, with_points(drive, change))
+    code, store, withheld = scan(tmp_path / "points.mcap", tmp_path)
+    assert code == 3
+    assert why in withheld
+    assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
+    [measurement] = store.ids("measurements")
+    with pytest.raises(ThresholdsError, match="verdicts are withheld"):
+        calibrate([(store, measurement)])
+    assert run(["judge", str(tmp_path / "audit"), "--method", "paper"]) == 3
+    assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
+    assert run(["inspect", str(tmp_path / "points.mcap")]) == 3
+
+
+def test_points_in_millimetres_are_not_read(
+    drive: SyntheticDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_mcap(tmp_path / "mm.mcap", drive.rig, with_points(drive, lambda xyz: xyz * 1000))
+    assert run(["scan", str(tmp_path / "mm.mcap"), "--store", str(tmp_path / "audit")]) == 3
+    assert "not metres" in " ".join(capfd.readouterr().err.split())
+
+
+def test_a_sign_that_nothing_contradicts_is_told_by_the_images(
+    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_one_frame = dict.fromkeys(range(1, drive.rig.n + 1), "camera") | {0: "lidar"}
+    monkeypatch.setattr(writer, "_projection", negated)
+    monkeypatch.setattr(writer, "_frame_ids", lambda rig: in_one_frame)
+    write_mcap(tmp_path / "sign.mcap", drive.rig, drive.frames())
+    code, _, withheld = scan(tmp_path / "sign.mcap", tmp_path)
+    assert code == 3
+    assert "reverse order" in withheld
+
+
+def test_cameras_out_of_phase_are_not_compared(drive: SyntheticDrive, tmp_path: Path) -> None:
+    def late(frame: Frame) -> Frame:
+        image = frame.images[1]
+        return replace(frame, images={**frame.images, 1: replace(image, stamp_ns=image.stamp_ns + 90_000_000)})
+
+    slow = [_at(late(frame), number * 200_000_000) for number, frame in enumerate(drive.frames())]
+    write_mcap(tmp_path / "phase.mcap", drive.rig, slow)
+    code, store, withheld = scan(tmp_path / "phase.mcap", tmp_path)
+    assert code == 3
+    assert withheld.startswith("exposures 90 ms apart: ")
+    assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
+
+
+def _at(frame: Frame, later_ns: int) -> Frame:
+    """The frame at another pace: 200 ms from one to the next."""
+    start = 1_700_000_000 * 10**9
+    moved = start + later_ns - frame.stamp_ns
+    images = {number: replace(one, stamp_ns=one.stamp_ns + moved) for number, one in frame.images.items()}
+    cloud = replace(frame.cloud, stamp_ns=frame.cloud.stamp_ns + moved) if frame.cloud else None
+    return replace(frame, stamp_ns=frame.stamp_ns + moved, images=images, cloud=cloud)

@@ -1,0 +1,70 @@
+"""Sensors whose clocks are not those of the others, and cameras that do not expose together."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from auditor.model.rig import Rig
+from auditor.recordings.recording import Topic
+from auditor.recordings.synchronisation.clock_offsets import learn_timing
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Sample, Survey
+from tests.making.recorded_drives import make_rig
+
+RIG = make_rig(3)
+START_NS = 1_700_000_000 * 10**9
+PERIOD_NS = 10**8
+MS = 10**6
+
+
+def surveyed(ahead_ns: Mapping[int, int], later_ns: Mapping[int, int], rig: Rig = RIG) -> Survey:
+    """Stamps of clocks that are ahead by so much, of messages that are also recorded later by so much."""
+
+    def samples(sensor: int) -> tuple[Sample, ...]:
+        times = (START_NS + number * PERIOD_NS + later_ns.get(sensor, 0) for number in range(20))
+        return tuple(Sample(time_ns + ahead_ns.get(sensor, 0), time_ns) for time_ns in times)
+
+    images = tuple(
+        ImageTopic(Topic(camera.topic, "", "cdr"), camera.name, (64, 48), samples(camera.number))
+        for camera in rig.cameras
+    )
+    clouds = (CloudTopic(Topic(rig.topic(0), "", "cdr"), "top", 100, samples(0)),)
+    return Survey((), images, clouds, {}, (), (), interleaved=True)
+
+
+@pytest.mark.parametrize("sensor", [0, 1, 3])
+@pytest.mark.parametrize("ahead_ns", [-START_NS + 4321 * 10**9, 37 * 10**9 + 13 * MS])
+def test_a_clock_of_another_time_is_put_with_the_others_by_the_times_of_recording(sensor: int, ahead_ns: int) -> None:
+    timing = learn_timing(RIG, surveyed({sensor: ahead_ns}, {}))
+    assert timing.offset_ns == {number: ahead_ns if number == sensor else 0 for number in RIG.sensors}
+    [remark] = timing.remarks
+    assert RIG.topic(sensor) in remark
+    assert ("ahead of" if ahead_ns > 0 else "behind") in remark
+
+
+def test_the_usual_delays_are_no_other_clock() -> None:
+    timing = learn_timing(RIG, surveyed({0: -150 * MS}, {}))
+    assert timing.remarks == ()
+    assert timing.offset_ns[0] == pytest.approx(50 * MS, abs=PERIOD_NS)
+
+
+@pytest.mark.parametrize(("apart_ms", "withheld"), [(20, False), (45, False), (60, True), (99, True)])
+def test_cameras_that_expose_too_far_apart_are_not_compared(apart_ms: int, withheld: bool) -> None:
+    timing = learn_timing(RIG, _every_second(surveyed({}, {1: apart_ms * MS})))
+    assert bool(timing.withheld) is withheld
+    if withheld:
+        assert timing.withheld.startswith(f"exposures {apart_ms} ms apart: cam1 and ")
+
+
+def test_a_camera_whose_clock_alone_is_off_is_compared() -> None:
+    assert learn_timing(RIG, _every_second(surveyed({1: 90 * MS}, {}))).withheld == ""
+
+
+def test_a_lidar_beside_the_exposures_is_compared() -> None:
+    assert learn_timing(RIG, _every_second(surveyed({}, {0: 90 * MS}))).withheld == ""
+
+
+def _every_second(survey: Survey) -> Survey:
+    """The same sensors at half their rate."""
+    images = tuple(ImageTopic(one.topic, one.frame_id, one.size_px, one.samples[::2]) for one in survey.images)
+    clouds = tuple(CloudTopic(one.topic, one.frame_id, one.points, one.samples[::2]) for one in survey.clouds)
+    return Survey((), images, clouds, {}, (), (), interleaved=True)
