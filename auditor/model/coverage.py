@@ -14,8 +14,13 @@ class TopicState(StrEnum):
 
     READ = "read"
     UNREADABLE = "unreadable"
+    NOT_COMPARED = "not compared"
     LEFT_OUT = "left out"
     NO_SENSOR = "no sensor"
+
+
+UNAUDITED = frozenset({TopicState.UNREADABLE, TopicState.NOT_COMPARED})
+"""States of a sensor's topic that leave a recording incomplete."""
 
 
 class Against(StrEnum):
@@ -103,13 +108,13 @@ def with_repeats(topics: Iterable[TopicCoverage], repeats: Mapping[int, int]) ->
 
 
 def declared(topics: Iterable[TopicCoverage], no_sensors: Collection[str]) -> tuple[TopicCoverage, ...]:
-    """The topics, those that a person declares to be no sensors left out in place of unreadable.
+    """The topics, those that a person declares to be no sensors left out in place of unreadable or not compared.
 
     A topic of the rig stays as it is.
     """
     return tuple(
         replace(one, state=TopicState.LEFT_OUT, reason=_DECLARED, remedy="")
-        if one.topic in no_sensors and one.state is TopicState.UNREADABLE and one.sensor is None
+        if one.topic in no_sensors and one.state in UNAUDITED and one.sensor is None
         else one
         for one in topics
     )
@@ -147,6 +152,18 @@ def unread_line(topics: Sequence[TopicCoverage]) -> str:
     ]
     count = "1 sensor" if len(unread) == 1 else f"{len(unread)} sensors"
     return f"{count} cannot be read: {_first(texts)}"
+
+
+def not_compared_line(topics: Sequence[TopicCoverage]) -> str:
+    """One line of the sensors that can be read and that no rig compares; empty where there are none."""
+    texts = [f"{one.topic} ({one.kind}): {one.reason}" for one in topics if one.state is TopicState.NOT_COMPARED]
+    if not texts:
+        return ""
+    count = "1 sensor is" if len(texts) == 1 else f"{len(texts)} sensors are"
+    return (
+        f"{count} not compared with others: {_first(texts)}; place it by its camera info and tf or in a rig file "
+        "(--rig), or give --no-sensor TOPIC where it need not be audited"
+    )
 
 
 def left_out_line(topics: Sequence[TopicCoverage]) -> str:

@@ -3,7 +3,15 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from auditor.model.coverage import TopicCoverage, coverage_line, declared, least_covered, left_out_line, unread_line
+from auditor.model.coverage import (
+    TopicCoverage,
+    coverage_line,
+    declared,
+    least_covered,
+    left_out_line,
+    not_compared_line,
+    unread_line,
+)
 from auditor.model.frames import TopicBalance
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
@@ -49,17 +57,17 @@ def judge_reading(
     `no_sensors` are the names of topics that a person declares to be neither cameras nor LiDARs.
 
     It is incomplete where the least covered sensor, or the frames, fall short of `min_coverage`, where a sensor cannot
-    be read, and where anything is damaged.
+    be read or is not compared with others, and where anything is damaged.
     """
     topics = declared(coverage or (), no_sensors)
     messages, time = least_covered(topics)
-    unread = unread_line(topics)
+    unread, not_compared = unread_line(topics), not_compared_line(topics)
     damaged = sum(topic.damaged for topic in balance)
     lost = f"damaged: {'; '.join(damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}" if damage or damaged else ""
     enough = min(messages, time) >= min_coverage and frames.measured >= min_coverage * frames.due
     return Reading(
-        tuple(filter(None, (coverage_line(topics), unread, left_out_line(topics), lost))),
-        enough and not unread and not lost,
+        tuple(filter(None, (coverage_line(topics), unread, not_compared, left_out_line(topics), lost))),
+        enough and not unread and not not_compared and not lost,
     )
 
 

@@ -17,7 +17,7 @@ from auditor.recordings.rigs.cameras import View, find_views, sensor_name
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.rigs.ordering import AT_ONE_PLACE, MIN_BASELINE_M, Placed, grouped, grouped_alike, place
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
@@ -247,7 +247,7 @@ def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[in
         total = placed.centres_m[order[0]] - placed.centres_m[index]
         name = placed.views[index].name
         if step[0] < MIN_BASELINE_M:
-            reasons.append(f"{name} lies where {placed.views[order[-1]].name} lies")
+            reasons.append(f"{name} {AT_ONE_PLACE} {placed.views[order[-1]].name} lies")
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
             beside.append(f"{name} does not lie on one line with {placed.views[order[0]].name}")
         else:

@@ -15,7 +15,7 @@ from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.ordering import MIN_BASELINE_M
+from auditor.recordings.rigs.ordering import AT_ONE_PLACE, MIN_BASELINE_M
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
@@ -52,7 +52,7 @@ def apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
     for camera in cameras:
         near = np.linalg.norm(centres_m[: len(kept)] - camera.centre_m, axis=1) < MIN_BASELINE_M
         if near.any():
-            reasons.append(f"{camera.name} lies where {kept[int(np.argmax(near))].name} lies")
+            reasons.append(f"{camera.name} {AT_ONE_PLACE} {kept[int(np.argmax(near))].name} lies")
         else:
             centres_m[len(kept)] = camera.centre_m
             kept.append(camera)

@@ -16,6 +16,9 @@ from auditor.recordings.rigs.cameras import View
 from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.frame_tree import FrameTree
 
+AT_ONE_PLACE = "lies where"
+"""Said of a camera at the place of another: they may be two topics of one."""
+
 MIN_BASELINE_M = 0.005
 
 MAX_TURN = np.radians(0.5)

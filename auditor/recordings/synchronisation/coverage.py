@@ -1,6 +1,6 @@
 """The coverage of a recording's topics: those of the rig, and what became of each of the others."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import LIDAR, Rig
@@ -8,8 +8,9 @@ from auditor.recordings.decoding import Decoders, sensor_types
 from auditor.recordings.recording import Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
+from auditor.recordings.rigs.ordering import AT_ONE_PLACE
 from auditor.recordings.synchronisation.counts import Counts
-from auditor.recordings.synchronisation.survey import Survey, UnreadableTopic
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey, UnreadableTopic
 from auditor.recordings.synchronisation.unlisted import REMEDY, why_a_sensor, why_none
 
 _LATE = "it begins behind the beginning, from which rigs are found, or its name has messages of another type as well"
@@ -137,11 +138,22 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     if not outside:
         return
     found, counted = search_rigs(survey), recording.counts
+    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in found.rigs)))
+    own = rig is None or rig.rig_id in {one.rig_id for one in found.rigs}
     for topic, kind in outside:
-        if rig in found.rigs and _is_of_any(topic, found.rigs):
+        if own and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording
         why = _why_left_out(topic, kind, rig, found.rigs, found.reasons)
-        yield _outside(topic, kind, TopicState.LEFT_OUT, counted.get(topic.name, 0), why)
+        of_one_sensor = not compared.isdisjoint(_frames_of(survey, {topic.name})) or AT_ONE_PLACE in why
+        # Who wrote a rig file chose what it leaves out.
+        state = TopicState.LEFT_OUT if not own or of_one_sensor else TopicState.NOT_COMPARED
+        yield _outside(topic, kind, state, counted.get(topic.name, 0), why)
+
+
+def _frames_of(survey: Survey, topics: Collection[str]) -> set[str]:
+    """The coordinate frames of some topics of sensors: topics of one frame are of one sensor."""
+    sensors: tuple[ImageTopic | CloudTopic, ...] = (*survey.images, *survey.clouds)
+    return {one.frame_id for one in sensors if one.topic.name in topics and one.frame_id}
 
 
 def _why_left_out(

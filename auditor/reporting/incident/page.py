@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 
-from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, unread_line
+from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
 from auditor.model.rig import LIDAR, Triple
@@ -217,8 +217,9 @@ class RecordingPart:
 
     @property
     def reading(self) -> tuple[str, ...]:
-        """What counts against the coverage of the rig's sensors, and which sensors cannot be read: one line each."""
-        return tuple(filter(None, (coverage_line(self.covered), unread_line(self.covered))))
+        """What counts against the coverage, and which sensors cannot be read, or are not compared: one line each."""
+        lines = (coverage_line(self.covered), unread_line(self.covered), not_compared_line(self.covered))
+        return tuple(filter(None, lines))
 
     @property
     def outside(self) -> tuple[TopicCoverage, ...]:
