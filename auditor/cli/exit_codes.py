@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from auditor.errors import AuditorError
 
 
 class Exit(IntEnum):
@@ -34,8 +30,7 @@ class Tally:
     """What the exit code and the closing line depend on, gathered over all recordings of a command.
 
     `recordings`, `with_incidents` and `with_alerts` are ids, or paths where nothing could be read. All incidents and
-    alerts of those that are `excused` do not fail: somebody reviewed them, or a policy says so. `errors` are those of
-    inputs that were not measured.
+    alerts of those that are `excused` do not fail: somebody reviewed them, or a policy says so.
     """
 
     found: bool = False
@@ -46,7 +41,6 @@ class Tally:
     with_incidents: set[str] = field(default_factory=set)
     with_alerts: set[str] = field(default_factory=set)
     excused: set[str] = field(default_factory=set)
-    errors: list["AuditorError"] = field(default_factory=list)
     not_audited: list[NotAudited] = field(default_factory=list)
 
     def exit_code(self) -> Exit:

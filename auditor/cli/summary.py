@@ -14,8 +14,9 @@ from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.many import Batch, Judged
+    from auditor.pipeline.many import Judged
     from auditor.pipeline.measured import Measured
+    from auditor.pipeline.scan import Scan
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store, StoredJudgement
@@ -34,47 +35,56 @@ Remarks = dict[tuple[str, str], list[str]]
 """The names of the recordings that a remark on a rig kind holds for."""
 
 
-def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
-    """Measure a batch, print what became of each recording, and return what is measured, in the order given."""
-    from auditor.pipeline.many import measure_all, was_examined  # noqa: PLC0415 - keeps --help quick
+def show_measuring(scan: "Scan", tally: Tally) -> None:
+    """Measure the batch of a scan, and print what became of each recording."""
+    from auditor.pipeline.many import was_examined  # noqa: PLC0415 - keeps --help quick
+
+    batch = scan.batch
 
     for note in batch.notes:
         say(f"{note}: it is text and no recording, and was not read")
     for error in batch.errors:
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)
-    measured = {}
     with progress(len(batch.tasks), "measuring") as (advanced, finished):
-        for outcome in measure_all(batch, advanced):
+        for outcome in scan.measure(advanced):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error}")
                 tally.incomplete |= was_examined(outcome.error)
                 _leave(tally, outcome.item.recording, outcome.error)
             elif outcome.result is not None:
-                measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 if batch.shows_known or outcome.result.fresh:
                     finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
                 else:
                     finished()
-    results = [measured[task] for task in batch.tasks if task in measured]
-    before = sum(not one.fresh for one in results)
+    before = sum(not one.fresh for one in scan.measured)
     if before and not batch.shows_known:
         say(f"{_count(before)} measured before")
     remarks: Remarks = {}
-    for one in results:
+    for one in scan.measured:
         tally.recordings.add(one.recording_id)
         for warning in one.calibration_warnings:
             remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
     _say_once(remarks)
-    return results
 
 
-def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> "list[Judged]":
+def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
+    """Say that recordings were measured only."""
+    if measured:
+        say("measured only: no verdicts were reached; auditor judge reaches them")
+        tally.incomplete = True
+    for one in measured:
+        name, path = storable(one.recording.name), storable(str(one.recording))
+        tally.not_audited.append(NotAudited(name, path, "measured only"))
+
+
+def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tally) -> "list[Judged]":
     """Print what could not be judged or not fully audited, and why; return what became of each measurement."""
     judged = []
     remarks: Remarks = {}
     for one in results:
+        assert store is not None, "what is judged was measured into a store"
         judged.append(one)
         measurement = store.measurement(one.measurement_id)
         kind = str(store.rig(measurement.rig_id).kind)
@@ -201,7 +211,6 @@ def closing_line(tally: Tally) -> str:
 def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
     """A recording could not be measured."""
     tally.failed = True
-    tally.errors.append(error)
     tally.recordings.add(str(path))
     tally.not_audited.append(NotAudited(storable(path.name), storable(str(path)), storable(error.what)))
 

@@ -3,7 +3,8 @@
 Keywords have the names, meanings and defaults of the options of the command line. Paths may be text.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -17,6 +18,7 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
+from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.asking import PathLike, opened
@@ -24,10 +26,8 @@ from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.ledger import keep_ledger
 from auditor.pipeline.many import (
     Batch,
-    Judge,
     Judged,
     JudgeSettings,
     MeasureSettings,
@@ -38,7 +38,7 @@ from auditor.pipeline.many import (
 )
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
-from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.scan import Scan
 from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
@@ -178,6 +178,11 @@ def scan(
     calibration: str | None = None,
     r: Rate = "0.01",
     method: Method | str = Method.ROBUST,
+    statistic: Statistic | str = Statistic.GATED,
+    incidents_per_hour: float | None = None,
+    transfer: bool = False,
+    strict: bool = False,
+    recount: bool = False,
     min_coverage: float = 0.99,
     no_sensors: Iterable[str] = (),
     matcher: str = "sgbm",
@@ -187,9 +192,14 @@ def scan(
     time_limit: float | None = None,
     memory_limit: float = MEMORY_MB,
     measure_again: bool = False,
+    verify_content: bool = False,
+    pictures: Pictures | str = Pictures.ALL,
     on_progress: Progress | None = None,
 ) -> Iterator[Scanned]:
-    """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
+    """Audit recordings (files, or folders of them) as `auditor scan` does, and yield what became of each.
+
+    What could not be measured comes first, as soon as it is known; the others once all are judged, in the order given:
+    recordings may contradict one another. Parameters are named after the options of the command.
 
     `calibration` is an id of the store's, the beginning of one, or a file; None takes the one in force that fits, or
     the prior where none does. `jobs` recordings (None: as many as cores) are measured at a time, each in a process of
@@ -202,43 +212,36 @@ def scan(
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
     folder = Path(store)
-    judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage, no_sensors=no_sensors)
-    judging = replace(judging, only_stale=True)
+    judging = judge_settings(
+        folder,
+        calibration,
+        r,
+        method,
+        statistic,
+        incidents_per_hour,
+        transfer=transfer,
+        strict=strict,
+        recount=recount,
+        min_coverage=min_coverage,
+        no_sensors=no_sensors,
+    )
     settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
-    return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
+    settings = replace(settings, pictures=Pictures(pictures), verify_content=verify_content)
+    return _scan(find_batch(_paths(recordings), folder, settings), folder, judging, on_progress or _silent)
 
 
-def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
-    scanned = [Scanned(error.where, error=error) for error in batch.errors]
-    yield from scanned
-    if not batch.tasks:
-        return
-    store = Store.open(batch.tasks[0].store)
-    judge = Judge(store, judging)
-    with logged(store.folder):
-        for outcome in measure_all(batch, on_progress):
+def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
+    yield from (Scanned(error.where, error=error) for error in batch.errors)
+    scan = Scan(batch, folder)
+    with scan.logged():
+        for outcome in scan.measure(on_progress):
             if outcome.result is None:
-                scanned.append(Scanned(str(outcome.item), error=outcome.error))
-            else:
-                if outcome.result.fresh:
-                    relate(store)
-                judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
-                _picture(store, judged, batch)
-                scanned.append(Scanned(str(outcome.item), outcome.result, judged))
-            yield scanned[-1]
-        keep_ledger(
-            store,
-            [one.error for one in scanned if one.error],
-            [one.measured for one in scanned if one.measured],
-            [judged for one in scanned for judged in one.judged],
-        )
-
-
-def _picture(store: Store, judged: Sequence[Judged], batch: Batch) -> None:
-    """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
-    found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]
-    for _ in picture_incidents(store, found, batch.settings.pictures, batch.settings.limits):
-        pass
+                yield Scanned(str(outcome.item), error=outcome.error)
+        deque(scan.relate(), maxlen=0)
+        judged = {one.measurement_id: one for one in scan.judge(judging)}
+        deque(scan.finish(), maxlen=0)
+    for one in scan.measured:
+        yield Scanned(str(one.recording), one, tuple(judged[known] for known in one.measurement_ids))
 
 
 def judge(

@@ -9,7 +9,7 @@ import pytest
 import auditor.store
 from auditor.cli import run
 from auditor.pipeline import library, many
-from auditor.pipeline.pictures import incident_pictures
+from auditor.pipeline import scan as scanning
 from auditor.recordings import Location
 from auditor.store import Store
 from auditor.store.maintenance.removal import remove_measurement
@@ -79,7 +79,7 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
 
     monkeypatch.setattr(many.Judged, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", 0)
-    monkeypatch.setattr("auditor.pipeline.pictures.incident_pictures.picture_incidents", picture_incidents)
+    monkeypatch.setattr("auditor.pipeline.scan.picture_incidents", picture_incidents)
     assert scan(drive, folder) in {1, 3}
 
 
@@ -89,12 +89,11 @@ def test_the_library_pictures_what_is_known_as_the_command_does(known, read, mon
     asked = []
     monkeypatch.setattr(many.Judged, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", most)
-    for place in (library, incident_pictures):
-        monkeypatch.setattr(place, "picture_incidents", lambda store, found, *_: asked.append(list(found)) or [])
+    monkeypatch.setattr(scanning, "picture_incidents", lambda store, found, *_: asked.append(list(found)) or [])
     [scanned] = library.scan(drive, store=folder)
     scan(drive, folder)
     ids = [one.measurement_id for one in scanned.judged] if most else []
-    assert asked == ([ids, ids] if most else [[]])
+    assert asked == ([ids, ids] if most else [])
 
 
 def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(known, read, monkeypatch, tmp_path):

@@ -91,6 +91,7 @@ def command(
     from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
+    from auditor.pipeline.scan import Scan  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:
@@ -104,8 +105,9 @@ def command(
         measured: list[Measured] = []
         given: list[tuple[Store, str]] = []
         if batch is not None:
-            measured = show_measuring(batch, tally)
-            given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
+            scan = Scan(batch, store)
+            show_measuring(scan, tally)
+            measured, given = scan.measured, [(Store.open(store), known) for known in scan.measurement_ids]
         if Store.is_at(store):
             _tell_relations(Store.open(store), {one.recording_id for one in measured}, tally)
         clean = choose_clean(given, opened)

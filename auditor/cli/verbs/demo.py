@@ -67,6 +67,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
         judge_all,
     )
     from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
+    from auditor.pipeline.scan import Scan  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
     from auditor.reporting import render_fleet_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
@@ -79,21 +80,21 @@ def command(folder: Path, method: str, jobs: int) -> int:
     measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
     kept = Store.open(store, create=True)
     with logged(store):
-        references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
-        given = tuple((kept, known) for one in references for known in one.measurement_ids)
+        batches = (find_batch([take.file for take in takes], store, measuring) for takes in (clean, suspected))
+        learnt, scan = (Scan(batch, store) for batch in batches)
+        show_measuring(learnt, of_clean)
+        given = tuple((kept, known) for known in learnt.measurement_ids)
         made = make(CleanMeasurements(given, ()), _USUAL_R, jobs=jobs)
         keep_calibrated(kept, made, made_by="demo")
-        audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
+        show_measuring(scan, tally)
         r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
         judging = JudgeSettings(Criteria(r, Method(method), strict=True), made.calibration, min_coverage=1)
-        judged = show_judging(
-            judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally
-        )
+        judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
         found = [one.measurement_id for one in judged if one.found]
         for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, measuring.limits, jobs):
             if pictured.remark:
                 say(f"{pictured.recording}: {pictured.remark}")
-        show_audit(kept, "table", tally, {one.recording_id for one in audited})
+        show_audit(kept, "table", tally, {one.recording_id for one in scan.measured})
         exact = _compare(kept, suspected)
         page = render_fleet_report(kept, out=store / "reports")
     answer(f"The pages:         {page}")

@@ -16,6 +16,7 @@ from auditor.cli.values import PATH, RATE
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
+    from auditor.pipeline.scan import Scan
     from auditor.store import Store
     from auditor.store.versions.decisions import Failure, Refresh
 
@@ -126,16 +127,19 @@ def _refreshed(
     from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.refresh_answers import refresh_metrics  # noqa: PLC0415
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
-    from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
+    from auditor.pipeline.refreshing.night import default_page, new_ones, refresh  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
 
     with only_refresh(kept), logged(kept.folder):
-        measured, failed = _measure(recordings, kept, measuring)
-        judged = list(judge_new(kept, r, no_sensors))
+        scan, failed = _measure(recordings, kept, measuring)
+        measured = scan.measurement_ids
+        judged = list(scan.judge(*new_ones(kept, r, no_sensors)))
         for one in judged:
             if one.error is not None:
                 say(f"{one.recording}: {one.error}")
+        for remark in scan.finish():
+            say(remark)
         named = [known for other in others for known in other.ids("measurements")] + measured
         named = named if clean else []
         new = [one.measurement_id for one in judged]
@@ -146,19 +150,16 @@ def _refreshed(
     return found
 
 
-def _measure(recordings: list[Path], store: "Store", measuring: "MeasureSettings") -> "tuple[list[str], list[Failure]]":
-    """Measure what the store does not have; the measurements of all that were given, and what failed."""
+def _measure(recordings: list[Path], store: "Store", measuring: "MeasureSettings") -> "tuple[Scan, list[Failure]]":
+    """Measure what the store does not have; the scan of all that was given, and what failed."""
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
-    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
+    from auditor.pipeline.scan import Scan  # noqa: PLC0415
     from auditor.store.versions.decisions import Failure  # noqa: PLC0415
 
-    if not recordings:
-        return [], []
-    tally = Tally()
-    measured = show_measuring(find_batch(recordings, store.folder, measuring), tally)
-    for superseded in relate(store):
-        say(str(superseded))
-    failed = [Failure(one.path, one.reason) for one in tally.not_audited]
-    return [known for one in measured for known in one.measurement_ids], failed
+    scan, tally = Scan(find_batch(recordings, store.folder, measuring), store.folder), Tally()
+    show_measuring(scan, tally)
+    for superseded in scan.relate():
+        say(superseded)
+    return scan, [Failure(one.path, one.reason) for one in tally.not_audited]

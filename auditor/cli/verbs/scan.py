@@ -1,14 +1,11 @@
 """`auditor scan`: the main job."""
 
-from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from auditor.cli import judging_options, options
-from auditor.cli.logged import logged
 from auditor.cli.output import audit_format_option, say
 
 if TYPE_CHECKING:
@@ -47,47 +44,26 @@ def command(
     Incidents that a review calls a false alarm, or known, do not fail a scan (auditor review), nor do those that a
     policy file excuses: the exit code counts the others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
-    from auditor.model.text import storable  # noqa: PLC0415
-    from auditor.pipeline.ledger import keep_ledger  # noqa: PLC0415
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring, show_unjudged  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
-    from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
-    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
-    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
-    from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
+    from auditor.pipeline.many import find_batch  # noqa: PLC0415
+    from auditor.pipeline.scan import Scan  # noqa: PLC0415
 
     allowed = policy_of(policy)
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
-    tally, judged = Tally(), list[Judged]()
     batch = find_batch(recordings, store, measuring)
-    with logged(store) if batch.tasks or Store.is_at(store) else nullcontext():
-        measured = show_measuring(batch, tally)
-        kept = batch.store if measured else None
-        if kept is not None:
-            for superseded in relate(kept):
-                say(str(superseded))
-        if kept is not None and not measure_only:
-            ids = [known for one in measured for known in one.measurement_ids]
-            judged = show_judging(judge_all(kept, ids, replace(settings, only_stale=True)), kept, tally)
-        elif kept is not None:
-            judged = [Judged(one.recording.name, known) for one in measured for known in one.measurement_ids]
-            say("measured only: no verdicts were reached; auditor judge reaches them")
-            tally.incomplete = True
-            tally.not_audited += [
-                NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only")
-                for one in measured
-            ]
-        if Store.is_at(store):
-            keep_ledger(kept or Store.open(store), tally.errors, measured, judged)
-        if kept is not None and (packed := pack_where_many(kept)).files:
-            say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
-        found = [one.measurement_id for one in judged if one.found and (batch.shows_known or one.fresh)]
-        if kept is not None and found:
-            for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
-                if pictured.remark:
-                    say(f"{pictured.recording}: {pictured.remark}")
-        shown, show_known = {one.recording_id for one in measured}, batch.shows_known or form != "table"
-        show_audit(kept, form, tally, shown, judged, allowed, show_known=show_known)
+    scan, tally = Scan(batch, store), Tally()
+    with scan.logged():
+        show_measuring(scan, tally)
+        for superseded in scan.relate():
+            say(superseded)
+        if measure_only:
+            show_unjudged(scan.measured, tally)
+        else:
+            show_judging(scan.judge(settings), scan.store, tally)
+        for remark in scan.finish():
+            say(remark)
+        shown, show_known = {one.recording_id for one in scan.measured}, batch.shows_known or form != "table"
+        show_audit(scan.store if shown else None, form, tally, shown, scan.judged, allowed, show_known=show_known)
     return tally.exit_code()

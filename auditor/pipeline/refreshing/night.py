@@ -9,7 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError
 from auditor.pipeline.calibrations.versions import extent_of, version_of
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import Judged, JudgeSettings, judge_all
+from auditor.pipeline.many import JudgeSettings
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
 from auditor.store import Store
@@ -20,11 +20,11 @@ from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
 
 
-def judge_new(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> Iterator[Judged]:
-    """Judge what was never judged, by the versions in force: what was raised is on the incident page from then on."""
+def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tuple[JudgeSettings, list[str]]:
+    """What was never judged, and how a night judges it: what is found is on the incident page from then on."""
     known = store.current_judgements()
     new = [one for one in store.ids("measurements") if one not in known]
-    return judge_all(store, new, JudgeSettings(Criteria(r), no_sensors=frozenset(no_sensors)))
+    return JudgeSettings(Criteria(r), no_sensors=frozenset(no_sensors)), new
 
 
 def refresh(

@@ -1,0 +1,87 @@
+"""The scan: recordings are measured, related to those that the store has, judged, and told. Every verb that scans
+calls this: `auditor scan`, `auditor refresh` and `auditor.scan`.
+"""
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+from auditor.errors import AuditorError
+from auditor.pipeline.ledger import keep_ledger
+from auditor.pipeline.many import Batch, Judged, JudgeSettings, judge_all, measure_all
+from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.workers import Outcome
+from auditor.store import Store
+from auditor.store.log import logged
+from auditor.store.maintenance.relations import relate
+from auditor.store.packs.packing import pack_where_many
+
+
+class Scan:
+    """One scan of a batch into the store of a folder, step by step: `measure`, `judge`, and `finish`.
+
+    Each step yields what became of each recording as it is known. `batch` is what is scanned. `errors` are those of
+    inputs that could not be measured, `measured` what could, in the order given, and `judged` what became of each
+    measurement.
+    """
+
+    def __init__(self, batch: Batch, folder: Path) -> None:
+        self.batch, self._folder = batch, folder
+        self._results: dict[MeasureTask, Measured] = {}
+        self.errors: list[AuditorError] = list(batch.errors)
+        self.judged: list[Judged] = []
+
+    def logged(self) -> AbstractContextManager[object]:
+        """What its steps write has one entry in the store's log; there is none where nothing will be written."""
+        return logged(self._folder) if self.batch.tasks or Store.is_at(self._folder) else nullcontext()
+
+    @property
+    def measured(self) -> list[Measured]:
+        """The recordings that the store has, in the order given."""
+        return [self._results[task] for task in self.batch.tasks if task in self._results]
+
+    @property
+    def store(self) -> Store | None:
+        """The store; None where there is none, since nothing was ever measured into it."""
+        return self.batch.store or (Store.open(self._folder) if Store.is_at(self._folder) else None)
+
+    @property
+    def measurement_ids(self) -> list[str]:
+        """The measurements of all recordings, in the order given."""
+        return [known for one in self.measured for known in one.measurement_ids]
+
+    def measure(self, on_progress: Callable[[object, str, int], None]) -> Iterator[Outcome[MeasureTask, Measured]]:
+        """Measure the recordings, each in a process of its own, as `measure_all`."""
+        for outcome in measure_all(self.batch, on_progress):
+            if outcome.error is not None:
+                self.errors.append(outcome.error)
+            elif outcome.result is not None:
+                self._results[outcome.item] = outcome.result
+            yield outcome
+
+    def relate(self) -> Iterator[str]:
+        """Relate what was measured to the store's other recordings: a sentence for each that another one holds."""
+        yield from map(str, relate(self.store) if self.store is not None and self._results else ())
+
+    def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[Judged]:
+        """Judge what was measured, or `only` these measurements; verdicts that would be the same are kept."""
+        ids = self.measurement_ids if only is None else only
+        for one in judge_all(self.store, ids, replace(settings, only_stale=True)) if self.store and ids else ():
+            self.judged.append(one)
+            yield one
+
+    def finish(self) -> Iterator[str]:
+        """Keep the ledger of inputs, pack small files, and picture what was found; yields what people are to know."""
+        store = self.store
+        if store is None:
+            return
+        keep_ledger(store, self.errors, self.measured, self.judged)
+        if (packed := pack_where_many(store)).files:
+            yield f"{self._folder}: {packed.files} small files are {packed.packs} now, as by auditor store compact"
+        found = [one.measurement_id for one in self.judged if one.found and (self.batch.shows_known or one.fresh)]
+        how = self.batch.settings
+        for pictured in picture_incidents(store, found, how.pictures, how.limits, how.jobs) if found else ():
+            if pictured.remark:
+                yield f"{pictured.recording}: {pictured.remark}"
