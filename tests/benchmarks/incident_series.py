@@ -91,10 +91,10 @@ def drives_of(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal) -> li
     """All scenes, each with the thresholds of the others' families."""
     thresholds = ByOtherFamilies(scenes, cameras, r)
     systems = ((scene, system_of(scene, cameras)) for scene in scenes)
-    return [_drive(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
+    return [drive_of(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
 
 
-def _drive(scene: Scene, system: System, thresholds: RobustThresholds) -> Drive:
+def drive_of(scene: Scene, system: System, thresholds: RobustThresholds) -> Drive:
     clean = tuple(case for case in scene.cases if not case.attack)
     place_of = {case.frame: place for place, case in enumerate(clean)}
     attacks: dict[str, dict[tuple[int, ...], dict[int, Case]]] = defaultdict(lambda: defaultdict(dict))

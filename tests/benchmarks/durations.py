@@ -1,0 +1,96 @@
+"""What is found of attacks that last: one frame, the last quarter, the last half, or all of a drive; by exit code.
+
+Reads scenes that `python -m tests.benchmarks.clean_statistics --attacked` measured:
+
+    python -m tests.benchmarks.durations FOLDER
+
+Each drive is judged by thresholds learnt from the drives of other families, and by the prior alone. A series is a drive
+in which the last frames are those of one attack on one set of sensors, drawn anew for each frame; of one frame there is
+a series for each place. Printed are the attacked frames in which exactly the attacked sensors are named, the series
+with an incident, and those that are found at all: by an incident or an alert, so that a scan ends in 1.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drive_of
+from tests.benchmarks.rates import ByOtherFamilies, system_of
+from tests.benchmarks.scenes import Case, Scene, load
+
+R = Decimal("0.01")
+LASTS = ("one frame", "a quarter", "a half", "all")
+
+
+@dataclass
+class Tally:
+    """Series of one attack and one duration."""
+
+    series: int = 0
+    incident: int = 0
+    found: int = 0
+    attacked: int = 0
+    named: int = 0
+
+    def add(self, drive: Drive, attacked: Mapping[int, Case], who: tuple[int, ...]) -> None:
+        """Judge a drive in which these cases take the places of clean ones."""
+        verdicts = drive.judged(drive.series(attacked, MEASURED_HZ))
+        self.series += 1
+        self.incident += any(verdict.in_incident for verdict in verdicts)
+        self.found += any(verdict.finding is not None for verdict in verdicts)
+        self.attacked += len(attacked)
+        self.named += sum(verdicts[place].attacked == who for place in attacked)
+
+    def __str__(self) -> str:
+        if not self.series:
+            return f"{'-':>22}"
+        named, incident, found = (
+            100 * hits / of
+            for hits, of in ((self.named, self.attacked), (self.incident, self.series), (self.found, self.series))
+        )
+        return f"{named:6.0f} /{incident:5.0f} /{found:5.0f}  "
+
+
+def series_of(cases: Mapping[int, Case], frames: int) -> Iterator[tuple[str, dict[int, Case]]]:
+    """The attacked places of each series, by how long the attack lasts."""
+    for place, case in cases.items():
+        yield LASTS[0], {place: case}
+    for lasts, share in zip(LASTS[1:], (0.25, 0.5, 1.0), strict=True):
+        chosen = {place: case for place, case in cases.items() if place >= frames - round(share * frames)}
+        if chosen:
+            yield lasts, chosen
+
+
+def tallies(drives: Sequence[Drive]) -> dict[str, dict[str, Tally]]:
+    """By attack and duration, over the drives and the attacked sensors."""
+    found: dict[str, dict[str, Tally]] = defaultdict(lambda: defaultdict(Tally))
+    for drive in drives:
+        for attack, of_sensors in drive.attacks.items():
+            for who, cases in of_sensors.items():
+                for lasts, chosen in series_of(cases, len(drive.clean)):
+                    found[attack][lasts].add(drive, chosen, who)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path, help="the scenes")
+    scenes: list[Scene] = load(parser.parse_args().folder)
+    for cameras in RIGS:
+        for how, learnt in (("learnt from other drives", scenes), ("by the prior", ())):
+            print(f"LiDAR and {len(cameras)} cameras, {how}: frames named / series with an incident / series found, %")
+            thresholds = ByOtherFamilies(learnt, cameras, R)
+            systems = [(scene, system_of(scene, cameras)) for scene in scenes]
+            drives = [drive_of(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
+            print(f"{'':22}" + "".join(f"{lasts:>22}" for lasts in LASTS))
+            for attack, by_duration in sorted(tallies(drives).items()):
+                print(f"{attack:22}" + "".join(f"{by_duration[lasts]!s:>22}" for lasts in LASTS), flush=True)
+            clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
+            print(f"clean drives found: {sum(any(one.finding for one in each) for each in clean)} of {len(clean)}")
+
+
+if __name__ == "__main__":
+    main()
