@@ -93,7 +93,7 @@ def test_very_many_cameras_take_little_memory_and_those_left_out_are_named(tmp_p
         str(MOST_MB),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 3, "those that are left out are not audited"
     [described] = json.loads(done.stdout)
     compared = {sensor["name"] for rig in described["rigs"] for sensor in rig["sensors"]}
     named = " ".join(described["left_out"])

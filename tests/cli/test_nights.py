@@ -72,13 +72,13 @@ def test_a_store_is_listed_with_its_incidents_and_the_frames_in_them(tmp_path: P
     add_drive(store, "attacked.mcap", seed=50, vehicle="car1", day=1, attacked=(2,))
     add_drive(store, "clean.mcap", seed=51, vehicle="car2", day=2)
     [unjudged, _] = rows_of(run_query(store, "contents", {}))
-    assert (unjudged["incidents"], unjudged["in_incidents"]) == (None, None)
+    assert (unjudged["incidents"], unjudged["found"]) == (None, None)
     assert run(["judge", str(store.folder)]) == 1
     asked = rows_of(run_query(store, "incidents", {}))
     rows = {row["name"]: row for row in rows_of(run_query(store, "contents", {}))}
     assert rows["attacked.mcap"]["incidents"] == len(asked) == 1
-    assert rows["attacked.mcap"]["in_incidents"] > 1
-    assert (rows["clean.mcap"]["incidents"], rows["clean.mcap"]["in_incidents"]) == (0, 0)
+    assert rows["attacked.mcap"]["found"] > 1
+    assert (rows["clean.mcap"]["incidents"], rows["clean.mcap"]["found"]) == (0, 0)
 
 
 def test_judging_an_empty_store_names_its_folder(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -51,7 +51,7 @@ def test_a_recording_over_its_budget_is_one_line_and_leaves_nothing_half_done(
         [line] = [line for line in capfd.readouterr().err.splitlines() if line.strip()]
         assert says in line
         assert "long.mcap" in line
-        of_rig = {"rigs", "triples", "sensor_checks"}  # known before the first frame is measured
+        of_rig = {"rigs", "triples", "sensor_checks", "inputs"}  # known before the first frame is measured
         assert {path.parent.name for path in store.rglob("[0-9a-f]*.parquet")} <= of_rig
     assert not list((store / "measurements").glob("*.parquet"))
     assert run(["scan", str(long), "--measure-only", "--store", str(store)]) == 3

@@ -313,7 +313,7 @@ def test_none_of_several_as_long_is_called_the_longest(store, tmp_path):
     add_recording(store, "b.mcap", attacks=[((2,), 5, 9)], vehicle=None)
     words = page_of(store, tmp_path).words
     assert "This is one of 2 incidents in 2 recordings" in words
-    assert "10 frames in incidents Frames audited" in words
+    assert "10 frames in incidents or alerts Frames audited" in words
 
 
 def test_frames_in_incidents_and_those_raised_alone_are_told_apart(told):
@@ -321,8 +321,8 @@ def test_frames_in_incidents_and_those_raised_alone_are_told_apart(told):
     (recording,) = page.recordings
     page = replace(page, recordings=(replace(recording, told=4),))
     words = Page(render(page)).words
-    assert "1 4 frames in incidents, 1 raised alone" in words
-    assert "1 frame raised alone belongs to no incident: too little before and after it says the same" in words
+    assert "1 4 frames in incidents or alerts, 1 raised alone" in words
+    assert "1 frame raised alone belongs to no incident and no alert: too little before and after it says the same" in words
 
 
 def test_vehicles_have_a_column_where_some_are_known(store, tmp_path):
