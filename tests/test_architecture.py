@@ -1,4 +1,4 @@
-"""The picture of the package: five rooms that do not know one another, what stands above them, the words they share.
+"""The picture of the package: rooms that do not know one another, what stands above them, the words they share.
 
 Replace the tables when the tree changes; the rules below them stay. A box is a folder of the package or a module beside
 them; `__init__` and `__main__` are its two doors and none.
@@ -13,17 +13,23 @@ from statistics import median
 
 PACKAGE = Path(__file__).resolve().parent.parent / "auditor"
 
-ABOVE = (("cli",), ("evaluation", "training", "casefile"), ("pipeline", "reporting"))
+ABOVE = (("cli",), ("lab", "casefile"), ("pipeline", "reporting"))
 """Layers over the rooms, the highest first: a box imports from lower ones only."""
 
-ROOMS = ("recordings", "measurement", "identification", "store", "lab")
+ROOMS = ("recordings", "measurement", "identification", "store")
 """Rooms import words only."""
 
 WORDS = ("model", "safety", "errors", "resources")
 """Words import words only."""
 
-MOST_BOXES = 15
-MOST_LEVELS = 7
+LAB_VERBS = ("attack", "demo", "evaluate", "train_matcher")
+"""The verbs that load the lab; nothing else of the product does."""
+
+MADE_DATA = ("auditor.lab.attacks", "auditor.lab.simulation")
+"""Folders of the lab that make data and do not know how attacks are found: they import words only, as a room does."""
+
+MOST_BOXES = 13
+MOST_LEVELS = 6
 MOST_FILES = 20  # in a folder, the verbs of the command line apart
 MOST_LINES = 400
 MEDIAN_FUNCTION_LINES = 8
@@ -32,10 +38,10 @@ HOMES = {
     "torch": (
         "measurement/disparity/matchers/psmnet/",
         "measurement/disparity/matchers/torchscript.py",
-        "training/",
+        "lab/training/",
     ),
     "onnxruntime": ("measurement/disparity/matchers/onnx_models.py",),
-    "cv2": ("measurement/", "recordings/", "evaluation/object_baseline/detectors/"),
+    "cv2": ("measurement/", "recordings/", "lab/evaluation/object_baseline/detectors/"),
     "duckdb": ("store/",),
     "pyarrow": ("store/",),
     "mcap": ("recordings/",),
@@ -46,7 +52,7 @@ HOMES = {
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
     "subprocess": ("safety/launching.py",),
     "multiprocessing": ("pipeline/workers.py", "pipeline/fork_server.py"),
-    "zipfile": ("safety/", "casefile/", "training/samples.py"),
+    "zipfile": ("safety/", "casefile/", "lab/training/samples.py"),
 }
 """Where each heavy library lives, and what starts processes or unpacks."""
 
@@ -90,6 +96,10 @@ def boxes_of(module: str) -> set[str]:
     return {other for name in imports(modules()[module]) if (other := box(name)) not in (None, box(module))}
 
 
+def is_lab(name: str) -> bool:
+    return box(name) == "lab"
+
+
 @cache
 def arrows() -> dict[str, set[str]]:
     """The boxes that each box imports."""
@@ -113,6 +123,35 @@ def test_a_box_imports_lower_ones_only_rooms_no_other_room_and_words_only_words(
         if (own := box(module)) is not None
         for other in sorted(boxes_of(module))
         if depth[other] <= depth[own] and not {own, other} <= set(WORDS)
+    ]
+    assert not wrong
+
+
+def test_nothing_but_its_own_verbs_and_itself_names_the_lab() -> None:
+    own = ("lab/", *(f"cli/verbs/{verb}.py" for verb in LAB_VERBS))
+    others = {place(path): path for path in modules().values() if not place(path).startswith(own)}
+    strays = [f"{name} imports {other}" for name, path in others.items() for other in imports(path) if is_lab(other)]
+    strays += [
+        f"{name}:{node.lineno} names {node.value}"
+        for name, path in others.items()
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and is_lab(node.value)
+    ]
+    assert not strays
+
+
+def test_each_verb_of_the_lab_needs_it() -> None:
+    assert [verb for verb in LAB_VERBS if "lab" not in boxes_of(f"auditor.cli.verbs.{verb}")] == []
+
+
+def test_attacks_and_streets_are_made_without_knowing_how_attacks_are_found() -> None:
+    wrong = [
+        f"{module} imports {other}"
+        for own in MADE_DATA
+        for module, path in modules().items()
+        if module.startswith(own)
+        for other in sorted(imports(path))
+        if box(other) not in (None, *WORDS) and not other.startswith(own)
     ]
     assert not wrong
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import auditor
+from tests.making.small_drives import write_drive
 
 HEAVY = ("click", "cv2", "duckdb", "jinja2", "mcap", "numpy", "pyarrow", "rich", "rosbags", "torch")
 
@@ -21,6 +22,22 @@ def imported_by(program: str) -> set[str]:
 
 def test_importing_auditor_loads_no_heavy_package() -> None:
     assert imported_by("import auditor; dir(auditor)") == set()
+
+
+def test_neither_the_api_nor_a_scan_loads_the_lab(tmp_path: Path) -> None:
+    write_drive(tmp_path / "drive.mcap")
+    program = f"""
+import sys
+import auditor, auditor.pipeline.many, auditor.pipeline.measure, auditor.pipeline.warm
+[getattr(auditor, name) for name in auditor.__all__]
+from auditor.cli import run
+for recorded in auditor.scan({str(tmp_path / "drive.mcap")!r}, store={str(tmp_path / "api")!r}, jobs=1):
+    assert recorded.error is None, recorded.error
+run(["scan", {str(tmp_path / "drive.mcap")!r}, "--store", {str(tmp_path / "verb")!r}, "--jobs", "1"])
+print("of the lab:", *(name for name in sys.modules if name.startswith("auditor.lab")))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1:] == ["of the lab:"], done.stderr
 
 
 def test_the_help_of_the_command_line_loads_click_and_no_other_heavy_package() -> None:

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
+from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import rig_sensor_checks

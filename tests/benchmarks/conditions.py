@@ -12,7 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.frames import CameraImage, Frame, PointCloud

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame
-from auditor.evaluation.experiments import SeededDraws, drawn_attack
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
+from auditor.lab.evaluation.experiments import SeededDraws, drawn_attack
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import use_one_thread

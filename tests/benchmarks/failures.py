@@ -20,11 +20,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from auditor.evaluation.sources import Street
 from auditor.identification.prior import statistic_at
 from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.identification.statistics import IMAGE_WINDOW, WindowMeans, vote, window_means_of
 from auditor.identification.systems import System
+from auditor.lab.evaluation.sources import Street
 from auditor.measurement import use_one_thread
 from auditor.measurement.checks.count_grid import CELL_PX
 from auditor.measurement.frame import measure

@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from auditor.evaluation import EvaluateTask, Street, judge_cases
-from auditor.evaluation.experiments import EXPERIMENTS
-from auditor.evaluation.runner import _Run
+from auditor.lab.evaluation import EvaluateTask, Street, judge_cases
+from auditor.lab.evaluation.experiments import EXPERIMENTS
+from auditor.lab.evaluation.runner import _Run
 from auditor.lab.simulation.responses import kinds_of
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher

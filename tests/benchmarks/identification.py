@@ -12,10 +12,10 @@ from collections import defaultdict
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame
-from auditor.evaluation.attacks import Attack, Attacks
 from auditor.identification.algorithm2 import identify
 from auditor.lab.attacks.paper import draw_facula, draw_wall
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
+from auditor.lab.evaluation.attacks import Attack, Attacks
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.frames import Frame

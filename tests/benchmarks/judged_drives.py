@@ -20,7 +20,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Protocol
 
-from auditor.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import use_one_thread
 from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame

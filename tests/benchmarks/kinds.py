@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import use_one_thread
 from auditor.model.frames import Frame
 from tests.benchmarks.clean_statistics import DRIVES

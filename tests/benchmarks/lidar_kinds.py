@@ -16,12 +16,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
 from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.paper import draw_wall
 from auditor.lab.attacks.spoofing import copied_wall, find_object
+from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.lidar_conflict import verify_conflicts

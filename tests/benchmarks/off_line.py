@@ -15,8 +15,8 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.attacks.paper import draw_facula, draw_wall
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher

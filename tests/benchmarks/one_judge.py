@@ -13,7 +13,7 @@ from collections import Counter
 from itertools import islice
 from pathlib import Path
 
-from auditor.evaluation import experiments_of
+from auditor.lab.evaluation import experiments_of
 from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames
 from tests.making.attacked_copies import APART, compare, same

@@ -176,8 +176,8 @@ def sample(drives: Path) -> list[tuple]:
     """
     import numpy as np  # noqa: PLC0415
 
-    from auditor.evaluation.sources import Recorded  # noqa: PLC0415
     from auditor.lab.attacks.paper import Facula, draw_wall  # noqa: PLC0415
+    from auditor.lab.evaluation.sources import Recorded  # noqa: PLC0415
     from auditor.model.frames import Frame  # noqa: PLC0415
     from auditor.model.rig import LIDAR  # noqa: PLC0415
     from tests.benchmarks.clean_statistics import DRIVES  # noqa: PLC0415

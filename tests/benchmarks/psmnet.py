@@ -26,6 +26,8 @@ import numpy as np
 import torch
 
 from auditor.lab.simulation.drives import make_drive
+from auditor.lab.training.checkpoints import TrainingSettings
+from auditor.lab.training.psmnet import train
 from auditor.measurement import measure, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.matchers.psmnet import (
@@ -42,8 +44,6 @@ from auditor.measurement.disparity.matchers.scoring import Sample, score
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
-from auditor.training.checkpoints import TrainingSettings
-from auditor.training.psmnet import train
 from tests.making.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192

@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.causes.light_causes import Seen, seen_of
 from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
+from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.lab.simulation.stray_light import SunSeen
 from auditor.measurement import measure
 from auditor.model.arrays import Flags, Floats

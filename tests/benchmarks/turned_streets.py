@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-from auditor.evaluation.sources import Street
+from auditor.lab.evaluation.sources import Street
 from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.sources import Recorded
 from auditor.identification.incidents import events, evidence_of, incident_limit, periods_of
 from auditor.identification.naming import attack_scores
 from auditor.identification.parameters import SCORE_LIMITS
@@ -23,6 +22,7 @@ from auditor.identification.scores import for_clean_drive, normalised_scores
 from auditor.identification.statistics import runs_of, sensor_statistics
 from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula, draw_wall
+from auditor.lab.evaluation.sources import Recorded
 from auditor.measurement import measure, use_one_thread
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame

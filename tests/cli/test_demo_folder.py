@@ -7,7 +7,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import AuditorError
-from auditor.pipeline.demo import fleet
+from auditor.lab.demo import fleet
 from auditor.reporting import render_fleet_report, render_incident_report
 from tests.making.report_stores import add_recording, new_store
 from tests.making.small_drives import write_drive

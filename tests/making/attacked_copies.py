@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
-from auditor.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
-from auditor.evaluation.attacks import Attacks
-from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
+from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
+from auditor.lab.evaluation.attacks import Attacks
+from auditor.lab.evaluation.experiments import DELAYS, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.judge import Criteria, judge_measurement

@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from auditor.evaluation import judge_cases
-from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws
+from auditor.lab.evaluation import judge_cases
+from auditor.lab.evaluation.experiments import EXPERIMENTS, SeededDraws
 from auditor.model.measurement import Counts
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
 from tests.making.drawn_statistics import drawn_statistics

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.lab.training.samples import lidar_sample
 from auditor.measurement import FaultFeatures, draw, localise, measure, measure_stream
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
@@ -20,7 +21,6 @@ from auditor.model.measurement import Statistic
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import LIDAR, Rig
-from auditor.training.samples import lidar_sample
 from tests.making.matchers import WholeRange
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import moved

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
-from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig

@@ -6,8 +6,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.evaluation import judge_cases
 from auditor.identification.scores import for_drive, thresholds_from
+from auditor.lab.evaluation import judge_cases
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
 from tests.making.evaluation_cases import (

@@ -8,7 +8,7 @@ from math import exp, factorial
 import numpy as np
 import pytest
 
-from auditor.evaluation import judge_cases
+from auditor.lab.evaluation import judge_cases
 from auditor.model.measurement import Statistic
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.queries import run_query, run_sql

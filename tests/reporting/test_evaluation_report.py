@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import StoreError
-from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS
+from auditor.lab.evaluation.experiments import EXPERIMENTS, INTERVALS
 from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel

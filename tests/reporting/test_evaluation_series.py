@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.evaluation import judge_cases
+from auditor.lab.evaluation import judge_cases
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.measurement import Counts
 from auditor.model.verdict import FINDINGS

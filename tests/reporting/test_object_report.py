@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.evaluation.experiments import EXPERIMENTS
+from auditor.lab.evaluation.experiments import EXPERIMENTS
 from auditor.reporting.evaluation import published
 from auditor.reporting.evaluation.loading import load_evaluation
 from auditor.reporting.evaluation.page import Rate

@@ -7,8 +7,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.evaluation.verdicts import judge_cases
 from auditor.identification.thresholds import resolvable
+from auditor.lab.evaluation.verdicts import judge_cases
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import finished_part, part_writer

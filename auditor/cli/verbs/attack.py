@@ -140,8 +140,8 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> No
 
 def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
     """One plan a sensor."""
-    from auditor.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick
     from auditor.lab.attacks.schedule import AttackPlan  # noqa: PLC0415
+    from auditor.lab.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick
 
     pattern = read_patterns([wanted.pattern])[0] if wanted.pattern else None
     begin_ns, end_ns = _at(start_ns, wanted.from_s), _at(start_ns, wanted.to_s)

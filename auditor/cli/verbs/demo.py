@@ -17,7 +17,7 @@ from auditor.cli.output import answer, print_rows, progress, say
 from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
-    from auditor.pipeline.demo import Take
+    from auditor.lab.demo import Take
     from auditor.store import Store
 
 _MARKER = ".auditor-demo"
@@ -53,11 +53,11 @@ def command(folder: Path, method: str, jobs: int) -> int:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.lab.demo import fleet  # noqa: PLC0415
     from auditor.model.pictures import Pictures  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
     from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.demo import fleet  # noqa: PLC0415
     from auditor.pipeline.judge import Criteria  # noqa: PLC0415
     from auditor.pipeline.many import (  # noqa: PLC0415
         CleanMeasurements,
@@ -135,7 +135,7 @@ def _strange(folder: Path, names: Sequence[str]) -> list[str]:
 
 
 def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
-    from auditor.pipeline.demo import record  # noqa: PLC0415
+    from auditor.lab.demo import record  # noqa: PLC0415
     from auditor.pipeline.workers import run_all  # noqa: PLC0415
 
     say(f"making {len(takes)} drives of three vehicles (LiDAR and three cameras), three of them attacked")

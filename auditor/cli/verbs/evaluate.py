@@ -16,7 +16,7 @@ from auditor.errors import SettingError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from auditor.evaluation import Evaluated, Source, Task
+    from auditor.lab.evaluation import Evaluated, Source, Task
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.workers import Progress
@@ -106,7 +106,7 @@ def command(
     evaluation_objects says how often objects that sensors see do not match. Evaluations with several matchers in one
     store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation import (  # noqa: PLC0415 - heavy
+    from auditor.lab.evaluation import (  # noqa: PLC0415 - heavy
         EvaluateTask,
         Recorded,
         Street,
@@ -116,7 +116,7 @@ def command(
         judge_cases,
         keep_missed,
     )
-    from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
+    from auditor.lab.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
     from auditor.pipeline.many import share_threads  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415

@@ -16,9 +16,9 @@ from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.lab.training import Made, Point, SampleSource, SampleTask
     from auditor.pipeline.many import LimitsOf
     from auditor.recordings import Location
-    from auditor.training import Made, Point, SampleSource, SampleTask
 
 _FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on
 _FIRST_LEFT_OUT = 9000
@@ -110,9 +110,9 @@ def command(
     It is trained on a pair of cameras a frame, in grey. After interruptions the same command goes on where it was. The
     curve shows the share of pixels over 3 px on validation streets and recordings, beside that of sgbm.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.lab.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, train_on, training_set  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - heavy
     from auditor.recordings import find_recordings  # noqa: PLC0415
-    from auditor.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, train_on, training_set  # noqa: PLC0415
 
     if not recordings and synthetic is None:
         raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
@@ -120,7 +120,7 @@ def command(
         raise SettingError(
             "nothing to validate the network on", where="train-matcher", remedy="give --validate, or --synthetic"
         )
-    training = psmnet_module("psmnet", "auditor.training")
+    training = psmnet_module("psmnet", "auditor.lab.training")
     chosen = training.TrainingSettings(
         **settings, step=1 if full_resolution else 2, precision=training.best_precision(settings["device"])
     )
@@ -156,8 +156,8 @@ def command(
 
 def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[Made]":
     """The samples of every source, in the order of the tasks; the first that cannot be made is an error."""
+    from auditor.lab.training import make_samples  # noqa: PLC0415
     from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
-    from auditor.training import make_samples  # noqa: PLC0415
 
     made = {}
     with progress(len(tasks), "making samples") as (advanced, finished):

@@ -10,13 +10,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import for_drive, normalised_scores, thresholds_from
 from auditor.identification.statistics import CONFLICT_WINDOW, fitted, window_sums
 from auditor.identification.systems import System
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check
 from auditor.model.verdict import VerdictKind

@@ -6,9 +6,9 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.scores import normalised_scores, thresholds_from
 from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check

@@ -1,0 +1,82 @@
+"""The agreement of boxes: intersection over union."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox, SolidBox
+
+Overlaps = NDArray[np.float64]
+
+
+def overlaps(first: Sequence[ImageBox], second: Sequence[ImageBox], reach_px: float = 0.0) -> Overlaps:
+    """(N, M) intersection over union of boxes in two images.
+
+    Where the second image is a source camera's, `reach_px` is the largest disparity: each of its boxes is first shifted
+    to the right, by up to that, to where it lies best under the other.
+    """
+    a, b = _array(first)[:, None], _array(second)[None, :]
+    centre_a, centre_b = (a[..., 0] + a[..., 2]) / 2, (b[..., 0] + b[..., 2]) / 2
+    shift = np.clip(centre_a - centre_b, 0.0, reach_px)
+    width = np.minimum(a[..., 2], b[..., 2] + shift) - np.maximum(a[..., 0], b[..., 0] + shift)
+    height = np.minimum(a[..., 3], b[..., 3]) - np.maximum(a[..., 1], b[..., 1])
+    return _over_union(np.maximum(width, 0) * np.maximum(height, 0), _area(a), _area(b))
+
+
+def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) -> Overlaps:
+    """(N, M) intersection over union of the boxes' footprints."""
+    common = np.zeros((len(first), len(second)))
+    for n, a in enumerate(first):
+        for m, b in enumerate(second):
+            reach = (np.hypot(a.length_m, a.width_m) + np.hypot(b.length_m, b.width_m)) / 2
+            if np.hypot(a.x_m - b.x_m, a.z_m - b.z_m) < reach:
+                shapes = a.footprint_m.astype(np.float32), b.footprint_m.astype(np.float32)
+                common[n, m] = cv2.intersectConvexConvex(*shapes)[0]
+    areas = [np.array([box.length_m * box.width_m for box in boxes]) for boxes in (first, second)]
+    return _over_union(common, areas[0][:, None], areas[1][None, :])
+
+
+def best_partners(
+    first: Sequence[Detection],
+    second: Sequence[Detection],
+    *,
+    labels_of_first: frozenset[str] | None,
+    labels_of_second: frozenset[str] | None,
+    reach_px: float = 0.0,
+) -> tuple[float, ...]:
+    """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
+
+    Labels are what a detector can name, None where it finds objects of any kind. An object that the other detector
+    could not have named needs no partner, and is left out.
+    """
+    agreement = overlaps([one.box for one in first], [one.box for one in second], reach_px)
+    best = [
+        *zip(first, agreement.max(axis=1, initial=0.0), [labels_of_second] * len(first), strict=True),
+        *zip(second, agreement.max(axis=0, initial=0.0), [labels_of_first] * len(second), strict=True),
+    ]
+    return tuple(float(value) for one, value, known in best if known is None or one.label in known)
+
+
+def suppressed(scores: NDArray[np.float64], agreement: Overlaps, most: float) -> list[int]:
+    """Non-maximum suppression: the positions that stay, the surest first, none over `most` with a surer one."""
+    kept: list[int] = []
+    for position in np.argsort(-scores, kind="stable"):
+        if not kept or agreement[position, kept].max() <= most:
+            kept.append(int(position))
+    return kept
+
+
+def _array(boxes: Sequence[ImageBox]) -> Overlaps:
+    return np.array([(box.left, box.top, box.right, box.bottom) for box in boxes], dtype=np.float64).reshape(-1, 4)
+
+
+def _area(boxes: Overlaps) -> Overlaps:
+    size: Overlaps = np.maximum(boxes[..., 2:] - boxes[..., :2], 0).prod(axis=-1)
+    return size
+
+
+def _over_union(common: Overlaps, first: Overlaps, second: Overlaps) -> Overlaps:
+    union = first + second - common
+    return np.divide(common, union, out=np.zeros(common.shape), where=union > 0)

@@ -1,0 +1,139 @@
+"""The object-level baseline on one recording: its frames times the cases that compare with the method's."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass
+from pathlib import Path
+
+from auditor.errors import SettingError
+from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
+from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment
+from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
+from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
+from auditor.lab.evaluation.object_baseline.detectors import Detectors, find_detectors
+from auditor.lab.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
+from auditor.lab.evaluation.runner import Evaluated, Progress, Run, Task, together
+from auditor.lab.evaluation.sources import CleanDrive
+from auditor.measurement import use_one_thread
+from auditor.measurement.disparity.matchers import Matcher, find_matcher
+from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.store import Store
+from auditor.store.evaluation_tables import ObjectCase, ObjectPart
+
+_SENSITIVITY = "sensitivity"
+
+
+@dataclass(frozen=True)
+class ObjectTask(Task):
+    """Compare objects; `detectors` are names, `labels` a folder of KITTI's."""
+
+    _: KW_ONLY
+    detectors: tuple[str, ...]
+    labels: Path | None = None
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}, objects"
+
+
+def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
+    """Raises SettingError where a detector cannot be used, or labels have no detector that they could score."""
+    found = find_detectors(detectors)
+    if labels is not None and found.camera is None and found.cloud is None:
+        raise SettingError(
+            "labels need a detector whose objects have kinds", where="--labels", remedy="add --detector onnx:FILE"
+        )
+
+
+def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
+    """Compare the sensors' objects in every case; finished chunks are not compared again.
+
+    Raises RecordingError, RigError, SettingError and StoreError.
+    """
+    use_one_thread()
+    matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
+    store = Store.open(task.store, create=True)
+    with task.source.open() as drives:
+        labels = read_object_labels(task.labels, drives[0].name) if task.labels else None
+        return together(_Run(task, drive, matcher, store, detectors, labels).go(progress) for drive in drives)
+
+
+class _Run(Run):
+    def __init__(
+        self,
+        task: ObjectTask,
+        drive: CleanDrive,
+        matcher: Matcher,
+        store: Store,
+        detectors: Detectors,
+        labels: LabelledDrive | None,
+    ) -> None:
+        known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
+        experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
+        super().__init__(task, drive, matcher, store, experiments)
+        self._detectors = detectors
+        self._labels = labels
+
+    def part(self, experiment: Experiment, chunk: int) -> ObjectPart:
+        return ObjectPart(
+            **self.shared_columns(experiment, chunk),
+            detector=self._detectors.name,
+            detector_settings=self._detectors.settings,
+            labels=self._labels.content if self._labels else None,
+        )
+
+    def versions(self) -> Mapping[str, str]:
+        return {**super().versions(), **self._detectors.libraries}
+
+    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
+        attacked_frame = now.attacked_frame
+        frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
+        if self._detectors.camera is None and experiment.name != _SENSITIVITY:
+            compared = (case.attacks for case in cases if self._triples(attacked_frame, case, experiment))
+            attacked_frame.match_together(compared, scenarios(attacked_frame.rig))
+        for case in cases:
+            overlaps = self._overlaps(objects, attacked_frame, case, experiment)
+            scored = self._scored(objects, attacked_frame, case)
+            if scored or any(one is not None for one in overlaps):
+                rows = [asdict(one) for one in scored]
+                varied = case.strength, case.size, case.visible_share
+                yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows)
+
+    def _overlaps(
+        self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case, experiment: Experiment
+    ) -> list[tuple[float, ...] | None]:
+        """The overlaps by triple; None for triples that are not compared."""
+        compared = self._triples(attacked_frame, case, experiment)
+        return [
+            objects.agreement(triple, case.attacks) if triple in compared else None
+            for triple in attacked_frame.rig.triples
+        ]
+
+    @staticmethod
+    def _triples(attacked_frame: AttackedFrame, case: Case, experiment: Experiment) -> list[Triple]:
+        """The triples whose sensors are all present, and that contain all attacked sensors."""
+        compared = scenarios(attacked_frame.rig) if experiment.name != _SENSITIVITY else ()
+        return [triple for triple in compared if set(attacked_frame.sensors) >= set(triple) >= set(case.attacked)]
+
+    def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case) -> list[Scored]:
+        """The detectors' objects against the labels: of clean data, and of data that a sensitivity case varies."""
+        labels = self._labels.frames.get(attacked_frame.frame.number) if self._labels else None
+        if labels is None or (case.attacked and case.size is None):
+            return []
+        return list(_score(objects, attacked_frame, case, labels, self._detectors))
+
+
+def _score(
+    objects: AttackedObjects,
+    attacked_frame: AttackedFrame,
+    case: Case,
+    labels: Sequence[ObjectLabel],
+    detectors: Detectors,
+) -> Iterator[Scored]:
+    rig: Rig = attacked_frame.view_rig
+    changed = set(case.attacked or rig.sensors) & set(attacked_frame.sensors)
+    if detectors.camera is not None and rig.n in changed:
+        yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)
+    if detectors.cloud is not None and LIDAR in changed:
+        found = objects.in_cloud(case.attacks)
+        yield from score_on_ground(
+            LIDAR, found, labels, detectors.cloud.labels, lambda box: in_view(box, rig.camera(rig.n))
+        )

@@ -1,0 +1,222 @@
+"""Training of a PSMNet on a fleet's own clean recordings and on synthetic streets."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from auditor.errors import SettingError
+from auditor.lab.training.augmentation import crops
+from auditor.lab.training.checkpoints import (
+    CHECKPOINT,
+    Run,
+    TrainingRow,
+    TrainingSettings,
+    restore,
+    training_curve,
+    write,
+)
+from auditor.measurement.disparity.matchers.psmnet.inference import Engine, Image, seen
+from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
+from auditor.measurement.disparity.matchers.scoring import Sample, score
+from auditor.measurement.frame import prefetch
+
+_OUTPUT_WEIGHTS = (0.5, 0.7, 1.0)
+_WARM_UP = 20  # the share of the steps is one over it
+_PRECISIONS = ("fp32", "bf16")
+_LARGEST_POOL_PX = 256
+_BATCHES_AHEAD = 2
+
+
+def train(
+    samples: Sequence[Sample],
+    validation: Mapping[str, Sequence[Sample]],
+    settings: TrainingSettings,
+    folder: Path,
+    *,
+    resume: bool = False,
+) -> Iterator[TrainingRow]:
+    """Train on random crops of the samples, grey and in changing light; yields rows of the curve.
+
+    Known disparities may be as sparse as a LiDAR's. Loss: smooth L1 of the three outputs, weighted 0.5, 0.7 and 1.0
+    (Chang and Chen, section 3.6), over the known pixels within the range. With each row a checkpoint is written whole
+    into `folder`. With `resume` it goes on from there: on a CPU every bit is that of an uninterrupted run.
+    `validation` has samples by the name of their group. Raises SettingError for impossible settings, for samples that
+    do not fit, for a checkpoint that is there without `resume`, and for `resume` without a checkpoint.
+    """
+    check_settings(settings)
+    checkpoint = folder / CHECKPOINT
+    if checkpoint.exists() != resume:
+        what = "no training to resume" if resume else "a training is here already"
+        raise SettingError(what, where=checkpoint, remedy="start one" if resume else "resume it, or use another folder")
+    run = _started(settings)
+    if resume:
+        restore(run, checkpoint)
+    folder.mkdir(parents=True, exist_ok=True)
+    losses: list[float] = []
+    with closing(prefetch(crops(samples, settings, run.done), _BATCHES_AHEAD)) as batches:
+        while run.done < settings.steps:
+            losses.append(_step(run, next(batches)))
+            if run.done % settings.validate_every == 0 or run.done == settings.steps:
+                trained = _Trained(run.network, settings)
+                scores = {name: score(trained, group) for name, group in validation.items()}
+                run.rows.append(TrainingRow(run.done, sum(losses) / len(losses), scores))
+                losses.clear()
+                write(run, checkpoint)
+                yield run.rows[-1]
+
+
+def best_precision(device: str) -> str:
+    """bf16 (mixed precision) on GPUs that have it, else fp32."""
+    capable = device != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
+    return "bf16" if capable else "fp32"
+
+
+def use_threads(count: int) -> None:
+    """Let the CPU train on so many threads."""
+    torch.set_num_threads(count)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trained:
+    """The network under training as a matcher."""
+
+    network: PSMNet
+    training: TrainingSettings
+    name: str = "psmnet"
+    settings: str = ""
+    colour: bool = False
+
+    @property
+    def range_px(self) -> int:
+        return self.training.max_disparity
+
+    @property
+    def step(self) -> int:
+        return self.training.step
+
+    def match(self, left: Image, right: Image) -> NDArray[np.float32]:
+        self.network.eval()
+        engine = Engine(self.network, torch.device(self.training.device))
+        left, right = (seen(image, step=self.step, colour=False) for image in (left, right))
+        features = engine.features([left, right])
+        size = (left.shape[0], left.shape[1])
+        disparity: NDArray[np.float32] = engine.disparities(features[:1], features[1:], size)[0]
+        return disparity * np.float32(self.step)
+
+
+def _step(run: Run, crops: list[Sample]) -> float:
+    settings = run.settings
+    device = torch.device(settings.device)
+    engine = Engine(run.network.train(), device)
+    left, right = engine.load([crop[0] for crop in crops]), engine.load([crop[1] for crop in crops])
+    truth = torch.from_numpy(np.stack([crop[2] for crop in crops]).astype(np.float32)).to(device)
+    for group in run.optimiser.param_groups:
+        group["lr"] = settings.learning_rate * _rate(run.done, settings.steps)
+    run.optimiser.zero_grad()
+    with torch.autocast(device.type, dtype=torch.bfloat16, enabled=settings.precision == "bf16"):
+        outputs = run.network(left, right)
+    loss = _loss(outputs, truth, settings.range_px)
+    loss.backward()  # type: ignore[no-untyped-call]
+    run.optimiser.step()
+    run.done += 1
+    value = loss.item()
+    if not math.isfinite(value):
+        raise SettingError(
+            f"the loss is {value} at step {run.done}", where="training", remedy="use a smaller --learning-rate"
+        )
+    return value
+
+
+def _rate(done: int, steps: int) -> float:
+    """The share of the learning rate after a share of the steps: it rises linearly, then falls along a cosine."""
+    warm_up = max(1, steps // _WARM_UP)
+    return min(1.0, (done + 1) / warm_up) * 0.5 * (1 + math.cos(math.pi * done / steps))
+
+
+def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Tensor:
+    known = (truth > 0) & (truth < max_disparity)  # False where it is NaN
+    target = torch.where(known, truth, torch.zeros_like(truth))
+    count = known.sum().clamp(min=1)
+    losses = [functional.smooth_l1_loss(output, target, reduction="none") for output in outputs]
+    return sum(
+        (weight * (loss * known).sum() / count for weight, loss in zip(_OUTPUT_WEIGHTS, losses, strict=True)),
+        start=torch.zeros((), device=truth.device),
+    )
+
+
+def _started(settings: TrainingSettings) -> Run:
+    with torch.random.fork_rng(devices=[]):  # the constructor draws numbers, which are drawn again below
+        network = PSMNet(max_disparity=settings.range_px, align_corners=settings.align_corners, width=settings.width)
+    generator = torch.Generator().manual_seed(settings.seed)
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.Conv3d | nn.ConvTranspose3d):
+            spread = math.sqrt(2 / (math.prod(layer.kernel_size) * layer.out_channels))
+            nn.init.normal_(layer.weight, 0.0, spread, generator=generator)
+    _compare_from_the_start(network, settings.width)
+    network.to(settings.device)
+    return Run(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
+
+
+def _compare_from_the_start(network: PSMNet, width: int) -> None:
+    """Initialise the network so that it compares features from the first step on.
+
+    The first layer over the volume begins with f_L - f_R and its opposite, which after ReLU are what a matching cost is
+    made of; and all that is added to a shortcut (residuals, hourglasses) begins at zero, as Goyal et al. do. Otherwise
+    a small network learns no more than the mean disparity in its first hundreds of steps.
+    """
+    first = next(layer for layer in network.dres0.modules() if isinstance(layer, nn.Conv3d))
+    with torch.no_grad():
+        first.weight *= 0.1
+        for output in range(width):
+            feature, sign = output // 2, 1.0 - 2.0 * (output % 2)
+            first.weight[output, feature, 1, 1, 1] += sign
+            first.weight[output, width + feature, 1, 1, 1] -= sign
+    hourglasses = (network.dres2, network.dres3, network.dres4)
+    residuals = (module for module in network.modules() if isinstance(module, Residual))
+    for added in (network.dres1, *(one.conv6 for one in hourglasses), *(one.conv2 for one in residuals)):
+        *_, last = (layer for layer in added.modules() if isinstance(layer, nn.BatchNorm2d | nn.BatchNorm3d))
+        nn.init.zeros_(last.weight)
+
+
+def check_settings(settings: TrainingSettings) -> None:
+    """Raises SettingError for settings with which training is impossible."""
+    rows, columns = settings.crop
+    pooled = settings.batch * math.prod(max(1, length // _LARGEST_POOL_PX) for length in settings.crop)
+    multiple = MULTIPLE * settings.step
+    for wrong, what, remedy in (
+        (
+            settings.max_disparity < multiple or settings.max_disparity % multiple,
+            "--max-disparity",
+            f"a multiple of {multiple}",
+        ),
+        (min(settings.crop) < MULTIPLE or rows % MULTIPLE or columns % MULTIPLE, "--crop", f"multiples of {MULTIPLE}"),
+        (not 1 <= settings.width <= 256, "--width", "1 to 256"),
+        (pooled < 2, "--batch", "2 or more: batch normalisation needs two values of the widest pool"),
+        (min(settings.steps, settings.validate_every) < 1, "--steps", "1 or more"),
+        (not settings.learning_rate > 0, "--learning-rate", "above 0"),
+        (settings.precision not in _PRECISIONS, "--precision", " or ".join(_PRECISIONS)),
+        (settings.precision != "fp32" and settings.device == "cpu", "--precision", "fp32 on the CPU"),
+        (settings.device != "cpu" and not torch.cuda.is_available(), "--device", "cpu where there is no GPU"),
+    ):
+        if wrong:
+            raise SettingError("training is not possible with this value", where=what, remedy=f"it is {remedy}")
+
+
+__all__ = [
+    "CHECKPOINT",
+    "TrainingRow",
+    "TrainingSettings",
+    "best_precision",
+    "check_settings",
+    "train",
+    "training_curve",
+    "use_threads",
+]
