@@ -9,7 +9,7 @@ import click
 
 from auditor.cli import judging_options, options
 from auditor.cli.logged import logged
-from auditor.cli.output import audit_format_option, say
+from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
@@ -21,15 +21,13 @@ if TYPE_CHECKING:
 @judging_options.judging_options
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
 @options.measuring_options
-@options.policy_option
-@audit_format_option
+@format_option
 def command(
     recordings: tuple[Path, ...],
     store: Path,
     measuring: "MeasureSettings",
     *,
     measure_only: bool,
-    policy: Path | None,
     form: str,
     **judging: Any,  # noqa: ANN401 - handed on to judge_settings, which declares them
 ) -> int:
@@ -44,11 +42,11 @@ def command(
     is not measured again, but with --measure-again. Files that are as they were when the store read them are not read
     again, but with --verify-content, and verdicts that would be the same are kept. The tables show what was judged now.
 
-    Incidents that a review calls a false alarm, or known, do not fail a scan (auditor review), nor do those that a
-    policy file excuses: the exit code counts the others.
+    Incidents that a review calls a false alarm, or known, do not fail a scan (auditor review): the exit code counts the
+    others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.ledger import keep_ledger  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
@@ -58,7 +56,6 @@ def command(
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
     from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
-    allowed = policy_of(policy)
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     tally, judged = Tally(), list[Judged]()
     batch = find_batch(recordings, store, measuring)
@@ -89,5 +86,5 @@ def command(
                 if pictured.remark:
                     say(f"{pictured.recording}: {pictured.remark}")
         shown, show_known = {one.recording_id for one in measured}, batch.shows_known or form != "table"
-        show_audit(kept, form, tally, shown, judged, allowed, show_known=show_known)
+        show_audit(kept, form, tally, shown, judged, show_known=show_known)
     return tally.exit_code()
