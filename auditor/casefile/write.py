@@ -20,11 +20,11 @@ from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import LimitsOf, limits_by_size
 from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
-from auditor.reporting.case_page import CasePage, render_case
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.one import Incidents, OneIncident
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.sketch import sketch, track_of
+from auditor.reporting.templates import fill
 from auditor.store import Store
 from auditor.store.log import heads
 from auditor.store.log.signatures import SigningKey
@@ -54,6 +54,25 @@ class Case:
     incident_id: str
     files: int
     remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CasePage:
+    """What the page shows; `words` is the evidence, `remarks` what the case lacks, `shown` its pictures."""
+
+    title: str
+    auditor_version: str
+    incident_id: str
+    words: str
+    remarks: tuple[str, ...]
+    shown: tuple[ShownExample, ...]
+    has_place: bool
+    files: tuple[str, ...]
+
+
+def render_case(page: CasePage) -> str:
+    """The page as HTML. All of its text is escaped; it refers to files of its folder alone."""
+    return fill("case.html", {"page": page})
 
 
 def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings) -> Case:

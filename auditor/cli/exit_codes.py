@@ -30,7 +30,7 @@ class Tally:
     """What the exit code and the closing line depend on, gathered over all recordings of a command.
 
     `recordings`, `with_incidents` and `with_alerts` are ids, or paths where nothing could be read. All incidents and
-    alerts of those that are `excused` do not fail: somebody reviewed them, or a policy says so.
+    alerts of those that are `excused` have reviews by which they do not fail.
     """
 
     found: bool = False

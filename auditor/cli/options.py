@@ -48,13 +48,6 @@ again_option = click.option(
 )
 
 
-policy_option = click.option(
-    "--policy",
-    type=PATH,
-    help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
-)
-
-
 content_option = click.option(
     "--verify-content",
     is_flag=True,

@@ -36,18 +36,6 @@ format_option = click.option(
 )
 
 
-AUDIT_FORMATS = (*FORMATS, "sarif", "junit")
-
-audit_format_option = click.option(
-    "--format",
-    "form",
-    type=click.Choice(AUDIT_FORMATS),
-    default="table",
-    show_default=True,
-    help="How rows are printed; sarif and junit are for continuous integration.",
-)
-
-
 def emit(table: "Table", form: str, title: str = "") -> None:
     """Print rows to stdout in one of FORMATS."""
     from auditor.store.export import encode, rows_of  # noqa: PLC0415 - Arrow is heavy

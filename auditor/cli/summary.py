@@ -2,12 +2,10 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
-from auditor.cli.ci_forms import FORMS_OF_CI, as_form_of_ci
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
@@ -18,8 +16,8 @@ if TYPE_CHECKING:
     from auditor.pipeline.measured import Measured
     from auditor.pipeline.scan import Scan
     from auditor.recordings import Location
-    from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store, StoredJudgement
+    from auditor.store.export import Table
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -106,33 +104,25 @@ def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tall
     return judged
 
 
-def policy_of(path: Path | None) -> "Policy":
-    """The policy of a file; without one every incident fails that no review excuses. Raises SettingError."""
-    from auditor.reporting.ci.policy import Policy, read_policy  # noqa: PLC0415 - keeps --help quick
-
-    return Policy() if path is None else read_policy(path)
-
-
 def show_audit(
     store: "Store | None",
     form: str,
     tally: Tally,
     recording_ids: Collection[str] | None = None,
     judged: "Sequence[Judged] | None" = None,
-    policy: "Policy | None" = None,
     *,
     show_known: bool = True,
 ) -> None:
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
     `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was and
-    `show_known`, and the store is asked about it alone; earlier verdicts are counted. What no incident fails is not
-    found, as far as the tally is concerned. Without a store nothing was measured.
+    `show_known`, and the store is asked about it alone; earlier verdicts are counted. Recordings all of whose
+    incidents are excused do not count as found. Without a store nothing was measured.
     """
     from auditor.store import query, rows_of, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
-    decided: list[Decided] = []
+    incidents: list[dict[str, Any]] = []
     if store is not None:
         asked = store if judged is None else _asked(store, judged, show_known=show_known)
         questions = {"summary": query("summary")}
@@ -144,49 +134,55 @@ def show_audit(
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
         rows = rows_of(summary)
-        allowed = policy or policy_of(None)
-        incidents = rows_of(answers["incidents"]) if "incidents" in answers else []
-        decided = _decided(incidents, {row["measurement_id"] for row in rows}, allowed)
+        measurements = {row["measurement_id"] for row in rows}
+        incidents = _with_excuses(answers["incidents"], measurements) if "incidents" in answers else []
         earlier = {one.measurement_id: one.judgement for one in judged or () if one.found and one.judgement is not None}
-        for row in rows:
-            earlier.pop(row["measurement_id"], None)
-        _excuse(tally, [*decided, *_decided(_incidents_of(store, earlier, allowed), earlier, allowed)])
+        for measurement_id in measurements:
+            earlier.pop(measurement_id, None)
+        _excuse(tally, [*incidents, *_incidents_of(store, earlier)])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
     if form == "table":
         if store is not None and (rows or not judged):
-            _show_tables(rows, decided)
+            _show_tables(rows, incidents)
         answer(closing_line(tally))
-    elif form in FORMS_OF_CI:
-        write_bytes(as_form_of_ci(form, store, rows, decided, tally))
     elif form == "json":
-        _show_json(rows, decided, tally)
+        _show_json(rows, incidents, tally)
 
 
-def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]", policy: "Policy") -> list[dict[str, Any]]:
-    """The incidents of some measurements by their judgements; none where nothing could excuse any."""
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> list[dict[str, Any]]:
+    """The incidents of some measurements by their judgements; none where no review could excuse any."""
+    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
 
-    if not judged or (policy == policy_of(None) and not store.ids("reviews")):
+    if not judged or not store.ids("reviews"):
         return []
     judgements = {one.judgement_id for one in judged.values()}
-    return rows_of(run_query(store.only(measurements=judged.keys(), judgements=judgements), "incidents"))
+    kept = store.only(measurements=judged.keys(), judgements=judgements)
+    return _with_excuses(run_query(kept, "incidents"), judged)
 
 
-def _excuse(tally: Tally, decided: "Sequence[Decided]") -> None:
+def _with_excuses(incidents: "Table", measurements: Collection[str]) -> list[dict[str, Any]]:
+    """Those of the incidents that are of some measurements, each with its `excuse`: None where it fails."""
+    from auditor.store import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.reviews import excuse  # noqa: PLC0415
+
+    rows = [row for row in rows_of(incidents) if any(part["measurement_id"] in measurements for part in row["parts"])]
+    return [{**row, "excuse": excuse(row) or None} for row in rows]
+
+
+def _excuse(tally: Tally, incidents: Sequence[Mapping[str, Any]]) -> None:
     """Leave out of what was found the recordings all of whose incidents are excused."""
-    failing = {part["recording_id"] for one in decided if one.fails for part in one.incident["parts"]}
-    excused = {part["recording_id"] for one in decided if not one.fails for part in one.incident["parts"]} - failing
+    failing = {part["recording_id"] for row in incidents if not row["excuse"] for part in row["parts"]}
+    excused = {part["recording_id"] for row in incidents if row["excuse"] for part in row["parts"]} - failing
     found = tally.with_incidents | tally.with_alerts
     tally.excused = found & excused
     tally.found = tally.found and bool(found - tally.excused)
 
 
-def _show_json(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]", tally: Tally) -> None:
+def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]], tally: Tally) -> None:
     from auditor.store.export import as_json  # noqa: PLC0415 - DuckDB is heavy
 
-    incidents = [{**one.incident, "excuse": one.excuse or None, "new": one.new} for one in decided]
     left = [vars(one) for one in tally.not_audited]
     write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
@@ -246,15 +242,7 @@ def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "
     )
 
 
-def _decided(incidents: Sequence[dict[str, Any]], measurements: Collection[str], policy: "Policy") -> "list[Decided]":
-    """Those of the incidents that are of some measurements, and which of them fail today."""
-    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
-
-    known = [row for row in incidents if any(part["measurement_id"] in measurements for part in row["parts"])]
-    return decide(known, policy, datetime.now(UTC).date())
-
-
-def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:
+def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
@@ -262,10 +250,10 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]"
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
-    if decided:
-        shown_rows = [_incident(one) for one in decided]
+    if incidents:
+        shown_rows = [_incident(row) for row in incidents]
         told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
-        alerts = any(one.incident["grade"] == "alert" for one in decided)
+        alerts = any(row["grade"] == "alert" for row in incidents)
         graded = (_INCIDENT_COLUMNS[0], "grade", *_INCIDENT_COLUMNS[1:]) if alerts else _INCIDENT_COLUMNS
         print_rows(
             shown_rows,
@@ -293,13 +281,11 @@ def _named(one: Mapping[str, Any]) -> str:
     return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
 
 
-def _incident(one: "Decided") -> dict[str, Any]:
+def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
     from auditor.store.reviews import in_words  # noqa: PLC0415 - DuckDB is heavy
 
-    row = one.incident
-    said = in_words(row) if row["review"] else None
     return {
-        _REMARK: one.excuse or said,
+        _REMARK: in_words(row) if row["review"] else None,
         "incident": row["incident_id"][:_ID_SHOWN],
         "grade": row["grade"],
         "recording": _first(list(dict.fromkeys(part["name"] for part in row["parts"]))),

@@ -5,8 +5,9 @@ from types import CodeType
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
-from auditor.reporting.page_text import shown_on_page
+from auditor.model.text import one_line
 from auditor.resources import resource_folder
 
 
@@ -37,7 +38,7 @@ def fill(
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(resource_folder("reports")),
         autoescape=True,
-        finalize=shown_on_page,
+        finalize=_shown_on_page,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         bytecode_cache=_COMPILED,
@@ -45,3 +46,8 @@ def fill(
     environment.filters.update(filters or {})
     environment.tests.update(tests or {})
     return environment.get_template(template).render(values)
+
+
+def _shown_on_page(value: object) -> object:
+    """What a template writes for a value: text on one line, without controls and marks of direction."""
+    return one_line(value) if isinstance(value, str) and not isinstance(value, Markup) else value

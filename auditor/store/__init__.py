@@ -10,6 +10,7 @@ from auditor.store.calibrations import (
     write_calibration,
     writing_calibration,
 )
+from auditor.store.connection import Connection, plain_connection
 from auditor.store.describing import Description, describe, list_views
 from auditor.store.export import rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
@@ -30,7 +31,6 @@ from auditor.store.records import (
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
-from auditor.store.views.plain import Connection, plain_connection
 from auditor.store.views.script import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.

@@ -79,6 +79,21 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         return connection
 
 
+Connection = duckdb.DuckDBPyConnection
+
+
+def plain_connection(store: Store) -> Connection:
+    """A connection with all views of a store as they are now, with their comments.
+
+    It can read the store's finished files and no others, and write none; tables of one's own live in its memory. Raises
+    StoreError where a file of the store cannot be read.
+    """
+    connection = connected(store)
+    with suppress(duckdb.TransactionException):  # within one, the first mistake would be the last question
+        connection.rollback()
+    return connection
+
+
 @contextmanager
 def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
     """As `connected`, for questions of our own: what the next ones of this process need of views, they find made.

@@ -28,8 +28,7 @@ class ReviewVerdict(StrEnum):
     KNOWN = "known"
 
 
-EXCUSING = frozenset({ReviewVerdict.FALSE_ALARM, ReviewVerdict.KNOWN})
-"""What is said of incidents that nobody has to look at again."""
+_EXCUSING = frozenset({ReviewVerdict.FALSE_ALARM, ReviewVerdict.KNOWN})
 
 _ID = re.compile(r"[0-9a-f]{1,32}")
 _NAMED = "SELECT name, incident_id FROM incident_names WHERE {}"
@@ -79,6 +78,14 @@ def incidents_named(store: Store, beginnings: Iterable[str]) -> dict[str, str]:
     """The ids of the incidents that have, or may have had, a name that begins so, by these names. Raises StoreError."""
     wanted = " OR ".join(f"starts_with(name, '{one}')" for one in beginnings if _ID.fullmatch(one))
     return {row["name"]: row["incident_id"] for row in rows_of(run_sql(store, _NAMED.format(wanted or "false")))}
+
+
+def excuse(incident: Mapping[str, Any]) -> str:
+    """Say why an incident, a row of the view `incidents`, fails no audit; empty where it does fail one.
+
+    It is the review in effect, where that calls it a false alarm or known: the view has none whose last day is over.
+    """
+    return in_words(incident) if incident["review"] in _EXCUSING else ""
 
 
 def in_words(incident: Mapping[str, Any]) -> str:

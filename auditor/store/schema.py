@@ -1,13 +1,29 @@
 """The tables of a store, as the files in `schemas/` describe them: one file a table."""
 
+import re
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 
 import pyarrow as pa
 
+from auditor.errors import StoreError
 from auditor.resources import resource_folder
-from auditor.store.column_types import arrow_type
+
+_SIMPLE_TYPES = {
+    "BOOLEAN": pa.bool_(),
+    "TINYINT": pa.int8(),
+    "SMALLINT": pa.int16(),
+    "INTEGER": pa.int32(),
+    "BIGINT": pa.int64(),
+    "DOUBLE": pa.float64(),
+    "VARCHAR": pa.string(),
+    "BLOB": pa.binary(),
+    "DATE": pa.date32(),
+    "TIMESTAMP": pa.timestamp("us"),
+}
+_NESTED_TYPE = re.compile(r"(STRUCT|MAP|DECIMAL)\((.*)\)")
 
 SCHEMA_VERSION = 12
 """Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
@@ -141,3 +157,35 @@ def version_of(schema: pa.Schema) -> int | None:
 
 def _leaf(column: Column) -> str:
     return f"{column.name}.list.element" if column.type.endswith("[]") else column.name
+
+
+def arrow_type(text: str) -> pa.DataType:
+    """The Arrow type of a SQL type such as `DOUBLE[]` or `STRUCT(i TINYINT, s VARCHAR)[]`.
+
+    Raises StoreError for a type that schema files do not use.
+    """
+    text = text.strip()
+    if text.endswith("[]"):
+        return pa.list_(arrow_type(text[:-2]))
+    if text in _SIMPLE_TYPES:
+        return _SIMPLE_TYPES[text]
+    nested = _NESTED_TYPE.fullmatch(text)
+    if nested is None:
+        raise StoreError(f"{text!r} is no type of a column", where="schema")
+    parts = list(_parts(nested[2]))
+    if nested[1] == "DECIMAL":
+        return pa.decimal128(int(parts[0]), int(parts[1]))
+    if nested[1] == "MAP":
+        return pa.map_(arrow_type(parts[0]), arrow_type(parts[1]))
+    return pa.struct([(name, arrow_type(kind)) for name, kind in (part.split(maxsplit=1) for part in parts)])
+
+
+def _parts(text: str) -> Iterator[str]:
+    """Split at the commas that stand outside all brackets."""
+    start = depth = 0
+    for position, character in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            yield text[start:position].strip()
+            start = position + 1
+    yield text[start:].strip()

@@ -1,10 +1,13 @@
-"""What the golden files hold, worked out anew from real frames; run as a program it writes them.
+"""What the golden file holds, worked out anew from real frames; run as a program it writes it.
 
     python -m tests.golden.values
 
-Do so only where a figure is meant to change, and read the difference before it is kept.
+Do so only where a figure is meant to change. A digest says that something changed, and not what: print `figures` or
+`judged` of before and after, where that is the question.
 """
 
+import hashlib
+import json
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -30,12 +33,13 @@ from tests.benchmarks.real_drives import frames
 from tests.making.calibrations import calibrate
 from tests.making.stores import NOON
 
-FOLDER = Path(__file__).parent
-FRAME, STRETCH = FOLDER / "frame.toml", FOLDER / "stretch.toml"
+GOLDEN = Path(__file__).with_name("golden.toml")
 
 FRAME_NUMBER = 3
 DIGITS = 3
-"""Decimals kept of the features: points followed by OpenCV move by millionths from processor to processor."""
+"""Decimals kept: points followed by OpenCV move by millionths from processor to processor, sums by less."""
+JUDGED_DIGITS = 2
+"""Of 1,384 figures none is nearer than 2e-6 to where it would be rounded the other way."""
 WALL = BogusWall(range_m=3.2, lateral_m=0.3)
 """Nearer than the widest pair's matcher can see."""
 FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
@@ -64,7 +68,28 @@ HIGH_RATE = 5000.0
 Table = dict[str, Any]
 
 
-def one_frame() -> dict[str, dict[str, Table]]:
+def one_frame() -> dict[str, Table]:
+    """By case: a digest of each subject's figures."""
+    return {
+        case: {subject: digest(table, DIGITS) for subject, table in subjects.items()}
+        for case, subjects in figures().items()
+    }
+
+
+def one_stretch() -> Table:
+    """The limit, the kinds of all verdicts and their gaps, and digests of the thresholds and of all that was judged."""
+    of_all = judged()
+    rows = of_all["frames"]
+    return {
+        "limit": round(of_all["limit"], JUDGED_DIGITS),
+        "kinds": " ".join(row["kind"] for row in rows),
+        "attacked": [row["attacked"] for row in rows],
+        "gaps": [round(row["gap"], JUDGED_DIGITS) for row in rows],
+        **{name: digest(of_all[name], JUDGED_DIGITS) for name in ("thresholds", "causes", "frames")},
+    }
+
+
+def figures() -> dict[str, dict[str, Table]]:
     """By case and subject: the counts of each triple, each sensor check's statistic, sums of cells, fault features."""
     rig, stream = frames("0009", all_cameras=True)
     before, frame = islice(stream, FRAME_NUMBER - 1, FRAME_NUMBER + 1)
@@ -98,13 +123,13 @@ def _figures(before: FrameArrays, frame: Frame, rig: Rig) -> dict[str, Table]:
             for of, one in measured.cells.items()
         },
         "features": {
-            " ".join(map(str, pair)): [[round(value, DIGITS) for value in part] for part in features]
+            " ".join(map(str, pair)): [list(part) for part in features]
             for pair, features in watch.update(evidence).items()
         },
     }
 
 
-def one_stretch() -> dict[str, Any]:
+def judged() -> dict[str, Any]:
     """Some frames of a drive, attacks and a fault among them, as the clean frames of another drive have them judged."""
     with tempfile.TemporaryDirectory() as folder:
         store = Store.open(Path(folder) / "audit", create=True)
@@ -127,7 +152,7 @@ def one_stretch() -> dict[str, Any]:
             for cause, scale in thresholds.causes.items()
         },
         "limit": thresholds.limit,
-        "frames": [_readable(row) for row in rows],
+        "frames": rows,
     }
 
 
@@ -173,61 +198,31 @@ def _named(check: SensorCheck) -> str:
     return f"{check.check.value} {check.sensor} by {' '.join(map(str, check.others))}"
 
 
-def _readable(row: Mapping[str, object]) -> Table:
-    """A verdict without what is NULL in it; structures become lists of their values, sensors and words first."""
-    return {name: _plain(value) for name, value in row.items() if value is not None}
+def digest(value: object, digits: int) -> str:
+    """Twelve digits that follow from a nested value; its floats are rounded to so many decimals."""
+    return hashlib.sha256(json.dumps(_rounded(value, digits)).encode()).hexdigest()[:12]
 
 
-def _plain(value: object) -> object:
+def _rounded(value: object, digits: int) -> object:
     if isinstance(value, dict):
-        return [_plain(part) for part in value.values() if part is not None]
-    return [_plain(part) for part in value] if isinstance(value, list) else value
-
-
-def read(path: Path) -> dict[str, Any]:
-    """What a golden file holds."""
-    return tomllib.loads(path.read_text())
-
-
-def _section(head: str, table: Mapping[str, object]) -> str:
-    return f"\n{head}\n" + "".join(_line(name, value) for name, value in table.items())
-
-
-def _line(name: str, value: object) -> str:
-    key = name if name.isidentifier() else f'"{name}"'
-    return f"{key} = {_toml(value)}\n"
-
-
-def _toml(value: object) -> str:
+        return {name: _rounded(part, digits) for name, part in value.items()}
     if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+        return [_rounded(part, digits) for part in value]
+    return round(value, digits) + 0.0 if isinstance(value, float) else value  # -0.0 becomes 0.0
+
+
+def read() -> dict[str, Any]:
+    """What the golden file holds."""
+    return tomllib.loads(GOLDEN.read_text())
 
 
 def _write() -> None:
-    figures, chunk = one_frame(), one_stretch()
-    FRAME.write_text(
-        f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
-        "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
-        "# cells: by pair, and the sensor whose grid it is, the sums over it: valid, and inconsistent or light.\n"
-        "# features: rows, agreement with the LiDAR and isolated points, in the order of their fields.\n"
-        + "".join(
-            _section(f'["{case}".{subject}]', table)
-            for case, tables in figures.items()
-            for subject, table in tables.items()
-        )
+    tables = {**{f'frame."{name}"': figures for name, figures in one_frame().items()}, "stretch": one_stretch()}
+    sections = (
+        f"[{head}]\n" + "".join(f"{name} = {json.dumps(value)}\n" for name, value in table.items())
+        for head, table in tables.items()
     )
-    STRETCH.write_text(
-        f"# Frames {CHUNK_FRAMES.start} to {CHUNK_FRAMES[-1]} of KITTI drive 0009, judged at r = {R} by drive 0001.\n"
-        "# thresholds: mean, deviation, drives and frames; causes: theta, scale, drives.\n"
-        + "".join(f"# {name}: frames {during.start} to {during[-1]}\n" for name, (during, *_) in ATTACKED.items())
-        + f"# S_{STANDS_STILL[1]} stands still: frames {STANDS_STILL[0].start} to {STANDS_STILL[0][-1]}\n\n"
-        + _line("score", chunk["score"])
-        + _line("limit", chunk["limit"])
-        + _section("[thresholds]", chunk["thresholds"])
-        + _section("[causes]", chunk["causes"])
-        + "".join(_section("[[frames]]", verdict) for verdict in chunk["frames"])
-    )
+    GOLDEN.write_text("\n".join(sections))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,16 @@ from auditor.identification.cross_validation import as_scanned, thresholds_of
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import difference_of, share_of
-from auditor.identification.refreshing.conditions import doubtful, rates_by_condition
 from auditor.identification.refreshing.drives import Drive, Folds, Shown, Source, shown_by, shown_by_others
-from auditor.identification.refreshing.gate import Compared, compared, doubts, planted_found, worse
+from auditor.identification.refreshing.gate import (
+    Compared,
+    compared,
+    doubtful,
+    doubts,
+    planted_found,
+    rates_by_condition,
+    worse,
+)
 from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.robust import findings_alone, judge_frames

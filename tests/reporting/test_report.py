@@ -322,7 +322,10 @@ def test_frames_in_incidents_and_those_raised_alone_are_told_apart(told):
     page = replace(page, recordings=(replace(recording, told=4),))
     words = Page(render(page)).words
     assert "1 4 frames in incidents or alerts, 1 raised alone" in words
-    assert "1 frame raised alone belongs to no incident and no alert: too little before and after it says the same" in words
+    assert (
+        "1 frame raised alone belongs to no incident and no alert: too little before and after it says the same"
+        in words
+    )
 
 
 def test_vehicles_have_a_column_where_some_are_known(store, tmp_path):

@@ -2,7 +2,7 @@ import pyarrow as pa
 import pytest
 
 from auditor.errors import StoreError
-from auditor.store.column_types import arrow_type
+from auditor.store.schema import arrow_type
 
 
 @pytest.mark.parametrize(

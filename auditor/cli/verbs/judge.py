@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from auditor.cli import judging_options, options
 from auditor.cli.logged import logged
-from auditor.cli.output import audit_format_option
+from auditor.cli.output import format_option
 from auditor.cli.values import PATH
 
 
@@ -18,9 +18,8 @@ from auditor.cli.values import PATH
 @judging_options.recount_option
 @options.jobs_option
 @judging_options.judging_options
-@options.policy_option
-@audit_format_option
-def command(place: Path | None, store: Path, policy: Path | None, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library
+@format_option
+def command(place: Path | None, store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library
     """Judge everything in a store again: another r, other thresholds, no recordings needed.
 
     \b
@@ -35,17 +34,16 @@ def command(place: Path | None, store: Path, policy: Path | None, form: str, **j
     thresholds must be made with today's windows, too (auditor calibrate --recount).
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import policy_of, show_audit, show_judging  # noqa: PLC0415
+    from auditor.cli.summary import show_audit, show_judging  # noqa: PLC0415
     from auditor.pipeline.library import judge  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
     if place is not None and click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE:
         raise click.UsageError("name the store once, with --store")
-    allowed = policy_of(policy)
     kept, tally = Store.open(place or store), Tally()
     with logged(kept.folder):
         judged = show_judging(judge(kept, **judging), kept, tally)
         pack_where_many(kept)  # thousands of new files would each be opened by what is shown
-    show_audit(kept, form, tally, judged=judged, policy=allowed)
+    show_audit(kept, form, tally, judged=judged)
     return tally.exit_code()

@@ -100,8 +100,7 @@ def _tried(
 
     Before the first night there is no store yet: an empty one stands for it.
     """
-    from auditor.pipeline.refreshing.night import refresh  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
+    from auditor.pipeline.refreshing.night import plan, refresh  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
 
     with TemporaryDirectory() as empty:

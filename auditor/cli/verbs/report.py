@@ -1,6 +1,5 @@
 """`auditor report`: pages for people."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,6 @@ from auditor.cli.values import PATH
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:
-    from auditor.reporting.ci.policy import Policy
     from auditor.store import Store
 
 _REPORTS = ("incident", "evaluation")
@@ -38,7 +36,6 @@ _PAGE = ".html"
     show_default=True,
     help="Pictures of an incident: none, those at full resolution (else the strongest one kept), or all kept.",
 )
-@options.policy_option
 def command(
     name: str,
     store: Path,
@@ -46,7 +43,6 @@ def command(
     incident: str | None,
     out: Path | None,
     pictures: str,
-    policy: Path | None,
 ) -> int:
     """Write pages from a store; the recordings are not needed.
 
@@ -61,15 +57,10 @@ def command(
     Every page holds its pictures and needs no other file. The evaluation page shows everything that auditor evaluate
     has measured into the store. Every file of the store is hashed first: nothing is reported from a store that is not
     as it was written (auditor verify).
-
-    With a policy the exit code is 1 where an incident of the store fails, as for a scan, and the index says what was
-    excused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output_files import check_page, check_pages  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import policy_of  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415 - heavy
 
-    allowed = policy_of(policy) if policy else None
     one_page = name == "evaluation" or recording or incident or (out is not None and out.suffix == _PAGE)
     if name == "evaluation" and (recording or incident):
         raise click.UsageError("--recording and --incident are for what was found; the evaluation page pools all")
@@ -82,21 +73,8 @@ def command(
     refuse_altered(kept)
     inside = target.resolve().is_relative_to(kept.folder)
     with logged(kept.folder) if inside else reading(kept.folder):
-        excuses, fails = _excuses(kept, allowed)
-        page = _written(kept, name, target, recording, incident, Pictures(pictures), excuses, one_page=bool(one_page))
-        answer(page)
-    return Exit.FINDINGS if fails else Exit.CLEAN
-
-
-def _excuses(store: "Store", policy: "Policy | None") -> tuple[dict[str, str] | None, bool]:
-    """Why incidents do not fail by a policy, by their ids, and whether others do; None and False without one."""
-    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - heavy
-    from auditor.store import rows_of, run_query  # noqa: PLC0415
-
-    if policy is None:
-        return None, False
-    decided = decide(rows_of(run_query(store, "incidents", {})), policy, datetime.now(UTC).date())
-    return {one.incident["incident_id"]: one.excuse for one in decided if one.excuse}, any(one.fails for one in decided)
+        answer(_written(kept, name, target, recording, incident, Pictures(pictures), one_page=bool(one_page)))
+    return Exit.CLEAN
 
 
 def _written(
@@ -106,7 +84,6 @@ def _written(
     recording: str | None,
     incident: str | None,
     pictures: Pictures,
-    excuses: dict[str, str] | None,
     *,
     one_page: bool,
 ) -> Path:
@@ -119,4 +96,4 @@ def _written(
         return reporting.render_incident_page(store, incident, out=target, pictures=pictures)
     if one_page:
         return reporting.render_incident_report(store, out=target, recording=recording, pictures=pictures)
-    return reporting.render_fleet_report(store, out=target, pictures=pictures, excuses=excuses)
+    return reporting.render_fleet_report(store, out=target, pictures=pictures)

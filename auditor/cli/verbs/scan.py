@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auditor.cli import judging_options, options
-from auditor.cli.output import audit_format_option, say
+from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 @judging_options.judging_options
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
 @options.measuring_options
-@options.policy_option
-@audit_format_option
+@format_option
 def command(
     recordings: tuple[Path, ...],
     store: Path,
     measuring: "MeasureSettings",
     *,
     measure_only: bool,
-    policy: Path | None,
     form: str,
     **judging: Any,  # noqa: ANN401 - handed on to judge_settings, which declares them
 ) -> int:
@@ -41,16 +39,15 @@ def command(
     is not measured again, but with --measure-again. Files that are as they were when the store read them are not read
     again, but with --verify-content, and verdicts that would be the same are kept. The tables show what was judged now.
 
-    Incidents that a review calls a false alarm, or known, do not fail a scan (auditor review), nor do those that a
-    policy file excuses: the exit code counts the others.
+    Incidents that a review calls a false alarm, or known, do not fail a scan (auditor review): the exit code counts the
+    others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring, show_unjudged  # noqa: PLC0415
+    from auditor.cli.summary import show_audit, show_judging, show_measuring, show_unjudged  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
 
-    allowed = policy_of(policy)
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     batch = find_batch(recordings, store, measuring)
     scan, tally = Scan(batch, store), Tally()
@@ -65,5 +62,5 @@ def command(
         for remark in scan.finish():
             say(remark)
         shown, show_known = {one.recording_id for one in scan.measured}, batch.shows_known or form != "table"
-        show_audit(scan.store if shown else None, form, tally, shown, scan.judged, allowed, show_known=show_known)
+        show_audit(scan.store if shown else None, form, tally, shown, scan.judged, show_known=show_known)
     return tally.exit_code()

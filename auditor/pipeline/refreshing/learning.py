@@ -7,15 +7,16 @@ from decimal import Decimal
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
-from auditor.identification.refreshing.conditions import doubtful, rates_by_condition
 from auditor.identification.refreshing.drives import Shown
 from auditor.identification.refreshing.gate import (
     Step,
     compared,
+    doubtful,
     doubts,
     false_alarms,
     planted_found,
     raised_often,
+    rates_by_condition,
     worse,
 )
 from auditor.identification.sub_rigs import closeness

@@ -10,14 +10,36 @@ from auditor.errors import AuditorError
 from auditor.pipeline.calibrations.versions import extent_of, version_of
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import JudgeSettings
+from auditor.pipeline.measure import rigs_through
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
+from auditor.recordings import Location, find_recordings, open_recording, survey
 from auditor.store import Store
 from auditor.store.reviews import false_alarms
-from auditor.store.versions.decisions import Decided, Decision, Failure, Finding, Refresh
+from auditor.store.versions.decisions import Decided, Decision, Failure, Finding, Planned, Refresh
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force
 from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
+
+
+def plan(recordings: Sequence[Path], store: Store, rig_file: Path | None = None) -> Iterator[Planned]:
+    """The recordings at some paths, each with its rig kinds, and whether the store has measured it."""
+    found = find_recordings(recordings)
+    for error in found.errors:
+        yield Planned(str(error.where), (), measured=False, error=str(error))
+    measured = {one.recording_id for one in store.measurements()}
+    for location in found.recordings:
+        yield _planned(location, measured, rig_file)
+
+
+def _planned(location: Location, measured: set[str], rig_file: Path | None) -> Planned:
+    try:
+        with open_recording(location) as recording:
+            rigs = rigs_through(recording, survey(recording), rig_file).rigs
+            kinds = dict.fromkeys(str(one.rig.kind) for one in rigs)
+            return Planned(str(location), tuple(kinds), measured=recording.recording_id in measured)
+    except AuditorError as error:
+        return Planned(str(location), (), measured=False, error=str(error))
 
 
 def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tuple[JudgeSettings, list[str]]:

@@ -6,8 +6,6 @@ from functools import cache
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import OldPointCloudDecoder, PointCloudDecoder
-from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
-from auditor.recordings.decoding.foxglove_video import CompressedVideoDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
@@ -60,7 +58,6 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
     kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),
     kitti.TRANSFORMS: (frozenset({"json"}), lambda _: kitti.KittiTransformsDecoder()),
-    COMPRESSED_VIDEO: (_FOXGLOVE, CompressedVideoDecoder),
     **{schema: (_FOXGLOVE, factory) for schema, factory in foxglove.DECODERS.items()},
 }
 """Built-in decoders by schema, with the message encodings they read.

@@ -14,6 +14,7 @@ from auditor.recordings.decoding.depths import Depths
 from auditor.recordings.decoding.foxglove_layouts import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
+    COMPRESSED_VIDEO,
     FRAME_TRANSFORM,
     FRAME_TRANSFORMS,
     POINT_CLOUD,
@@ -26,8 +27,10 @@ from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, S
 from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
+from auditor.recordings.decoding.video import Videos
 
 _MAX_STAMP_NS = 2**63 - 1
+_VIDEO_FORMAT = "h264"
 
 _NO_ROTATION = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 _NO_TRANSLATION = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -215,6 +218,26 @@ class FoxgloveCameraCalibrationDecoder(_Decoder):
         return CameraInfo(header, values["width"], values["height"], tuple(values["D"]), K, R, P, model)
 
 
+class FoxgloveVideoDecoder(Videos):
+    """foxglove.CompressedVideo with H.264 inside."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self, types: RosTypes) -> None:
+        super().__init__(self._h264)
+        self._messages = FoxgloveMessages(types)
+
+    def header(self, message: Message) -> Header:
+        """The header, without decoding the rest."""
+        return self._messages.header(message)
+
+    def _h264(self, message: Message) -> bytes:
+        values = self._messages.decode(message)
+        if values["format"] != _VIDEO_FORMAT:
+            raise DecodingError(f"the video format {values['format'][:20]!r} is not supported", where=message.topic)
+        return bytes(values["data"])
+
+
 class FoxgloveTransformsDecoder:
     """foxglove.FrameTransform and foxglove.FrameTransforms."""
 
@@ -246,6 +269,7 @@ def _vector(values: dict[str, Any], name: str, absent: dict[str, float]) -> tupl
 
 
 DECODERS: dict[str, Callable[[RosTypes], Decoder]] = {
+    COMPRESSED_VIDEO: FoxgloveVideoDecoder,
     RAW_IMAGE: FoxgloveRawImageDecoder,
     COMPRESSED_IMAGE: FoxgloveCompressedImageDecoder,
     POINT_CLOUD: FoxglovePointCloudDecoder,

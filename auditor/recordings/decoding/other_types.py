@@ -1,6 +1,6 @@
 """Message types that carry no camera pictures and no LiDAR points, by the names that their packages give them.
 
-The list is for types that are common and may be large. A type that is not in it is judged by its data (`unlisted`).
+The list is for types that are common and may be large. A type that is not in it is judged by its data (`coverage`).
 Types that hold whatever somebody puts into them are not in it: std_msgs/String and arrays of bytes or numbers.
 """
 

@@ -19,14 +19,14 @@ from auditor.recordings.decoding import (
 )
 from auditor.recordings.decoding.clouds import check_unit
 from auditor.recordings.decoding.depths import depth_of
-from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.interface import SizePx, TransformsDecoder
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
-from auditor.recordings.synchronisation.mountings import Mountings
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
+from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
 
 SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
@@ -39,6 +39,38 @@ MAX_MESSAGES = FIRST_LOOK.most_messages
 
 MAX_LAG_NS = FIRST_LOOK.most_lag_ns
 """Sensors whose messages lie further apart in the file than this are not paired in one read."""
+
+
+class Mountings:
+    """The first transform between each two frames: mountings do not move."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str], Transform] = {}
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def all(self) -> tuple[Transform, ...]:
+        """The transforms, in the order in which they came."""
+        return tuple(self._known.values())
+
+    def take(self, message: Message, decoder: TransformsDecoder) -> Iterator[str]:
+        """Take the transforms of a message, and give the problems. Raises DecodingError where it has none."""
+        size = len(message.data)
+        if size > MAX_TRANSFORM_BYTES:
+            yield f"a message of {size} bytes of transforms is left out; at most {MAX_TRANSFORM_BYTES} are accepted"
+        elif len(self._known) >= MAX_TRANSFORMS:
+            yield f"more than {MAX_TRANSFORMS} transforms: the rest of tf is left out"
+        elif self._bytes + size > MAX_TRANSFORMS_BYTES:
+            yield f"more than {MAX_TRANSFORMS_BYTES} bytes of transforms: the rest of tf is left out"
+        else:
+            self._bytes += size
+            for transform in decoder.transforms(message):
+                if transform.problem:
+                    yield f"{transform.parent} to {transform.child}: {transform.problem}"
+                else:
+                    self._known.setdefault((transform.parent, transform.child), transform)
 
 
 class Sample(NamedTuple):

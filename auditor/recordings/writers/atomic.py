@@ -14,16 +14,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises RecordingError where it cannot be written.
     """
-    beside = _unfinished(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _remove(beside)
+    with _placed(path) as beside:
         yield beside
         beside.replace(path)
-    except OSError as error:
-        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
-    finally:
-        _remove(beside)
 
 
 @contextmanager
@@ -31,16 +24,10 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """The same for a folder; it has its final name from the start, since the files inside are named after it."""
     if path.exists():
         raise RecordingError("it exists already", where=path, remedy="choose another name, or remove it")
-    above = _unfinished(path)
-    try:
-        _remove(above)
-        above.mkdir(parents=True)
+    with _placed(path) as above:
+        above.mkdir()
         yield above / path.name
         (above / path.name).replace(path)
-    except OSError as error:
-        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
-    finally:
-        _remove(above)
 
 
 @contextmanager
@@ -50,6 +37,20 @@ def no_remains(path: Path) -> Iterator[None]:
         yield
     finally:
         _remove(_unfinished(path))
+
+
+@contextmanager
+def _placed(path: Path) -> Iterator[Path]:
+    """A free path beside the target, in a folder that is there; it is removed at the end. Raises RecordingError."""
+    beside = _unfinished(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove(beside)
+        yield beside
+    except OSError as error:
+        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
+    finally:
+        _remove(beside)
 
 
 def _unfinished(path: Path) -> Path:

@@ -1,5 +1,6 @@
 """From an evaluation's cases to its page: every figure comes from the queries."""
 
+import base64
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -22,14 +23,18 @@ from auditor.reporting.evaluation.answers import (
 from auditor.reporting.evaluation.figures import sheets
 from auditor.reporting.evaluation.incidents import incident_grids
 from auditor.reporting.evaluation.methods import METHODS, by_method, method_grids
-from auditor.reporting.evaluation.missed import missed_attacks
 from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, object_sheets
-from auditor.reporting.evaluation.page import Evaluated, EvaluationPage, Setup
+from auditor.reporting.evaluation.page import LEFT_OUT, Evaluated, EvaluationPage, Grid, MissedAttack, Row, Setup
 from auditor.reporting.evaluation.tables import described, grids
-from auditor.reporting.evaluation.unseen import unseen_grids
+from auditor.store.evaluation_tables import case_key, missed_pictures
 from auditor.store.export import rows_of
-from auditor.store.queries import run_queries, run_sql
+from auditor.store.queries import run_queries, run_query, run_sql
 from auditor.store.store import Store
+
+_UNSEEN_COLUMNS = ("tried", "sizes", "knows nothing", "knows the thresholds")
+NOT_KEPT = "none was kept, evaluate its recording again"
+_PAPER_SIZES = {"facula": ("radius_px", "R = {:.0f} px"), "bogus wall": ("width_m", "{:g} m wide")}
+"""By kind of the paper's attacks: the parameter that is its size, and how it is written."""
 
 CLEARLY_SEEN = 0.9
 """An attack that is detected less often than this is listed among what the audit cannot see reliably."""
@@ -160,3 +165,64 @@ def _how_seldom(row: Mapping[str, Any], clean: float) -> str:
         shown = f"cannot be seen on this rig, as far as {row['cases']} frames tell"
         return f"{shown}: it was detected in {row['detected']}, no oftener than clean ones may be."
     return f"was detected in {row['detected']} of {row['cases']} frames."
+
+
+def unseen_grids(rows: Rows) -> Iterator[Grid]:
+    """A table for each sensor, by thresholds from as far away as there were any."""
+    modes = [mode for mode in LEFT_OUT if any(row["left_out"] == mode for row in rows)]
+    chosen = [row for row in rows if row["left_out"] == modes[-1]]
+    for attacked in dict.fromkeys(tuple(row["attacked"]) for row in chosen):
+        yield Grid(
+            title=f"On {names(attacked)}; {LEFT_OUT[modes[-1]]}",
+            groups=(("", 2), ("largest that stays unseen, of one who", 2)),
+            columns=_UNSEEN_COLUMNS,
+            rows=tuple(_unseen_row(row) for row in chosen if tuple(row["attacked"]) == attacked),
+        )
+
+
+def _unseen_row(row: Mapping[str, Any]) -> Row:
+    sizes = f"{row['smallest']:g} to {row['largest']:g}"
+    unseen = (_unseen_size(row, row[name]) for name in ("unseen_in_half", "unseen_at_best"))
+    return Row(f"{row['attack']}, {row['varied']}", (f"{row['tried']:,}", sizes, *unseen))
+
+
+def _unseen_size(row: Mapping[str, Any], size: float) -> str:
+    """A size in words: below the smallest, or all that was tried."""
+    if not size:
+        return f"below {row['smallest']:g}"
+    return f"{size:g} and more" if size == row["largest"] else f"{size:g}"
+
+
+def missed_attacks(store: Store) -> Iterator[MissedAttack]:
+    """The attacks that `evaluation_missed` chooses. Raises StoreError."""
+    kept = missed_pictures(store)
+    for row in rows_of(run_query(store, "evaluation_missed", {})):
+        picture = kept.get(case_key(row))
+        (sensor,) = row["attacked"]
+        yield MissedAttack(
+            attack=_in_words(row, sensor),
+            sensor=f"S_{sensor} ({store.rig(row['rig_id']).name(sensor)})",
+            kind=row["kind"],
+            recording=row["name"],
+            frame=row["frame"],
+            largest_z=row["largest_z"],
+            limit_z=row["limit_z"],
+            image=_data_uri(picture.jpeg) if picture and picture.jpeg else None,
+            reason=NOT_KEPT if picture is None else picture.reason or "",
+        )
+
+
+def _data_uri(jpeg: bytes) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
+
+
+def _in_words(row: Mapping[str, Any], sensor: int) -> str:
+    """An attack with its strength and size, beginning with a capital."""
+    known = json.loads(row["parameters"]).get(f"S_{sensor}", {})
+    name, written = _PAPER_SIZES.get(row["attack"], ("", ""))
+    words = described({**row, "variant": row["strength"], "size": None if name else row["size"]})
+    if name:
+        strength = row["strength"] if row["attack"] == "facula" else None
+        size = written.format(known[name]) if name in known else None
+        words = ", ".join(filter(None, (" ".join(filter(None, (strength, words))), size)))
+    return words[:1].upper() + words[1:]

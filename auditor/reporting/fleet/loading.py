@@ -13,7 +13,7 @@ from auditor.reporting.incident.page import Clock
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import RecordingRecord
-from auditor.store.reviews import EXCUSING, in_words
+from auditor.store.reviews import excuse
 from auditor.store.store import Store
 
 MOST_INCIDENTS = 100
@@ -29,8 +29,8 @@ MOST_DAYS = 14
 _GRAVITY = (VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKind.SUSPECT)
 
 
-def load_fleet(store: Store, incidents: Sequence[Mapping[str, Any]], excuses: Mapping[str, str]) -> FleetPage:
-    """Everything that the index shows; `incidents` are all of the store, the gravest first, `excuses` by their ids.
+def load_fleet(store: Store, incidents: Sequence[Mapping[str, Any]]) -> FleetPage:
+    """Everything that the index shows; `incidents` are all of the store, the gravest first.
 
     Raises StoreError where nothing was measured.
     """
@@ -55,23 +55,18 @@ def load_fleet(store: Store, incidents: Sequence[Mapping[str, Any]], excuses: Ma
         day_count=len(days),
         unaudited=tuple(unaudited[:MOST_REASONS]),
         reason_count=len(unaudited),
-        incidents=tuple(_listed(row, recordings[row["recording_id"]], excuses) for row in incidents[:MOST_INCIDENTS]),
+        incidents=tuple(_listed(row, recordings[row["recording_id"]]) for row in incidents[:MOST_INCIDENTS]),
         incident_count=len(incidents),
-        excused_count=sum(row["incident_id"] in excuses for row in incidents),
+        excused_count=sum(bool(excuse(row)) for row in incidents),
     )
 
 
-def excuses_by_review(incidents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Why incidents need nobody's attention, by their ids: what their reviews say."""
-    return {row["incident_id"]: in_words(row) for row in incidents if row["review"] in EXCUSING}
-
-
-def by_gravity(incidents: Sequence[dict[str, Any]], excuses: Mapping[str, str]) -> list[dict[str, Any]]:
-    """The rows of the view `incidents`, the gravest first: what nothing excuses, incidents, names of sensors."""
+def by_gravity(incidents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of the view `incidents`, the gravest first: what no review excuses, incidents, names of sensors."""
     return sorted(
         incidents,
         key=lambda row: (
-            row["incident_id"] in excuses,
+            bool(excuse(row)),
             row["grade"] == "alert",
             _GRAVITY.index(VerdictKind(row["kind"])),
             bool(row["causes"]),
@@ -93,7 +88,7 @@ def _vehicles(rows: Sequence[Mapping[str, Any]]) -> list[VehicleRow]:
     return sorted(found, key=lambda row: (-sum(cell.open for cell in row.cells.values()), row.vehicle or ""))
 
 
-def _listed(row: Mapping[str, Any], recording: RecordingRecord, excuses: Mapping[str, str]) -> ListedIncident:
+def _listed(row: Mapping[str, Any], recording: RecordingRecord) -> ListedIncident:
     clock = Clock(recording.from_ns if recording.from_ns is not None else row["from_ns"], recording.clock == "utc")
     return ListedIncident(
         incident_id=row["incident_id"],
@@ -108,5 +103,5 @@ def _listed(row: Mapping[str, Any], recording: RecordingRecord, excuses: Mapping
         evidence=row["evidence"] or "",
         causes=row["causes"] or "",
         review=row["review"],
-        excuse=excuses.get(row["incident_id"], ""),
+        excuse=excuse(row),
     )

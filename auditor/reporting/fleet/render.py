@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from auditor.model.pictures import Pictures
-from auditor.reporting.fleet.loading import MOST_DAYS, MOST_INCIDENTS, by_gravity, excuses_by_review, load_fleet
+from auditor.reporting.fleet.loading import MOST_DAYS, MOST_INCIDENTS, by_gravity, load_fleet
 from auditor.reporting.fleet.page import FleetPage
 from auditor.reporting.incident.one import Incidents, OneIncident
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
@@ -18,24 +18,16 @@ from auditor.store.store import Store
 INDEX, INCIDENTS = "index.html", "incidents"
 
 
-def render_fleet_report(
-    store: Store,
-    *,
-    out: Path,
-    pictures: Pictures = Pictures.INCIDENTS,
-    excuses: Mapping[str, str] | None = None,
-) -> Path:
+def render_fleet_report(store: Store, *, out: Path, pictures: Pictures = Pictures.INCIDENTS) -> Path:
     """Write the pages of a store into a folder: those of its gravest incidents, then the index; answer the index.
 
-    `excuses` say by id why incidents need nobody's attention; without them reviews do. Where an incident has grown, its
-    page is also written in the place of those under its former names: others may point to them. Pages of incidents that
-    are no longer found stay. Raises StoreError where nothing was measured, or a page cannot be
-    written.
+    Where an incident has grown, its page is also written in the place of those under its former names: others may point
+    to them. Pages of incidents that are no longer found stay. Raises StoreError where nothing was measured, or a page
+    cannot be written.
     """
     incidents = Incidents(store, pictures)
-    known = excuses_by_review(incidents.rows) if excuses is None else excuses
-    rows = by_gravity(incidents.rows, known)
-    page = load_fleet(store, rows, known)
+    rows = by_gravity(incidents.rows)
+    page = load_fleet(store, rows)
     former = _former_names(store, rows, out / INCIDENTS)
     # by measurement, so that what incidents of one recording share is read once
     for row in sorted(rows[:MOST_INCIDENTS], key=lambda row: row["measurement_id"]):

@@ -7,7 +7,7 @@ import pytest
 from auditor.lab.evaluation.experiments import SeededDraws
 from auditor.lab.evaluation.ladders import LADDERS
 from auditor.model.verdict import VerdictKind
-from auditor.reporting.evaluation.unseen import unseen_grids
+from auditor.reporting.evaluation.loading import unseen_grids
 from auditor.store.evaluation_tables import CaseVerdict, MeasuredCase, write_case_verdicts
 from auditor.store.queries import run_query
 from tests.making.evaluation_cases import CHECKS, RIG, part, write
