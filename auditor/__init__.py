@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from auditor.reporting import render_incident_report
     from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
 
-__version__ = "0.1.0"
+__version__ = "0.3.0.dev0"
 
 __all__ = [
     "LIDAR",
