@@ -145,7 +145,8 @@ def _names(store: Path) -> dict[str, str]:
         for table in ("recordings", "measurements", "judgements", "calibrations")
     )
     called = {row["recording_id"]: row["name"] for row in recordings}
-    learnt = {row["calibration_id"]: "+".join(sorted(called[r] for r in row["recordings"])) for row in calibrations}
+    made_of = {row["calibration_id"]: row["recordings"] or () for row in calibrations}
+    learnt = {known: "+".join(sorted(called[one] for one in recordings)) for known, recordings in made_of.items()}
     names = {row["measurement_id"]: called[row["recording_id"]] for row in measurements}
     for row in judgements:
         names[row["judgement_id"]] = "--".join(
