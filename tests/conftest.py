@@ -39,6 +39,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     """What auditor remembers of stores, it remembers in a folder of the tests; nobody's settings are read."""
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
     os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
 
 
 @pytest.fixture(scope="session")

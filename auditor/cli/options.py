@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from auditor.cli.values import PATH, FiniteRange
 from auditor.model.pictures import Pictures
@@ -19,10 +20,22 @@ if TYPE_CHECKING:
 DEFAULT_STORE = Path("audit")
 
 
+def _own_store(context: click.Context, parameter: click.Parameter, store: Path) -> Path:
+    """A store that nobody named must have been made here: one in a folder of logs may have been planted there."""
+    if context.get_parameter_source(str(parameter.name)) is ParameterSource.DEFAULT and store.exists():
+        from auditor.store.made_here import refuse_foreign  # noqa: PLC0415 - keeps --help quick
+        from auditor.store.marker import MARKER  # noqa: PLC0415
+
+        if (store / MARKER).exists():
+            refuse_foreign(store)
+    return store
+
+
 store_option = click.option(
     "--store",
     type=PATH,
     default=DEFAULT_STORE,
+    callback=_own_store,
     show_default=True,
     help="Folder of the store: measurements, thresholds, verdicts.",
 )

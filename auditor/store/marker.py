@@ -10,6 +10,7 @@ from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.resources import local_path
 from auditor.store.files import is_part, locked, write_whole
+from auditor.store.made_here import remember_made
 from auditor.store.packs.index import FOLDER, INDEX
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.tables import newer_version
@@ -119,6 +120,7 @@ def marked_folder(path: str | Path, *, create: bool) -> Path:
     if not (folder / MARKER).exists():
         check_free(folder, create=create)
         write_marker(folder)
+        remember_made(folder)
     check_marker(folder)
     return folder
 
