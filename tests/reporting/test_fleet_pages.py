@@ -10,6 +10,7 @@ from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
 from auditor.reporting import render_fleet_report, render_incident_page
 from auditor.reporting.fleet import loading, render
+from auditor.reporting.fleet.page import FleetPage
 from auditor.reporting.incident.one import Incidents
 from auditor.store.queries import run_query
 from auditor.store.reviews import ReviewVerdict, review_incident
@@ -161,3 +162,12 @@ def test_pages_of_hostile_text_open_without_a_console_message_or_a_request(pages
         (folder := tmp_path / str(number)).mkdir()
         console, addresses, _ = browse(path, folder)
         assert (console, addresses) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("incidents", "alerts", "words"),
+    [(2, 0, "2 incidents"), (2, 1, "1 incident and 1 alert"), (3, 3, "3 alerts"), (1500, 0, "1,500 incidents")],
+)
+def test_the_headline_counts_alerts_beside_incidents(incidents: int, alerts: int, words: str) -> None:
+    page = FleetPage("", "", "", (), (), 0, (), 0, (), 0, (), incidents, 0, alerts)
+    assert page.open_words == words

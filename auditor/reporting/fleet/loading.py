@@ -58,6 +58,7 @@ def load_fleet(store: Store, incidents: Sequence[Mapping[str, Any]]) -> FleetPag
         incidents=tuple(_listed(row, recordings[row["recording_id"]]) for row in incidents[:MOST_INCIDENTS]),
         incident_count=len(incidents),
         excused_count=sum(bool(excuse(row)) for row in incidents),
+        alert_count=sum(row["grade"] == "alert" and not excuse(row) for row in incidents),
     )
 
 

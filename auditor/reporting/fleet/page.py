@@ -85,6 +85,7 @@ class FleetPage:
     incidents: tuple[ListedIncident, ...]
     incident_count: int
     excused_count: int
+    alert_count: int
 
     @property
     def recordings(self) -> int:
@@ -108,5 +109,11 @@ class FleetPage:
 
     @property
     def open_count(self) -> int:
-        """Incidents that no review excuses."""
+        """Incidents and alerts that no review excuses."""
         return self.incident_count - self.excused_count
+
+    @property
+    def open_words(self) -> str:
+        """How many incidents and alerts there are that no review excuses."""
+        counts = (("incident", self.open_count - self.alert_count), ("alert", self.alert_count))
+        return " and ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts if count)
