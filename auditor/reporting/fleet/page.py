@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
 
+from auditor.reporting.numbers import count
+
 
 @dataclass(frozen=True)
 class UnauditedLine:
@@ -115,5 +117,5 @@ class FleetPage:
     @property
     def open_words(self) -> str:
         """How many incidents and alerts there are that no review excuses."""
-        counts = (("incident", self.open_count - self.alert_count), ("alert", self.alert_count))
-        return " and ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts if count)
+        counts = ((self.open_count - self.alert_count, "incident"), (self.alert_count, "alert"))
+        return " and ".join(count(number, what) for number, what in counts if number)
