@@ -5,7 +5,6 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-import pytest
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 from packaging.utils import canonicalize_name
@@ -14,17 +13,11 @@ from tests.sbom import sbom
 from tests.test_advisories import PROJECT, Requirement
 
 
-@pytest.fixture(scope="module")
-def written() -> dict[str, object]:
-    return sbom(Path(sys.prefix))
-
-
-def test_it_is_valid_cyclonedx_1_6(written) -> None:
+def test_it_is_valid_complete_and_names_no_path_of_the_machine() -> None:
+    written = sbom(Path(sys.prefix))
+    text = json.dumps(written)
     assert (written["bomFormat"], written["specVersion"]) == ("CycloneDX", "1.6")
-    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(json.dumps(written)) is None
-
-
-def test_every_dependency_stands_in_it_with_its_version_and_address(written) -> None:
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     listed = {canonicalize_name(one["name"]): one for one in written["components"]}
     for line in PROJECT["dependencies"]:
         name = Requirement(line).name
@@ -32,9 +25,5 @@ def test_every_dependency_stands_in_it_with_its_version_and_address(written) -> 
         assert component["version"] == version(name)
         assert component["purl"].startswith("pkg:pypi/")
     assert written["metadata"]["component"]["name"] == "auditor"
-
-
-def test_it_names_no_path_of_the_machine(written) -> None:
-    text = json.dumps(written)
     assert "file:" not in text
     assert str(Path(sys.prefix)) not in text

@@ -22,7 +22,8 @@ DEFAULT_STORE = Path("audit")
 
 def _own_store(context: click.Context, parameter: click.Parameter, store: Path) -> Path:
     """A store that nobody named must have been made here: one in a folder of logs may have been planted there."""
-    if context.get_parameter_source(str(parameter.name)) is ParameterSource.DEFAULT and store.exists():
+    named = context.params.get("place") is not None  # of judge: what is given comes before what is not
+    if not named and context.get_parameter_source(str(parameter.name)) is ParameterSource.DEFAULT and store.exists():
         from auditor.store.made_here import refuse_foreign  # noqa: PLC0415 - keeps --help quick
         from auditor.store.marker import MARKER  # noqa: PLC0415
 

@@ -326,6 +326,7 @@ def test_sigterm_ends_a_verb_that_works_in_its_own_process(
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr("auditor.pipeline.workers.wait_for", kill)
+    monkeypatch.chdir(tmp_path)
     before = signal.getsignal(signal.SIGTERM)
     drive = write_drive(tmp_path / "drive.mcap", count=2)
     target = [str(tmp_path / "copy.mcap")] if arguments == ["convert"] else []

@@ -32,6 +32,13 @@ def test_a_store_that_was_planted_beside_the_logs_is_refused_until_it_is_named(
     assert FOREIGN not in capfd.readouterr().err
 
 
+def test_a_store_that_is_named_by_itself_is_judged_beside_a_planted_one(
+    logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(logs)
+    assert run(["judge", "made"]) == 1
+
+
 def test_a_store_that_was_made_here_is_taken_unasked(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

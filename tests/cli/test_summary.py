@@ -12,6 +12,7 @@ from auditor.cli import output, run, summary
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
+from auditor.pipeline.scan import Scan
 from auditor.store import Store
 from auditor.store.records import JudgementRecord
 from tests.making.report_stores import add_recording, make_rig
@@ -92,9 +93,10 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
             )
             yield SimpleNamespace(item=task, error=None, result=result)
 
-    monkeypatch.setattr("auditor.pipeline.many.measure_all", measure_all)
+    monkeypatch.setattr("auditor.pipeline.scan.measure_all", measure_all)
     tally = Tally()
-    summary.show_measuring(SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), notes=(), shows_known=True), tally)
+    batch = SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), notes=(), shows_known=True)
+    summary.show_measuring(Scan(batch, tmp_path), tally)
     assert capfd.readouterr().err.splitlines() == [
         "a.mcap: 1 frames measured",
         "b.mcap: 1 frames measured",

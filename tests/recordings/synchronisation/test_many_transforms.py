@@ -41,9 +41,11 @@ def with_tf(
         if behind:
             write_kept()
         for number in range(messages):
-            first = 0 if again else number * frames
-            children = {f"f{frame}": np.eye(4) for frame in range(first, first + frames)}
-            file.write(TF, definition, time_ns, maker.transforms("base", children, time_ns))
+            if number == 0 or not again:
+                first = number * frames
+                children = {f"f{frame}": np.eye(4) for frame in range(first, first + frames)}
+                data = maker.transforms("base", children, time_ns)
+            file.write(TF, definition, time_ns, data)
         if not behind:
             write_kept()
     return target
