@@ -1,8 +1,9 @@
 """Questions to a store: the queries that come with auditor, and the user's own SQL in a sandbox."""
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from functools import cache
 
 import duckdb
@@ -48,7 +49,7 @@ def query(name: str) -> SqlFile:
         raise QueryError(
             "there is no such query",
             where=name,
-            remedy=f"the queries are {', '.join(known.name for known in list_queries())}",
+            remedy=_nearest(name, [known.name for known in list_queries()]),
         ) from None
 
 
@@ -168,3 +169,8 @@ def _kind(statement: duckdb.Statement) -> str:
         return statement.type.name
     except ValueError:  # DuckDB has statements that its Python package has no name for
         return "another"
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(name, known, 1)
+    return f"did you mean {near[0]}? auditor query lists all" if near else f"the queries are {', '.join(known)}"

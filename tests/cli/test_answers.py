@@ -186,3 +186,13 @@ def test_tables_of_an_audit_fit_eighty_columns(store, capfd, monkeypatch):
     assert [columns[-1] for columns in headings] == ["sensors", "gap"]
     assert "* r = 0.001 is not resolvable: judged as at r = 0\n" in out
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 80
+
+
+@pytest.mark.parametrize(
+    ("words", "nearest"),
+    [(("scna", "x.mcap"), "Did you mean 'scan'?"), (("query", "incidnets"), "did you mean incidents?")],
+)
+def test_a_mistyped_verb_or_query_names_the_nearest(words, nearest, store, capfd):
+    add_recording(store)
+    assert run([*words, "--store", str(store.folder)]) == 2
+    assert nearest in capfd.readouterr().err

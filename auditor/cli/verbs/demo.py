@@ -3,6 +3,7 @@
 import re
 import shlex
 import shutil
+from collections import deque
 from collections.abc import Sequence
 from decimal import Decimal
 from pathlib import Path
@@ -89,6 +90,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
         show_measuring(scan, tally)
         r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
         judging = JudgeSettings(Criteria(r, Method(method), strict=True), made.calibration, min_coverage=1)
+        deque(judge_all(kept, learnt.measurement_ids, judging), maxlen=0)  # else the pages would call them not judged
         judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
         found = [one.measurement_id for one in judged if one.found]
         for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, measuring.limits, jobs):
