@@ -5,6 +5,7 @@ calls this: `auditor scan`, `auditor refresh` and `auditor.scan`.
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 from auditor.errors import AuditorError
@@ -42,7 +43,7 @@ class Scan:
         """The recordings that the store has, in the order given."""
         return [self._results[task] for task in self.batch.tasks if task in self._results]
 
-    @property
+    @cached_property
     def store(self) -> Store | None:
         """The store; None where there is none, since nothing was ever measured into it."""
         return self.batch.store or (Store.open(self._folder) if Store.is_at(self._folder) else None)

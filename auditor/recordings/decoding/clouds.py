@@ -15,9 +15,9 @@ from auditor.safety.budget import MAX_POINTS
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The datatype numbers of sensor_msgs/PointField."""
 
-
 _FLOATS = {7, 8}
 """Those of coordinates in metres: whole numbers are centimetres, millimetres or ticks, and no message says which."""
+
 MAX_POINT_BYTES = 4096
 _BEYOND_M = np.float32(1e9)
 
@@ -40,17 +40,8 @@ class PointCloudDecoder:
         return finite(xyz_of(points_of(cloud)))
 
 
-class OldPointCloudDecoder:
+class OldPointCloudDecoder(PointCloudDecoder):
     """sensor_msgs/PointCloud: an array of geometry_msgs/Point32, which lies behind the header as it is in memory."""
-
-    kind: ClassVar[Literal["cloud"]] = "cloud"
-
-    def __init__(self, types: RosTypes) -> None:
-        self._types = types
-
-    def header(self, message: Message) -> Header:
-        """The header, without decoding the rest."""
-        return read_header(message)
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
