@@ -58,7 +58,7 @@ ELSEWHERE = {
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
-    "identification/series.py": ((4096,), "frames at once: bounds the memory"),
+    "identification/incidents/series.py": ((4096,), "frames at once: bounds the memory"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
     "identification/algorithm2.py": (
@@ -68,7 +68,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
-    "identification/incidents.py": ((3600,), "seconds in an hour"),
+    "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
+    "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (
         (
             1.959963984540054,

@@ -13,6 +13,9 @@ _FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to
 _BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
 _IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are named below it (docs/incidents.md)"
 _NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/incidents.md)"
+_WINDOWS = "streets 9800 to 9859 of four seconds and lasting attacks on three real drives (docs/decisions.md)"
+_BESIDE = "clean real drives and streets 9800 to 9859: levels of cameras of one group (docs/decisions.md)"
+_OF_WINDOW = "share of the deviation within drives, and tail"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -81,6 +84,33 @@ class Incidents:
         unit="share of the naming evidence for other sensors, from which on frames are named singly",
         source=_IN_TURN,
     )
+
+
+@dataclass(frozen=True)
+class DriveLevel:
+    """How far the level of the drive that is judged is believed, and the levels of whole stretches of it."""
+
+    light: float = parameter(0.4, unit="deviation of a camera's level beside its group's", source=_BESIDE)
+    light_of_two: float = parameter(0.8, unit="the same of groups of three cameras and fewer", source=_BESIDE)
+    others: float = parameter(0.3, unit="the same of other checks of cameras", source=_BESIDE)
+    farthest: float = parameter(
+        2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
+    )
+    of_median: float = parameter(1.2, unit="times the deviation, by a group's median of few cameras", source=_BESIDE)
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Windows of frames that are judged as a whole."""
+
+    seconds: float = parameter(1.2, unit="s of a window", source=_WINDOWS)
+    fewest_frames: int = parameter(9, unit="frames of a window, however slow the camera", source=BY_HAND)
+    conflict: tuple[float, float] = parameter((0.8, 0.67), unit=_OF_WINDOW, source=_WINDOWS)
+    light: tuple[float, float] = parameter((0.6, 1.15), unit=_OF_WINDOW, source=_WINDOWS)
+    darkness_of_two: tuple[float, float] = parameter((0.6, 1.25), unit=_OF_WINDOW, source=_WINDOWS)
+    inconsistency: tuple[float, float] = parameter((0.5, 1.1), unit=_OF_WINDOW, source=_WINDOWS)
+    point_dropout: tuple[float, float] = parameter((0.8, 1.0), unit=_OF_WINDOW, source=_WINDOWS)
+    others: tuple[float, float] = parameter((0.6, 1.1), unit=_OF_WINDOW, source=_WINDOWS)
 
 
 @dataclass(frozen=True)
@@ -197,4 +227,6 @@ LIKELIHOOD = Likelihood()
 THROWN_LIGHT = ThrownLight()
 UNCOLOURED_LIGHT = UncolouredLight()
 INCIDENTS = Incidents()
+DRIVE_LEVEL = DriveLevel()
+STRETCHES = Stretches()
 ALERTS = Alerts()

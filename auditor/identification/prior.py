@@ -5,12 +5,11 @@ score) is the mean of its drive and a deviation within the drive of standard dev
 from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
 tell little about the next one, however many frames they have: its standard deviation is
 sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives. Rare values lie farther out than a normal distribution's; the
-prior says by which factor, and deviations are given times it. A drive that is judged shows its own level too: what most
-frames of its busier stretches of road have, attacks being brief.
+prior says by which factor, and deviations are given times it.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from math import exp, inf, sqrt
 from statistics import NormalDist
@@ -52,13 +51,6 @@ class Prior(NamedTuple):
     within: float
     between: float
     tail: float = 1.0
-
-
-class OwnLevel(NamedTuple):
-    """The level of the drive that is judged, and how many independent frames its values are worth."""
-
-    level: float
-    worth: float
 
 
 class DriveValues(NamedTuple):
@@ -169,35 +161,6 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
         of_any_drive = max(of_any_drive, HIERARCHY.narrowest_of_any**2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
     return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
-
-
-def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
-    """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any.
-
-    `of_stretches` (P,) are the medians of those of its stretches of road in which some were measured. Beside leaves or
-    water a check shows more for seconds than most of the road, so the level is that of the busier stretches.
-    """
-    known = values[~np.isnan(values)]
-    if not known.size:
-        return None
-    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(known))
-
-
-def of_drive(one: Expected, own: OwnLevel | None, limit: float) -> Expected:
-    """What is expected of the frames of the drive that is judged.
-
-    Its level shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
-    since its later scenes may differ as drives do. A drive that is attacked for long would hide that in its level: so
-    what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
-    """
-    if own is None or limit <= 0:
-        return one
-    between = one.between**2
-    of_median = HIERARCHY.of_median * one.within**2 / own.worth
-    learnt = between / (between + of_median)
-    deviation = sqrt(one.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
-    mean = one.mean + learnt * (own.level - one.mean)
-    return replace(one, mean=min(mean, one.mean + limit * (one.deviation - deviation)), deviation=deviation)
 
 
 def joint_limit(r: float, checks: int) -> float:

@@ -4,14 +4,14 @@
 2. The scores of a frame name the attacked sensors (`naming`).
 3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
-5. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.
+5. Stretches of a second are judged as frames are: what is weak and lasts makes an incident as well (`stretches`).
+6. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.
 
 Where the calibration changes within a recording, each rig has measurements of its own: they are judged as portions of
 one series, so that no change of a rig ends an attack.
 """
 
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -21,7 +21,8 @@ from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import (
+from auditor.identification.incidents.events import held_of, with_lasting
+from auditor.identification.incidents.sequential import (
     Event,
     Evidence,
     alerts,
@@ -34,10 +35,7 @@ from auditor.identification.incidents import (
     periods_of,
     strong_frames,
 )
-from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
-from auditor.identification.prior import joint_limit
-from auditor.identification.scores import normalised_scores
-from auditor.identification.series import (
+from auditor.identification.incidents.series import (
     BACKGROUND_CHECKS,
     FrameSeries,
     Portion,
@@ -45,11 +43,22 @@ from auditor.identification.series import (
     levels_before,
     on_one_line,
 )
+from auditor.identification.incidents.stretches import (
+    LastingEvent,
+    lasting_events,
+    seconds_of,
+    series_of,
+    thresholds_of,
+    windows_of,
+)
+from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
+from auditor.identification.prior import joint_limit
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
-from auditor.model.verdict import FINDINGS, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
+from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
 _ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
 """Findings that no other cause explains as well."""
@@ -104,15 +113,26 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     audited = np.concatenate([judge.audited for judge in judges])[order]
     thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.score)
     incidents = events(evidence, raised, thresholds.score)
-    needed = {*wanted, *np.flatnonzero(raised).tolist(), *(place for one in incidents for place in one.frames)}
+    lasting = _lasting(judges, order)
+    needed = {
+        *wanted,
+        *np.flatnonzero(raised).tolist(),
+        *(place for one in incidents for place in one.frames),
+        *(place for one in lasting for place in one.frames),
+    }
     verdicts = _verdicts_of(judges, order, needed)
     incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.score)]
-    held = _flags(len(raised), (place for one in incidents for place in one.frames))
+    found = with_lasting([held_of(one, verdicts, evidence) for one in incidents], lasting)
+    held = _flags(len(raised), (place for one in found for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    others = alerts(raised, accusing, audited, strong, held, float(thresholds.r))
-    for number, event in enumerate(sorted([*incidents, *others], key=lambda one: one.frames[0]), 1):
-        verdicts.update(_with_findings(event, number, verdicts, evidence))
+    others = [
+        held_of(one, verdicts, evidence) for one in alerts(raised, accusing, audited, strong, held, float(thresholds.r))
+    ]
+    for number, event in enumerate(sorted([*found, *others], key=lambda one: one.first), 1):
+        for place, frame in event.frames.items():
+            finding = Finding(*frame.held_for, number, event.alert, frame.added)
+            verdicts[place] = replace(verdicts[place], finding=finding)
     return verdicts
 
 
@@ -122,15 +142,15 @@ def _flags(frames: int, places: Iterable[int]) -> Flags:
     return flags
 
 
-def _with_findings(
-    event: Event, number: int, verdicts: Mapping[int, Verdict], evidence: Evidence
-) -> Iterator[tuple[int, Verdict]]:
-    """The verdicts on the frames of an event, with what the frames are held for."""
-    added = evidence.added[list(event.frames)].tolist()
-    own = [verdicts[place] for place in event.frames]
-    names = [(one.kind, one.attacked) for one in own] if event.alert else _names(own, added)
-    for place, verdict, (kind, attacked), more in zip(event.frames, own, names, added, strict=True):
-        yield place, replace(verdict, finding=Finding(kind, attacked, number, event.alert, more))
+def _lasting(judges: Sequence["_Judge"], order: Integers) -> list[LastingEvent]:
+    """The events of the judges' stretches, whose frames are places of the series that the judges' frames make."""
+    begins = np.cumsum([0, *(judge.frames for judge in judges)])
+    places = np.argsort(order, kind="stable")
+    return [
+        replace(event, frames=tuple(sorted(places[begin + np.array(event.frames)].tolist())))
+        for judge, begin in zip(judges, begins.tolist(), strict=False)
+        for event in judge.lasting()
+    ]
 
 
 def _verdicts_of(judges: Sequence["_Judge"], order: Integers, needed: Collection[int]) -> dict[int, Verdict]:
@@ -171,6 +191,7 @@ class _Judge:
         self, series: FrameSeries, system: System, thresholds: RobustThresholds, *, without_causes: bool = False
     ) -> None:
         self._series, self._system, self.thresholds = series, system, thresholds
+        self._without_causes = without_causes
         self.frames = len(series.stamps_ns)
         expected = [thresholds.expected.get(check) for check in system.sensor_checks]
         self._z = normalised_scores(series.statistics, expected)
@@ -213,6 +234,26 @@ class _Judge:
             beyond[rising] = np.maximum(own, of_faults[rising, None])
         return of_sensors(whole, beyond, explained, checks)
 
+    def lasting(self) -> list[LastingEvent]:
+        """The events of the stretches of these frames."""
+        windows = windows_of(self._series.stamps_ns, self._series.runs)
+        if not len(windows.first):
+            return []
+        seconds = seconds_of(windows, self._series.stamps_ns)
+        thresholds = thresholds_of(self.thresholds, self._system.judged_together, seconds)
+        judge = _Judge(series_of(self._series, windows), self._system, thresholds, without_causes=self._without_causes)
+        return lasting_events(windows, self._series.runs, judge.accusing())
+
+    def accusing(self) -> dict[int, tuple[Verdict, float]]:
+        """The verdicts that say attacked or unidentified, by place, where several sensors vote; with z over the limit.
+
+        What only two cameras say, that nobody else can vote on, is no evidence in time.
+        """
+        beyond = sensor_scores(self._z, self._system, self._unused).max(axis=1) - self.thresholds.limit
+        places = np.flatnonzero(beyond > 0).tolist()
+        verdicts = self.verdicts(places)
+        return {place: (verdicts[place], float(beyond[place])) for place in places if verdicts[place].kind in _ACCUSING}
+
     def _background(self, places: Integers, periods_s: Floats, limit: float) -> Floats:
         """(P, M) by how much the `limit` of each check is raised, in frames at P places, by what it showed before."""
         columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
@@ -252,41 +293,6 @@ class _Judge:
     @cached_property
     def _bounds(self) -> tuple[Indices, Indices]:
         return bounds_nearby(self._series.stamps_ns, self._series.runs)
-
-
-def _names(verdicts: Sequence[Verdict], added: Sequence[float]) -> list[tuple[VerdictKind, tuple[int, ...]]]:
-    """What each frame of an incident is held for: what most of its evidence speaks for.
-
-    Where a share of it names sensors that the likeliest set has none of, each frame is what it says itself, if another
-    frame says the same, and unidentified else: sensors may have been attacked in turn, and no innocent one is named.
-    """
-    likeliest = _likeliest(verdicts, added)
-    naming = [(one.attacked, more) for one, more in zip(verdicts, added, strict=True) if one.attacked]
-    others = sum(more for attacked, more in naming if set(attacked).isdisjoint(likeliest[1]))
-    if not likeliest[1] or others <= INCIDENTS.contested_share * sum(more for _, more in naming):
-        return [likeliest] * len(verdicts)
-    times = Counter(attacked for attacked, _ in naming)
-    return [
-        (VerdictKind.ATTACKED, one.attacked) if times[one.attacked] > 1 else (VerdictKind.UNIDENTIFIED, ())
-        for one in verdicts
-    ]
-
-
-def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:
-    """The kind and the attacked sensors that most of an event's evidence speaks for.
-
-    The evidence of a frame speaks for what its own verdict says; that of a frame without a finding for nothing. Where
-    its sensors cannot be named it speaks for its likeliest set, if other frames of the event name that.
-    """
-    named = {verdict.attacked for verdict in verdicts if verdict.kind is VerdictKind.ATTACKED}
-    votes: dict[tuple[VerdictKind, tuple[int, ...]], float] = defaultdict(float)
-    for verdict, more in zip(verdicts, added, strict=True):
-        likeliest = verdict.alternatives[0].attacked if verdict.alternatives else ()
-        if verdict.kind is VerdictKind.UNIDENTIFIED and likeliest in named:
-            votes[VerdictKind.ATTACKED, likeliest] += more
-        elif verdict.kind in FINDINGS:
-            votes[verdict.kind, verdict.attacked] += more
-    return max(votes.items(), key=lambda one: one[1])[0]
 
 
 def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequence[tuple[FaultHypothesis, ...]]:

@@ -11,26 +11,22 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from auditor.identification.causes.faults import FAULTS, TONES, faults_of
-from auditor.identification.incidents import incident_limit
+from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
     Drives,
     DriveValues,
-    OwnLevel,
     drive_values,
     expected,
     expected_after,
     joint_limit,
     log_odds,
-    of_drive,
-    own_level,
     prior_of_cause,
     prior_of_check,
 )
-from auditor.identification.statistics import stretch_medians
 from auditor.identification.thresholds import checked
-from auditor.model.arrays import Flags, Floats, Integers
+from auditor.model.arrays import Flags, Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Cause, CauseIn
@@ -47,9 +43,6 @@ _LOCALISED_FROM: Mapping[Check, float] = {
 
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
 """By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
-
-_OWN_LEVELS: WeakKeyDictionary[CleanFrames, dict[SensorCheck, OwnLevel | None]] = WeakKeyDictionary()
-"""By drive: its own level of each check, so that it is judged by many thresholds without being looked at again."""
 
 
 def thresholds_from(
@@ -187,39 +180,6 @@ class CleanDrives:
             return 0.0
         measured = self._largest[cause].without(gone)
         return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
-
-
-def for_drive(
-    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
-) -> RobustThresholds:
-    """The thresholds for the drive that is judged: what is expected of its own frames, and of attacked copies of them.
-
-    Its `statistics` are (F, M), those of frames at `stamps_ns` (F,).
-    """
-    return _with_own(thresholds, _own_levels(sensor_checks, statistics, stamps_ns))
-
-
-def for_clean_drive(
-    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], one: CleanFrames
-) -> RobustThresholds:
-    """As `for_drive`, for a recording that is judged by many thresholds."""
-    own = _OWN_LEVELS.setdefault(one, {})
-    if new := [check for check in sensor_checks if check not in own]:
-        own.update(_own_levels(new, one.statistics_of(new), one.stamps_ns))
-    return _with_own(thresholds, {check: own[check] for check in sensor_checks})
-
-
-def _own_levels(
-    sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
-) -> dict[SensorCheck, OwnLevel | None]:
-    columns = log_odds(statistics).T
-    return dict(zip(sensor_checks, map(own_level, columns, stretch_medians(columns, stamps_ns)), strict=True))
-
-
-def _with_own(thresholds: RobustThresholds, own: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:
-    """Thresholds that know a drive's own levels."""
-    found = {check: of_drive(one, own.get(check), thresholds.limit) for check, one in thresholds.expected.items()}
-    return replace(thresholds, expected=found)
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:

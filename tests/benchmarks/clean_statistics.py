@@ -3,7 +3,7 @@
 The prior of the thresholds is fitted to these (`python -m tests.benchmarks.prior`), and the published rates are counted
 from them (`python -m tests.benchmarks.rates`). A scene that is there already is not measured again:
 
-    python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked]
+    python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked [--constant]]
     python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
 
 With --stretch 40 80 frames 40 to 79 of each source are measured alone.
@@ -21,6 +21,7 @@ import numpy as np
 
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
+from auditor.lab.attacks.spoofing import RandomRanges
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
@@ -36,8 +37,14 @@ DRIVES = {
     "0001": "kitti_raw_2011_09_26_drive_0001/2011_09_26/2011_09_26_drive_0001_sync",
     "04": "kitti_odometry_04/sequences/04",
 }
+_SECTOR_DEG = 8.0
 _WALLS_M = {"wall 2.5 m": 2.5, "wall 1 m": 1.0}
-_FACULAS = {"R 75 mild": (75.0, 255.0), "R 75 opaque": (75.0, 2000.0), "R 112 mild": (112.0, 255.0)}
+_FACULAS = {
+    "R 50 mild": (50.0, 255.0),
+    "R 75 mild": (75.0, 255.0),
+    "R 75 opaque": (75.0, 2000.0),
+    "R 112 mild": (112.0, 255.0),
+}
 
 
 def case_of(measurement: Measurement, rig: Rig, attack: str = "", attacked: tuple[int, ...] = ()) -> Case:
@@ -88,12 +95,17 @@ def attacks_on(frame: Frame, rig: Rig, rng: np.random.Generator) -> Iterator[tup
         walls["wall 2.5 m at 20 m"] = replace(wall, range_m=20.0)
         for name, one in walls.items():
             yield name, (LIDAR,), replace(frame, cloud=one.apply(frame.cloud, rig))
+        gone = RandomRanges(_SECTOR_DEG, rng.uniform(-15, 15), lost=1.0, farthest_m=100.0)
+        yield "sector of 8 deg gone", (LIDAR,), replace(frame, cloud=gone.apply(frame.cloud, rig))
 
 
-def measured(frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, every: int = 1) -> Iterator[Case]:
-    """The cases of a drive: every frame as it is, and every so many under attacks."""
+def measured(
+    frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, every: int = 1, constant: bool = False
+) -> Iterator[Case]:
+    """The cases of a drive: every frame as it is, and every so many under attacks, drawn anew unless `constant`."""
     features, rng = FaultFeatures(), np.random.default_rng(seed)
     for place, frame in enumerate(frames):
+        rng = np.random.default_rng(seed) if constant else rng
         clean, arrays = measure(frame, rig, MATCHER)
         yield case_of(replace(clean, fault_features=features.update(arrays)), rig)
         if attacked and place % every == 0:
@@ -109,6 +121,7 @@ def scene_of(
     attacked: bool,
     every: int = 1,
     stretch: tuple[int, int | None] = (0, None),
+    constant: bool = False,
 ) -> Scene:
     """Measure a source, or a stretch of it: from a frame to before another."""
     with source.open(colour=True) as drives:
@@ -122,7 +135,8 @@ def scene_of(
                     yield item
 
         seed = zlib.crc32(name.encode())
-        cases = tuple(measured(frames(), drive.rig, attacked=attacked, seed=seed, every=every))
+        drawn = measured(frames(), drive.rig, attacked=attacked, seed=seed, every=every, constant=constant)
+        cases = tuple(drawn)
         return Scene(name, family, drive.rig, "".join(kinds[n] for n in sorted(kinds)), cases)
 
 
@@ -136,6 +150,7 @@ def main() -> None:
     parser.add_argument("--cameras", type=int, default=4)
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--attacked", action="store_true")
+    parser.add_argument("--constant", action="store_true", help="an attack is the same in all frames of a drive")
     parser.add_argument("--every", type=int, default=1, help="frames, of which one is attacked")
     parser.add_argument("--stretch", type=int, nargs=2, default=(0, None), help="first frame, and one past the last")
     options = parser.parse_args()
@@ -151,7 +166,13 @@ def main() -> None:
         path = options.into / f"{name}.scene"
         if not path.exists():
             scene = scene_of(
-                source, name, family, attacked=options.attacked, every=options.every, stretch=tuple(options.stretch)
+                source,
+                name,
+                family,
+                attacked=options.attacked,
+                every=options.every,
+                stretch=tuple(options.stretch),
+                constant=options.constant,
             )
             path.write_bytes(pickle.dumps(scene))
             print(f"{name}: {len(scene.cases)} cases, {family}, cameras {scene.kinds}", flush=True)

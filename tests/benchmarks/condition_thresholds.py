@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.cross_validation import as_scanned, thresholds_of
+from auditor.identification.drive_level import for_clean_drive
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import OFFSET, log_odds
 from auditor.identification.refreshing.clustered import difference_of, share_of
 from auditor.identification.robust import findings_alone
-from auditor.identification.scores import for_clean_drive
-from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import SensorCheck

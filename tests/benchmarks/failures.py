@@ -20,8 +20,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.prior import statistic_at
-from auditor.identification.scores import for_clean_drive, normalised_scores
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import IMAGE_WINDOW, WindowMeans, vote, window_means_of
 from auditor.identification.systems import System
 from auditor.lab.evaluation.sources import Street

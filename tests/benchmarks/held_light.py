@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from auditor.identification.drive_level import for_clean_drive
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import for_clean_drive
-from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.rates import ByOtherFamilies, brightness_of, clean_frames, frames_of, system_of

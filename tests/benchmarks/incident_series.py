@@ -20,13 +20,14 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.cross_validation import count_incidents, hours_of
+from auditor.identification.drive_level import for_clean_drive, for_drive
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import evidence_of, frame_worth, periods_of
+from auditor.identification.incidents.sequential import evidence_of, frame_worth, periods_of
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.robust import clean_peaks, judge_frames
-from auditor.identification.scores import for_clean_drive, for_drive, normalised_scores
-from auditor.identification.series import FrameSeries
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds

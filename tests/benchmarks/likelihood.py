@@ -29,6 +29,7 @@ import torch
 
 from auditor.identification import evidence_parameters, likelihood, parameters
 from auditor.identification.algorithm2 import FEWEST_COMPARED
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.likelihood import (
     AttackSet,
     attack_sets,
@@ -39,7 +40,7 @@ from auditor.identification.likelihood import (
 )
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import effective_size
-from auditor.identification.scores import for_clean_drive, normalised_scores
+from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Integers
 from auditor.model.rig import LIDAR

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import ObservedFeatures, fault_scores
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
-from auditor.identification.series import FrameSeries
 from auditor.identification.statistics import sensor_statistics
 from auditor.identification.systems import System
 from auditor.lab.simulation.conditions import CONDITIONS

@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.causes.faults import ObservedFeatures, fault_scores
+from auditor.identification.drive_level import for_drive
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import for_drive, thresholds_from
-from auditor.identification.series import FrameSeries
+from auditor.identification.scores import thresholds_from
 from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold

@@ -5,9 +5,9 @@ from decimal import Decimal
 
 import numpy as np
 
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
-from auditor.identification.series import FrameSeries
 from auditor.model.calibration import CleanFrames
 from auditor.model.rig import Rig
 from auditor.model.verdict import Verdict

@@ -25,9 +25,10 @@ import numpy as np
 import torch
 
 from auditor.identification.causes.light_causes import Seen, seen_of
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.naming import name_attacked
-from auditor.identification.scores import for_clean_drive, normalised_scores
+from auditor.identification.scores import normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
 from auditor.lab.evaluation.sources import Recorded, Street

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.incidents import events, evidence_of, incident_limit, periods_of
+from auditor.identification.drive_level import for_clean_drive
+from auditor.identification.incidents.sequential import events, evidence_of, incident_limit, periods_of
 from auditor.identification.naming import attack_scores
 from auditor.identification.parameters import SCORE_LIMITS
-from auditor.identification.scores import for_clean_drive, normalised_scores
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import runs_of, sensor_statistics
 from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula, draw_wall

@@ -13,7 +13,7 @@ from auditor.identification.cross_validation import (
     robust_thresholds,
     wilson,
 )
-from auditor.identification.incidents import incident_limit
+from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import (
+from auditor.identification.incidents.sequential import (
     Event,
     Evidence,
     apart,
@@ -19,9 +19,9 @@ from auditor.identification.incidents import (
     periods_of,
     strong_frames,
 )
+from auditor.identification.incidents.series import background, levels_before
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
-from auditor.identification.series import background, levels_before
 from auditor.identification.statistics import runs_of
 
 CHECKS = 25

@@ -6,17 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.errors import SettingError
-from auditor.identification.incidents import incident_limit
+from auditor.identification.drive_level import for_drive
+from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.parameters import FAULT_SCALE
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import (
-    CleanDrives,
-    fault_scale,
-    for_drive,
-    normalised_scores,
-    thresholds_from,
-    worth_localising,
-)
+from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, thresholds_from, worth_localising
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from auditor.identification.cross_validation import robust_thresholds
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import judge_frames
-from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.identification.thresholds import thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames

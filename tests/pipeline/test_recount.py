@@ -97,7 +97,7 @@ def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, 
         run(["calibrate", str(store.folder.parent / "drive.mcap"), "--store", folder, "--frames", "0:2", "--recount"])
         == 0
     )
-    assert run(["judge", folder, "-r", "0.2", "--recount"]) == 1, "its last frames are attacked"
+    assert run(["judge", folder, "-r", "0.01", "--recount"]) == 1, "its last frames are attacked"
     assert store.current_judgements()[measurement].recounted
     assert run(["judge", folder, "-r", "0", "--recount", "--method", "paper"]) == 2
     assert "--recount: the paper's method has no statistics that come from cells" in capfd.readouterr().err

@@ -6,7 +6,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.drive_level import for_drive
+from auditor.identification.scores import thresholds_from
 from auditor.lab.evaluation import judge_cases
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql

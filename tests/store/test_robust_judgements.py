@@ -6,11 +6,11 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import statistic_at
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import normalised_scores
-from auditor.identification.series import FrameSeries
 from auditor.identification.systems import System
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks

@@ -9,12 +9,12 @@ from math import sqrt
 import numpy as np
 
 from auditor.identification.cross_validation import wilson
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import Share, difference_of, share_of
 from auditor.identification.refreshing.drives import Shown
-from auditor.identification.scores import for_clean_drive
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import SensorCheck

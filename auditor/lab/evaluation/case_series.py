@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
-from auditor.identification.series import FrameSeries
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.drive_level import for_drive
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import for_drive
 from auditor.identification.systems import System
 from auditor.lab.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.lab.evaluation.experiments import scenario_1

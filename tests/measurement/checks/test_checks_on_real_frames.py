@@ -10,8 +10,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from auditor.identification.drive_level import for_drive
 from auditor.identification.naming import name_attacked
-from auditor.identification.scores import for_drive, normalised_scores, thresholds_from
+from auditor.identification.scores import normalised_scores, thresholds_from
 from auditor.identification.statistics import CONFLICT_WINDOW, fitted, window_sums
 from auditor.identification.systems import System
 from auditor.lab.attacks.faults import HiddenSector

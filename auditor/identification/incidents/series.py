@@ -12,7 +12,7 @@ import numpy as np
 
 from auditor.identification.causes.faults import frozen, repeated
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents import periods_of
+from auditor.identification.incidents.sequential import periods_of
 from auditor.identification.statistics import NANOSECONDS, runs_of
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers

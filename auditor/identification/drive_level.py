@@ -1,0 +1,156 @@
+"""The level of the drive that is judged: how far its own frames may say what is usual of it.
+
+The level of a check in a drive is a random effect: the drive's own, which all cameras of one group share, and the
+sensor's own beside it. Frames of the drive show their sum. They are believed where clean drives have such a sum.
+Where they have not, an attack may have lasted: then the other cameras of the group say what the drive is like, or
+the prior does where there are none. So a lasting attack on some sensors never becomes usual.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from math import sqrt
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from auditor.identification.evidence_parameters import DRIVE_LEVEL
+from auditor.identification.parameters import HIERARCHY
+from auditor.identification.prior import effective_size, log_odds, prior_of_check
+from auditor.identification.statistics import stretch_medians
+from auditor.model.arrays import Floats, Integers
+from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
+from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.rig import LIDAR
+
+
+class OwnLevel(NamedTuple):
+    """The level of a check in the drive that is judged, and how many independent frames its values are worth."""
+
+    level: float
+    worth: float
+
+
+@dataclass(frozen=True)
+class Group:
+    """What the other cameras of a group show: their level, less what was expected of them, and its deviation."""
+
+    offset: float
+    spread: float
+
+
+def for_drive(
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
+) -> RobustThresholds:
+    """The thresholds for the drive that is judged: what is expected of its own frames, and of attacked copies of them.
+
+    Its `statistics` are (F, M), those of frames at `stamps_ns` (F,).
+    """
+    return _with_own(thresholds, _own_levels(sensor_checks, statistics, stamps_ns))
+
+
+_OWN_LEVELS: WeakKeyDictionary[CleanFrames, dict[SensorCheck, OwnLevel | None]] = WeakKeyDictionary()
+"""By drive: its own level of each check, so that it is judged by many thresholds without being looked at again."""
+
+
+def for_clean_drive(
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], drive: CleanFrames
+) -> RobustThresholds:
+    """As `for_drive`, for a recording that is judged by many thresholds."""
+    levels = _OWN_LEVELS.setdefault(drive, {})
+    if missing := [check for check in sensor_checks if check not in levels]:
+        levels.update(_own_levels(missing, drive.statistics_of(missing), drive.stamps_ns))
+    return _with_own(thresholds, {check: levels[check] for check in sensor_checks})
+
+
+def _own_levels(
+    sensor_checks: Sequence[SensorCheck], statistics: Floats, stamps_ns: Integers
+) -> dict[SensorCheck, OwnLevel | None]:
+    columns = log_odds(statistics).T
+    return dict(zip(sensor_checks, map(own_level, columns, stretch_medians(columns, stamps_ns)), strict=True))
+
+
+def _with_own(thresholds: RobustThresholds, levels: Mapping[SensorCheck, OwnLevel | None]) -> RobustThresholds:
+    """Thresholds that know a drive's own levels."""
+    offsets = {
+        check: own.level - thresholds.expected[check].mean
+        for check, own in levels.items()
+        if own is not None and check in thresholds.expected
+    }
+    expected = {
+        check: of_drive(
+            usual, levels.get(check), thresholds.limit, prior_of_check(check).tail, group_of(check, offsets)
+        )
+        for check, usual in thresholds.expected.items()
+    }
+    return replace(thresholds, expected=expected)
+
+
+def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
+    """The level of the drive that is judged, whose values are (F,), NaN where not measured; None without any.
+
+    `of_stretches` (P,) are the medians of those of its stretches of road in which some were measured. Beside leaves or
+    water a check shows more for seconds than most of the road, so the level is that of the busier stretches.
+    """
+    measured = values[~np.isnan(values)]
+    if not measured.size:
+        return None
+    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(measured))
+
+
+def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> Group | None:
+    """What the other cameras that a check compares show by the same check; None of the LiDAR, and where none does.
+
+    It is the lower median of their `offsets`, each by all others of the group: attacks only raise levels, and the
+    attacked cameras are fewer. A group that lies below what was expected says nothing: what is
+    added to one camera is missing to the others.
+    """
+    others = sorted(offsets[other] for other in _others_of(check) if other in offsets)
+    return Group(max(others[(len(others) - 1) // 2], 0.0), _spread_of(check)) if others else None
+
+
+def _spread_of(check: SensorCheck) -> float:
+    """The deviation of a camera's level beside that of its group; in small ones one camera is often of another kind."""
+    if check.check not in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT):
+        return DRIVE_LEVEL.others
+    return DRIVE_LEVEL.light if len(check.others) > FEWEST_VOTERS else DRIVE_LEVEL.light_of_two
+
+
+@cache
+def _others_of(check: SensorCheck) -> tuple[SensorCheck, ...]:
+    """The same check of each other camera of its group."""
+    if check.sensor == LIDAR:
+        return ()
+    group = {check.sensor, *check.others}
+    return tuple(SensorCheck(check.check, other, tuple(sorted(group - {other}))) for other in check.others)
+
+
+def of_drive(
+    usual: Expected, own: OwnLevel | None, limit: float, tail: float = 1.0, group: Group | None = None
+) -> Expected:
+    """What is expected of the frames of the drive that is judged.
+
+    Its level shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
+    since its later scenes may differ as drives do. A level that lies farther above the group than clean drives do, or
+    without a group above the mean, says nothing: the deviation is then that of the group, or that between drives.
+    What lies `limit` deviations above the mean, a finding, is never farther away than without the drive's frames.
+    """
+    if own is None or limit <= 0:
+        return usual
+    offset, spread = (0.0, usual.between / tail) if group is None else (group.offset, group.spread)
+    if own.level - usual.mean - offset > DRIVE_LEVEL.farthest * spread:
+        if group is None:
+            return usual
+        of_group = sqrt(usual.within**2 + (tail * DRIVE_LEVEL.of_median * spread) ** 2)
+        return _no_farther(usual, usual.mean + offset, min(of_group, usual.deviation), limit)
+    between = usual.between**2
+    of_median = HIERARCHY.of_median * usual.within**2 / own.worth
+    learnt = between / (between + of_median)
+    deviation = sqrt(usual.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
+    return _no_farther(usual, usual.mean + learnt * (own.level - usual.mean), deviation, limit)
+
+
+def _no_farther(usual: Expected, mean: float, deviation: float, limit: float) -> Expected:
+    """Another mean and deviation, by which no more is needed for a finding than is usual."""
+    return replace(usual, mean=min(mean, usual.mean + limit * (usual.deviation - deviation)), deviation=deviation)

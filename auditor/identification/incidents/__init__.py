@@ -1,0 +1,1 @@
+"""From frames to incidents: a sequential test on frames, stretches of them, and the events that both make."""

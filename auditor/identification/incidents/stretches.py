@@ -1,0 +1,221 @@
+"""Whole stretches of a recording, judged as frames are: what is constant for a second counts, however weak it is.
+
+A stretch is a window of successive frames, and each value of it is the median of theirs. Medians of clean stretches
+differ far less than frames do, and rare frames do not move them. So the same scores, the same naming and the same
+causes read a stretch as they read a frame, with smaller deviations and a limit of its own.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from math import sqrt
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
+from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.prior import joint_limit, prior_of_check
+from auditor.identification.statistics import NANOSECONDS
+from auditor.model.arrays import Flags, Floats, Integers
+from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.verdict import Verdict, VerdictKind
+
+_AT_ONCE = 512
+"""Windows whose values are in memory at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """W windows over F frames: the first frame of each and the one after its last, both (W,)."""
+
+    first: Integers
+    end: Integers
+
+    @property
+    def middle(self) -> Integers:
+        """(W,) the frame in the middle of each."""
+        return (self.first + self.end) // 2
+
+
+@dataclass(frozen=True)
+class LastingEvent:
+    """The frames (their places) in which the same sensors were held for attacked over whole stretches.
+
+    `strength` is by how much z the strongest stretch exceeded the limit, `half` is half of the frames of a stretch.
+    """
+
+    frames: tuple[int, ...]
+    kind: VerdictKind
+    attacked: tuple[int, ...]
+    strength: float
+    half: int
+
+
+def windows_of(stamps_ns: Integers, runs: Integers) -> Windows:
+    """All windows of a stretch's length within the runs (F,) of frames with such stamps (F,).
+
+    A window has the frames of `seconds`, a few at least. A run of fewer frames has none, and one that is shorter than a
+    window is one.
+    """
+    firsts, ends = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    bounds = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), len(runs)]
+    for begin, end in pairwise(bounds):
+        if end - begin < STRETCHES.fewest_frames:
+            continue
+        period_s = max(float(np.median(np.diff(stamps_ns[begin:end]))), 1.0) / NANOSECONDS
+        frames = min(max(round(STRETCHES.seconds / period_s), STRETCHES.fewest_frames), end - begin)
+        first = np.arange(begin, end - frames + 1)
+        firsts.append(first)
+        ends.append(first + frames)
+    return Windows(np.concatenate(firsts), np.concatenate(ends))
+
+
+def series_of(series: FrameSeries, windows: Windows) -> FrameSeries:
+    """The windows of a series as a series: each value is the median of its frames, and each flag that of most."""
+    middle = windows.middle
+
+    def medians(values: Floats) -> Floats:
+        return _of_windows(np.asarray(values, dtype=np.float64)[:, None], windows)[:, 0]
+
+    return FrameSeries(
+        series.stamps_ns[middle],
+        series.runs[middle],
+        _of_windows(series.statistics, windows),
+        _of_windows(series.present.astype(np.float64), windows) > 0.5,
+        _of_windows(series.frozen.astype(np.float64), windows) > 0.5,
+        {cause: medians(values) for cause, values in series.fault_scores.items()},
+        {key: medians(values) for key, values in series.brightness.items()},
+        periods_s=None if series.periods_s is None else series.periods_s[middle],
+    )
+
+
+def _of_windows(values: Floats, windows: Windows) -> Floats:
+    """(W, C) the medians of columns (F, C); NaN where fewer than half of a window's values were measured."""
+    medians = np.full((len(windows.first), values.shape[1]), np.nan)
+    lengths = windows.end - windows.first
+    for length in np.unique(lengths).tolist():
+        view = sliding_window_view(values, length, axis=0)
+        places = np.flatnonzero(lengths == length)
+        for at in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
+            ordered = np.sort(view[windows.first[at]], axis=-1)  # NaN last
+            measured = np.count_nonzero(~np.isnan(ordered), axis=-1)
+            lower, upper = (np.maximum(measured - 1, 0) // 2, measured // 2)
+            middle = sum(np.take_along_axis(ordered, one[..., None], axis=-1)[..., 0] for one in (lower, upper)) / 2
+            medians[at] = np.where(2 * measured > length, middle, np.nan)
+    return medians
+
+
+def thresholds_of(thresholds: RobustThresholds, checks: int, seconds: float) -> RobustThresholds:
+    """What is expected of windows of so many seconds, and the limit that one of so many checks exceeds too rarely.
+
+    That is as often as false incidents are allowed.
+    """
+    per_hour = INCIDENTS.per_hour if thresholds.incidents_per_hour is None else thresholds.incidents_per_hour
+    rate = max(per_hour, INCIDENTS.fewest_per_hour) * seconds / 3600
+    expected = {check: of_stretch(check, usual) for check, usual in thresholds.expected.items()}
+    return replace(thresholds, limit=joint_limit(rate, checks), expected=expected)
+
+
+def of_stretch(check: SensorCheck, usual: Expected) -> Expected:
+    """What is expected of the median of a stretch, by what is expected of a frame.
+
+    The deviation between drives is that of frames; the one within drives is a share of theirs, and the tail is its own.
+    """
+    prior, (within, tail) = prior_of_check(check), _shape_of(check)
+    between = max(usual.deviation**2 - usual.within**2, 0.0)
+    return replace(usual, deviation=tail * sqrt(between + (within * usual.within) ** 2) / prior.tail)
+
+
+def _shape_of(check: SensorCheck) -> tuple[float, float]:
+    """The share of a frame's deviation within drives, and the tail, of a check's stretches."""
+    small = len(check.others) <= FEWEST_VOTERS
+    return {
+        Check.LIDAR_CONFLICT: STRETCHES.conflict,
+        Check.ADDED_LIGHT: STRETCHES.light,
+        Check.REMOVED_LIGHT: STRETCHES.darkness_of_two if small else STRETCHES.light,
+        Check.PHOTOMETRIC_INCONSISTENCY: STRETCHES.inconsistency,
+        Check.POINT_DROPOUT: STRETCHES.point_dropout,
+    }.get(check.check, STRETCHES.others)
+
+
+def lasting_events(
+    windows: Windows, runs: Integers, verdicts: Mapping[int, tuple[Verdict, float]]
+) -> list[LastingEvent]:
+    """The events of windows that are findings, in the order of time.
+
+    `verdicts` are those of windows that say attacked or unidentified, by place, each with its z above the limit. An
+    event goes from the middle of its first window to that of its last, or to the end of the run where there the
+    windows end. Where windows that follow one another name other sensors, they are events of their own.
+    """
+    return [
+        event for group in _close_by(windows, sorted(verdicts)) for event in _of_group(windows, runs, group, verdicts)
+    ]
+
+
+def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
+    """The places of windows in groups whose windows overlap."""
+    group: list[int] = []
+    for place in places:
+        if group and windows.first[place] >= windows.end[group[-1]]:
+            yield group
+            group = []
+        group.append(place)
+    if group:
+        yield group
+
+
+def _of_group(
+    windows: Windows, runs: Integers, group: Sequence[int], verdicts: Mapping[int, tuple[Verdict, float]]
+) -> Iterator[LastingEvent]:
+    names = _names([verdicts[place][0].attacked for place in group])
+    for attacked, members in groupby(zip(names, group, strict=True), key=lambda pair: pair[0]):
+        places = [place for _, place in members]
+        kind = VerdictKind.ATTACKED if attacked else VerdictKind.UNIDENTIFIED
+        strength = max(verdicts[place][1] for place in places)
+        half = int(windows.end[places[0]] - windows.first[places[0]]) // 2
+        yield LastingEvent(_frames(windows, runs, places[0], places[-1]), kind, attacked, strength, half)
+
+
+def _names(attacked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The sensors that each of successive windows is held for.
+
+    They are those that most windows name, unless a large share names sensors that are none of them: then each window
+    is held for what it names, and one that names none for what the window before names.
+    """
+    named = [one for one in attacked if one]
+    if not named:
+        return [()] * len(attacked)
+    likeliest = max(dict.fromkeys(named), key=named.count)
+    others = sum(set(one).isdisjoint(likeliest) for one in named)
+    if others <= INCIDENTS.contested_share * len(named):
+        return [likeliest] * len(attacked)
+    names, before = [], named[0]
+    for one in attacked:
+        before = one or before
+        names.append(before)
+    return names
+
+
+def _frames(windows: Windows, runs: Integers, first: int, last: int) -> tuple[int, ...]:
+    """The frames from the middle of a window to that of another; to the run's ends where no windows lie beyond."""
+    middle, begin, end = windows.middle, int(windows.first[first]), int(windows.end[last])
+    begins = begin == 0 or runs[begin] != runs[begin - 1]
+    ends = end == len(runs) or runs[end] != runs[end - 1]
+    return tuple(range(begin if begins else int(middle[first]), end if ends else int(middle[last]) + 1))
+
+
+def seconds_of(windows: Windows, stamps_ns: Integers) -> float:
+    """The time that a usual window lasts, in seconds; 0 without any."""
+    if not len(windows.first):
+        return 0.0
+    lasts = stamps_ns[windows.end - 1] - stamps_ns[windows.first]
+    return float(np.median(lasts)) / NANOSECONDS
+
+
+def flags_of(places: Sequence[int], frames: int) -> Flags:
+    """(F,) which of so many frames are at these places."""
+    flags = np.zeros(frames, dtype=np.bool_)
+    flags[list(places)] = True
+    return flags

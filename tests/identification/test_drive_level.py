@@ -1,0 +1,66 @@
+"""How far the frames of the drive that is judged may say what is usual of it: never so far as an attack that lasts."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from auditor.identification.drive_level import Group, OwnLevel, for_drive, group_of, of_drive
+from auditor.identification.prior import prior_of_check, statistic_at
+from auditor.identification.scores import thresholds_from
+from auditor.model.calibration import Expected
+from auditor.model.checks import Check, SensorCheck
+
+USUAL = Expected(-2.0, 0.6, 0.3, 3, 100, between=0.5)
+LIGHT = [SensorCheck(Check.ADDED_LIGHT, s, tuple(t for t in (1, 2, 3, 4) if t != s)) for s in (1, 2, 3, 4)]
+LIMIT = 3.5
+
+
+def test_a_level_that_the_group_shares_is_the_drives_own():
+    own = of_drive(USUAL, OwnLevel(-1.2, 20.0), LIMIT, group=Group(0.7, 0.2))
+    assert own.mean == pytest.approx(-1.2, abs=0.1)
+
+
+def test_a_level_far_above_the_group_is_that_of_the_group():
+    own = of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT, group=Group(-0.1, 0.2))
+    assert own.mean == pytest.approx(-2.1)
+    assert own.deviation == pytest.approx(np.hypot(0.3, 1.2 * 0.2))
+
+
+def test_a_level_that_no_clean_drive_has_says_nothing_where_there_is_no_group():
+    assert of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT) == USUAL
+
+
+@pytest.mark.parametrize("level", [-1.9, -1.0, 0.0, 4.0])
+@pytest.mark.parametrize("group", [None, Group(0.0, 0.2), Group(1.5, 0.2)])
+def test_no_level_makes_more_necessary_for_a_finding(level, group):
+    own = of_drive(USUAL, OwnLevel(level, 20.0), LIMIT, group=group)
+    assert own.mean + LIMIT * own.deviation <= USUAL.mean + LIMIT * USUAL.deviation + 1e-9
+
+
+@pytest.mark.parametrize("attacked", [(1,), (3,), (1, 4)])
+def test_attacked_cameras_do_not_move_what_the_group_shows_of_them(attacked):
+    offsets = {check: 3.0 if check.sensor in attacked else 0.1 * check.sensor for check in LIGHT}
+    groups = [group_of(check, offsets) for check in LIGHT if check.sensor in attacked]
+    assert all(group.offset <= 0.4 for group in groups)
+
+
+def test_the_lidar_has_no_group_and_a_camera_none_of_unmeasured_ones():
+    conflict = SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3))
+    assert group_of(conflict, {conflict: 1.0}) is None
+    assert group_of(LIGHT[0], {LIGHT[0]: 1.0}) is None
+
+
+def test_light_in_all_frames_is_as_far_from_usual_as_in_one():
+    prior = thresholds_from((), LIGHT, 12, Decimal("0.01"))
+    clean = np.full((40, 4), statistic_at(-3.0))
+    attacked = clean.copy()
+    attacked[:, 1] = statistic_at(0.8)
+    stamps = np.arange(40) * 10**8
+    z = {}
+    for name, statistics in (("one frame", clean), ("all frames", attacked)):
+        usual = for_drive(prior, LIGHT, statistics, stamps).expected[LIGHT[1]]
+        z[name] = (0.8 - usual.mean) / usual.deviation
+    assert z["all frames"] > prior.limit
+    assert z["one frame"] / z["all frames"] < 1.6
+    assert prior_of_check(LIGHT[1]).tail > 1
