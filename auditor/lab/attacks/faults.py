@@ -3,14 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import Described
+from auditor.model.arrays import Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
-
-Points = NDArray[np.float32]
 
 _AZIMUTHS_DEG = (-35.0, 35.0)
 _ELEVATIONS_DEG = (-12.0, 1.0)

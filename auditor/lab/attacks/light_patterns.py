@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.attacks.paper import Described
+from auditor.model.arrays import Image
 from auditor.model.frames import CameraImage
 
 
@@ -18,7 +18,7 @@ class LaserPattern:
     """
 
     title: str
-    pixels: NDArray[np.uint8]
+    pixels: Image
 
     name = "pattern"
 

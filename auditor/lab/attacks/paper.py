@@ -7,9 +7,9 @@ Both are frozen descriptions that change a copy of the data they are given. All 
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
+from auditor.model.arrays import Mask, Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 
@@ -31,7 +31,6 @@ _NEAREST_M = 0.1
 _DENSITY_CELL = 0.02  # radians: an HDL-64 has about 15 directions in a cell
 _DENSITY_CELLS = 40
 _USUAL_STEPS = (0.003, 0.008)  # radians, where a cloud is too small to tell
-Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ class BogusWall(Described):
         added = _noisy(self._unreturned(points, outline, lower_m), rng) @ rotation
         return PointCloud(cloud.stamp_ns, np.concatenate([xyz, added]))
 
-    def _through(self, points: Points, lower_m: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _through(self, points: Points, lower_m: float) -> tuple[Mask, Mask]:
         """Which points lie behind the wall as the LiDAR sees it, and which lie inside its outline at any distance."""
         ahead = points[:, 2] > _NEAREST_M
         scale = np.float32(self.range_m) / np.where(ahead, points[:, 2], np.float32(np.inf))
@@ -127,7 +126,7 @@ class BogusWall(Described):
         inside &= (down >= lower_m - self.height_m) & (down <= lower_m)
         return inside & (points[:, 2] > self.range_m), inside
 
-    def _unreturned(self, points: Points, outline: NDArray[np.bool_], lower_m: float) -> Points:
+    def _unreturned(self, points: Points, outline: Mask, lower_m: float) -> Points:
         """(M, 3) points on the wall, on a grid as fine as the cloud, in those directions where the cloud has none."""
         step_right, step_down = (step * self.range_m for step in angular_steps(points))
         left_m, upper_m = self.lateral_m - self.width_m / 2, lower_m - self.height_m

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
+from auditor.model.arrays import Floats, Mask, Points
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import Rig
-
-Points = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 _HALF_WIDTH_M, _HALF_DEPTH_M = 1.1, 2.3  # of a box around a car
 _BESIDE_M = 0.5
@@ -136,7 +133,7 @@ def copied_wall(frame: Frame, rig: Rig, wall: BogusWall, camera: int, reference:
     return replace(frame, cloud=wall.apply(frame.cloud, rig), images=images)
 
 
-def _box_px(projection: NDArray[np.float64], corners_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
+def _box_px(projection: Floats, corners_m: Floats) -> tuple[int, int, int, int]:
     """Left, top, right and bottom pixel of two opposite corners (2, 3) in the rig."""
     u, v, w = projection[:, :3] @ corners_m.T + projection[:, 3:]
     left, right = np.rint(u / w).astype(int).tolist()

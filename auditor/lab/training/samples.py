@@ -9,7 +9,6 @@ from typing import ClassVar, overload
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor import __version__
 from auditor.errors import RecordingError, SettingError
@@ -20,6 +19,7 @@ from auditor.measurement.disparity.matchers.scoring import Sample
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import seen_by_both
 from auditor.measurement.pairwise_views import OF_TWO
+from auditor.model.arrays import Floats32
 from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
 from auditor.pipeline.measure import rigs_through
@@ -29,7 +29,6 @@ from auditor.safety.zips import UnsafeZipError, check_file
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
-Disparities = NDArray[np.float32]
 _STREET_FRAMES = 60
 _STREET_CAMERAS = 4
 _SUFFIX = ".npz"
@@ -148,8 +147,8 @@ def dense_sample(drive: SyntheticDrive, number: int) -> Sample:
     return drive.image(number, k).pixels, drive.image(number, i).pixels, _inside(disparity, source)
 
 
-def _inside(disparity: Disparities, source: Camera) -> Disparities:
-    """Disparities without those whose match lies outside the source camera's image, or behind it."""
+def _inside(disparity: Floats32, source: Camera) -> Floats32:
+    """Floats32 without those whose match lies outside the source camera's image, or behind it."""
     match = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     there = (disparity > 0) & (match >= 0) & (match < source.width_px)
     return np.where(there, disparity, np.float32(np.nan))

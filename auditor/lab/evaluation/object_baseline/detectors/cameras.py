@@ -12,8 +12,7 @@ from auditor.lab.evaluation.object_baseline.detectors.interface import Detection
 from auditor.lab.evaluation.object_baseline.detectors.networks import Network
 from auditor.lab.evaluation.object_baseline.detectors.outputs import Found
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps
-
-Image = NDArray[np.uint8]
+from auditor.model.arrays import Image
 
 _COLUMNS = {
     "xyxy": ("left", "top", "right", "bottom"),

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auditor.model.arrays import Floats32, Image
 from auditor.model.optics.geometry import Matrix
 
 
@@ -94,7 +94,7 @@ class Detector(Protocol):
 class CameraDetector(Detector, Protocol):
     """Finds objects in one camera's image."""
 
-    def detect(self, pixels: NDArray[np.uint8]) -> tuple[Detection, ...]:
+    def detect(self, pixels: Image) -> tuple[Detection, ...]:
         """The objects in an (H, W) grey or (H, W, 3) BGR image, in its pixels."""
         ...
 
@@ -102,6 +102,6 @@ class CameraDetector(Detector, Protocol):
 class CloudDetector(Detector, Protocol):
     """Finds objects in a point cloud."""
 
-    def detect(self, xyz_m: NDArray[np.float32], rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
+    def detect(self, xyz_m: Floats32, rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
         """The objects among (N, 3) points in the LiDAR frame, as boxes in the rig frame."""
         ...

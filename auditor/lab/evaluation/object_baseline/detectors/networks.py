@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from auditor.lab.evaluation.object_baseline.detectors.described import Description
 from auditor.lab.evaluation.object_baseline.detectors.outputs import Found, take_apart
-from auditor.lab.evaluation.object_baseline.detectors.overlap import Overlaps, suppressed
+from auditor.lab.evaluation.object_baseline.detectors.overlap import suppressed
 from auditor.measurement.disparity.matchers.onnx_models import OnnxModel
+from auditor.model.arrays import Floats
 
 Box = TypeVar("Box")
 
@@ -54,7 +55,7 @@ class Network:
         return take_apart(dict(zip(named, values, strict=True)), self.description, columns, self.path)
 
     def surest(
-        self, found: Found, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Overlaps]
+        self, found: Found, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Floats]
     ) -> list[tuple[Box, float, str]]:
         """Box, score and name of the objects that stay: one of those of a class that overlap, none without a box."""
         kept: list[tuple[Box, float, str]] = []

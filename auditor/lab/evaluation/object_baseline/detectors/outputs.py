@@ -9,19 +9,18 @@ from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.described import COLUMN, Description
+from auditor.model.arrays import Floats
 
 MOST_OBJECTS = 300
 """The most objects of one frame; those of the highest scores stay."""
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """(M, K) numbers of boxes as the network gives them, (M,) scores, surest first, and the M names."""
 
-    boxes: Values
-    scores: Values
+    boxes: Floats
+    scores: Floats
     names: Sequence[str]
 
 
@@ -59,7 +58,7 @@ def take_apart(
     return Found(boxes[kept], scores[kept], [names[int(p)] for p in kept])
 
 
-def _part(outputs: Mapping[str, NDArray[np.generic]], place: str, where: Path) -> Values:
+def _part(outputs: Mapping[str, NDArray[np.generic]], place: str, where: Path) -> Floats:
     """An output, or columns of its last axis."""
     part = COLUMN.fullmatch(place)
     assert part is not None
@@ -76,13 +75,13 @@ def _part(outputs: Mapping[str, NDArray[np.generic]], place: str, where: Path) -
     return values[..., first:end]
 
 
-def _vector(place: str, values: Values, length: int, where: Path) -> Values:
+def _vector(place: str, values: Floats, length: int, where: Path) -> Floats:
     if values.size != length:
         raise _mismatch(place, values, f"({length},)", where)
     return values.reshape(length)
 
 
-def _mismatch(place: str, values: Values, meant: str, where: Path) -> SettingError:
+def _mismatch(place: str, values: Floats, meant: str, where: Path) -> SettingError:
     return SettingError(
         f"the model gives {place} as {values.shape} where its description means {meant}",
         where=where,
