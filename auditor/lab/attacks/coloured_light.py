@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from auditor.lab.attacks.paper import Described, Facula, RoundLight
+from auditor.lab.attacks.paper import Described, Facula, RoundLight, with_levels
 from auditor.model.arrays import Floats32
 from auditor.model.frames import CameraImage
 
@@ -76,8 +76,7 @@ class Veil(Described):
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The image behind the veil."""
-        pixels = np.clip(np.rint(image.pixels + np.float32(self.level)), 0, 255).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, pixels)
+        return with_levels(image, image.pixels + np.float32(self.level))
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,7 @@ class ProjectedObject(Described):
         light = self._sign(*image.pixels.shape[:2]) * np.float32(self.amplitude)
         if image.pixels.ndim == 2:
             light = light @ np.array(_GREY_SHARES, dtype=np.float32)
-        pixels = np.clip(np.rint(image.pixels + light), 0, 255).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, pixels)
+        return with_levels(image, image.pixels + light)
 
     def _sign(self, height: int, width: int) -> Floats32:
         """(H, W, 3) shares of light: a red octagon with a white rim and a white bar."""

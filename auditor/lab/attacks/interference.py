@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import Described, with_levels
 from auditor.model.arrays import Image
 from auditor.model.frames import CameraImage
 
@@ -35,8 +35,7 @@ class AcousticBlur(Described):
         for down, right in moves:
             row = np.clip(np.arange(height) + down, 0, height - 1)
             total += image.pixels[row[:, None], np.clip(np.arange(width) + right, 0, width - 1)]
-        blurred = np.rint(total / len(moves)).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, blurred)
+        return with_levels(image, total / len(moves))
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ Both are frozen descriptions that change a copy of the data they are given. All 
 `parameters`: the ground truth that goes with the changed recording.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.model.arrays import Mask, Points
+from auditor.model.arrays import Floats, Floats32, Mask, Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 
@@ -41,6 +41,11 @@ class Described:
     def parameters(self) -> dict[str, object]:
         """All that determines its effect: the ground truth that goes with changed data."""
         return asdict(self)
+
+
+def with_levels(image: CameraImage, levels: Floats | Floats32) -> CameraImage:
+    """The image with other grey levels, rounded and clipped to those of a byte."""
+    return replace(image, pixels=np.clip(np.rint(levels), 0, 255).astype(np.uint8))
 
 
 @dataclass(frozen=True)

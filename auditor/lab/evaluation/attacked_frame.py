@@ -6,7 +6,8 @@ from functools import partial
 from typing import TypeVar, cast
 
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab.evaluation.attacks import Attack, Attacks, CameraAttack, LidarAttack, of_two
+from auditor.lab.attacks.catalogue import OnCamera, OnLidar
+from auditor.lab.evaluation.attacks import Attack, Attacks, of_two
 from auditor.measurement.checks.collect import FrameChecks, collect_checks, with_pairs
 from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
@@ -250,7 +251,7 @@ class AttackedFrame:
         def change() -> PointCloud:
             cloud, attack = self.frame.cloud, attacks.get(LIDAR)
             assert cloud is not None
-            return cloud if attack is None else cast(LidarAttack, attack).apply(cloud, self.rig)
+            return cloud if attack is None else cast(OnLidar, attack).apply(cloud, self.rig)
 
         return self.memoise("cloud", LIDAR, attacks, (LIDAR,), change)
 
@@ -292,7 +293,7 @@ class AttackedFrame:
 
         def change() -> Image:
             image, attack = self.frame.images[camera], attacks.get(camera)
-            return image.pixels if attack is None else cast(CameraAttack, attack).apply(image).pixels
+            return image.pixels if attack is None else cast(OnCamera, attack).apply(image).pixels
 
         return self.memoise("pixels", camera, attacks, (camera,), change)
 

@@ -1,7 +1,7 @@
 """How cameras answer to light: their bands, tone curves, exposure and white balance over time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import cycle, islice
 from typing import Literal
@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from auditor.lab.simulation.conditions import CAMERAS, EXPOSURE, KINDS, Range
-from auditor.lab.simulation.sensors import blurred
+from auditor.lab.simulation.sensors import blurred, vignette
 from auditor.lab.simulation.stray_light import Lens, SunSeen, draw_lens, with_stray_light
 from auditor.lab.simulation.vehicles import CameraFlaws
 from auditor.model.arrays import Floats, Floats32, Image
@@ -101,14 +101,11 @@ def _unit(model: Response, rng: np.random.Generator) -> Response:
     """One camera of a model."""
     spread = np.exp(rng.normal(0, CAMERAS.unit_spread, model.bands.shape))
     drift = float(rng.uniform(*CAMERAS.drift))
-    return Response(
+    return replace(
+        model,
         bands=model.bands * spread,
-        gamma=model.gamma,
-        knee=model.knee,
-        slope=model.slope,
         black=max(0.0, model.black + float(rng.normal(0, 1)) / _WHITE),
         exposure=model.exposure * float(np.exp(rng.normal(0, CAMERAS.unit_spread))),
-        vignetting=model.vignetting,
         drift=(drift * float(rng.uniform(-1, 1)), drift * float(rng.uniform(-1, 1))),
         drift_s=float(rng.uniform(*CAMERAS.drift_s)),
         phase=float(rng.uniform(0, 2 * np.pi)),
@@ -190,9 +187,7 @@ def developed(
     read = np.float32(flaws.read_noise * gain**CAMERAS.noise_gain / _WHITE)
     photon = np.float32(flaws.photon_noise * gain / _WHITE)
     height, width = light.shape[1:]
-    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
-    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
-    bright = 1 - np.float32(response.vignetting) * (across + down)
+    bright = vignette(height, width, response.vignetting)
     pixels = np.empty((height, width, len(light)), dtype=np.uint8)
     for k, channel in enumerate(light):
         image = blurred(blurred(channel, flaws.blur).T, flaws.blur).T * bright

@@ -65,12 +65,17 @@ def expose(light: Floats32, flaws: CameraFlaws, rng: np.random.Generator) -> Ima
     height, width = light.shape
     image = np.minimum(light, np.float32(2)) * np.float32(_WHITE * flaws.gain)
     image = blurred(blurred(image, flaws.blur).T, flaws.blur).T
-    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
-    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
-    image = image * (1 - np.float32(flaws.vignetting) * (across + down))
+    image = image * vignette(height, width, flaws.vignetting)
     spread = np.sqrt(np.float32(flaws.read_noise**2) + np.float32(flaws.photon_noise) * image)
     image += spread * rng.standard_normal((height, width), dtype=np.float32)
     return np.asarray(np.clip(np.rint(image + np.float32(flaws.offset)), 0, 255), dtype=np.uint8)
+
+
+def vignette(height: int, width: int, loss: float) -> Floats32:
+    """(H, W) shares of light that a lens leaves, `loss` being lost at the picture's left and right."""
+    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
+    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
+    return np.asarray(1 - np.float32(loss) * (across + down))
 
 
 def blurred(image: Floats32, share: float) -> Floats32:

@@ -1,18 +1,23 @@
 """The pieces of a scene: flat and textured, as columns of one table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.lab.simulation.textures import Tile
-from auditor.model.arrays import Floats32, Indices, Mask
+from auditor.model.arrays import Floats32, Mask
 
 Vector = tuple[float, float, float]
 
 _WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
 """Tiles whose origin is that of their piece."""
+
+_AS_THEY_ARE = (
+    "albedo", "contrast", "stains", "gloss", "bulge", "taper", "see_through", "lost", "speed", "ambient",
+)  # fmt: skip
+"""Numbers of a piece that the table holds as they are."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +91,6 @@ class Surfaces:
         width_m = np.linalg.norm(self.across, axis=1) / self.repeats[:, 0]
         return np.asarray(pixel / width_m, dtype=np.float32)
 
-    def chosen(self, rows: Indices) -> "Surfaces":
-        """Some of the pieces, in the given order."""
-        return Surfaces(*(getattr(self, column.name)[rows] for column in fields(self)))
-
 
 def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
     """Make the table; every piece begins at a place of its own in its tile."""
@@ -106,18 +107,9 @@ def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
         tile=np.array([piece.tile for piece in pieces], dtype=np.int32),
         repeats=np.asarray(size / column("tile_m"), dtype=np.float32),
         shift=_shifts(pieces, rng),
-        albedo=column("albedo"),
-        contrast=column("contrast"),
-        stains=column("stains"),
-        gloss=column("gloss"),
-        bulge=column("bulge"),
-        taper=column("taper"),
         cut=column("cut").astype(bool),
         oval=column("oval").astype(bool),
-        see_through=column("see_through"),
-        lost=column("lost"),
-        speed=column("speed"),
-        ambient=column("ambient"),
+        **{name: column(name) for name in _AS_THEY_ARE},
     )
 
 

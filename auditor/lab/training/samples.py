@@ -12,6 +12,7 @@ import numpy as np
 
 from auditor import __version__
 from auditor.errors import RecordingError, SettingError
+from auditor.lab.clean_recordings import clean_recording
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.lidar import lidar_view
@@ -22,8 +23,7 @@ from auditor.measurement.pairwise_views import OF_TWO
 from auditor.model.arrays import Floats32
 from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
-from auditor.pipeline.measure import rigs_through
-from auditor.recordings import Location, open_recording, survey, synchronise
+from auditor.recordings import Location, synchronise
 from auditor.safety.budget import SAMPLE
 from auditor.safety.zips import UnsafeZipError, check_file
 from auditor.store.records import content_id
@@ -58,18 +58,8 @@ class Recorded:
     @contextmanager
     def open(self) -> Iterator[Samples]:
         """One pair of cameras a frame. Raises RecordingError where it cannot be read or was attacked, and RigError."""
-        with open_recording(self.path) as recording:
-            if recording.labels():
-                raise RecordingError(
-                    "it carries labels of attacks, so it is not clean",
-                    where=self.path,
-                    remedy="train on recordings that are free of attacks",
-                )
-            surveyed = survey(recording)
-            found = rigs_through(recording, surveyed, self.rig)
-            if found.withheld:
-                raise RecordingError(found.withheld, where=self.path, remedy="train on recordings that fit")
-            first = found.rigs[0]
+        with clean_recording(self.path, self.rig, "train") as (recording, rigs):
+            first = rigs[0]
             rig = first.rig
             if rig.lidar is None:
                 raise RecordingError(
