@@ -4,7 +4,6 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
-from auditor.recordings.rigs.contradictions import Contradictions, contradictions
 from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
@@ -17,6 +16,7 @@ from auditor.recordings.rigs.discovery import (
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
 from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force
+from auditor.recordings.rigs.ordering import Contradictions, contradictions
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health

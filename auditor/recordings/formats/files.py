@@ -19,7 +19,7 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.part_names import missing_parts
-from auditor.recordings.formats.topics import Channels, Names, Span, total_counts, total_traffic
+from auditor.recordings.formats.topics import Channels, Names, Span, total_traffic
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
 
@@ -104,7 +104,10 @@ class FilesRecording(ABC):
     @property
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
-        return total_counts(self._names, [read.channels for read in self._reads])
+        counts = dict.fromkeys(self._names.topics, 0)
+        for topic, traffic in self.traffic.items():
+            counts[topic.name] = counts.get(topic.name, 0) + traffic.messages
+        return counts
 
     @property
     def traffic(self) -> Mapping[Topic, Traffic]:
