@@ -11,7 +11,7 @@ from auditor.errors import DecodingError, RecordingError
 from auditor.recordings.decoding import CameraInfo, Decoders
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FileRead
-from auditor.recordings.formats.mcap.reader import FileRead as McapRead
+from auditor.recordings.formats.mcap.reader import McapRead
 from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
