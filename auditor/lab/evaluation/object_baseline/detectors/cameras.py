@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.described import LARGEST_SIDE_PX, CameraInput, CameraOutput
 from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox
-from auditor.lab.evaluation.object_baseline.detectors.networks import Network
-from auditor.lab.evaluation.object_baseline.detectors.outputs import Found
+from auditor.lab.evaluation.object_baseline.detectors.networks import Found, Network
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps
 from auditor.model.arrays import Image
 

@@ -39,14 +39,14 @@ def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) ->
 def best_partners(
     first: Sequence[Detection],
     second: Sequence[Detection],
-    *,
-    labels_of_first: frozenset[str] | None,
-    labels_of_second: frozenset[str] | None,
+    labels_of_first: frozenset[str] | None = None,
+    labels_of_second: frozenset[str] | None = None,
     reach_px: float = 0.0,
 ) -> tuple[float, ...]:
     """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
-    Labels are what a detector can name, None where it finds objects of any kind. An object that the other detector
+    Labels are what a detector can name, None where it finds objects of any kind; `reach_px` is the largest disparity
+    where they are of two images. An object that the other detector
     could not have named needs no partner, and is left out.
     """
     agreement = overlaps([one.box for one in first], [one.box for one in second], reach_px)
