@@ -22,8 +22,8 @@ from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, read_poses
 from auditor.recordings.synchronisation.survey import Survey, survey
-from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
+from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
 
 __all__ = [
     "Contradictions",

@@ -16,7 +16,9 @@ from auditor.model.rig import Rig
 STRENGTHS = {"mild": 255.0, "strong": 510.0, "opaque": 2000.0}
 """Amplitude A of a facula in grey levels. The paper does not give its value, and the rates depend on it."""
 
-_NOMINAL_WIDTH_PX = 1242
+PAPER_WIDTH_PX = 1242
+"""The width of the paper's images: sizes in pixels are of such an image."""
+
 _RADII_PX = (187.0, 375.0)  # at the nominal width
 _RANGES_M = (6.0, 10.0)
 _LATERALS_M = (-3.0, 3.0)
@@ -152,7 +154,7 @@ def draw_facula(rng: np.random.Generator, width_px: int, height_px: int, strengt
     """A facula of the paper's size, its centre anywhere in the image. Raises SettingError for an unknown strength."""
     if strength not in STRENGTHS:
         raise SettingError(f"{strength!r} is not a strength", where="facula", remedy=f"use {', '.join(STRENGTHS)}")
-    radius = rng.uniform(*_RADII_PX) * width_px / _NOMINAL_WIDTH_PX
+    radius = rng.uniform(*_RADII_PX) * width_px / PAPER_WIDTH_PX
     return Facula(STRENGTHS[strength], radius, rng.uniform(0, width_px), rng.uniform(0, height_px))
 
 
