@@ -1,8 +1,8 @@
 """Foxglove's images, point clouds, calibrations and transforms, in protobuf and in JSON."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,17 +77,6 @@ def stamp_ns(values: dict[str, Any]) -> int:
     return int(time_ns)
 
 
-class _RawImage(NamedTuple):
-    """A foxglove.RawImage with the fields of sensor_msgs/Image."""
-
-    width: int
-    height: int
-    encoding: str
-    step: int
-    data: NDArray[np.uint8]
-    is_bigendian: bool = False
-
-
 class FoxgloveRawImageDecoder(FoxgloveMessages, RawDecoder):
     """foxglove.RawImage; its encodings are ROS's."""
 
@@ -96,11 +85,10 @@ class FoxgloveRawImageDecoder(FoxgloveMessages, RawDecoder):
         values = self.decode(message, without=("data",))
         return values["width"], values["height"]
 
-    def image(self, message: Message) -> _RawImage:
-        """The message with ROS's names."""
+    def image(self, message: Message) -> SimpleNamespace:
+        """The message with the fields of sensor_msgs/Image."""
         values = self.decode(message)
-        data = np.frombuffer(values["data"], np.uint8)
-        return _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
+        return SimpleNamespace(**values | {"data": np.frombuffer(values["data"], np.uint8)}, is_bigendian=False)
 
 
 class FoxgloveCompressedImageDecoder(FoxgloveMessages, PictureDecoder):
@@ -112,28 +100,6 @@ class FoxgloveCompressedImageDecoder(FoxgloveMessages, PictureDecoder):
         return data
 
 
-@dataclass(frozen=True)
-class _PointField:
-    """A foxglove.PackedElementField with the fields of sensor_msgs/PointField."""
-
-    name: str
-    offset: int
-    datatype: int
-    count: int = 1
-
-
-class _Points(NamedTuple):
-    """A foxglove.PointCloud with the fields of sensor_msgs/PointCloud2."""
-
-    width: int
-    point_step: int
-    row_step: int
-    fields: list[_PointField]
-    data: NDArray[np.uint8]
-    height: int = 1
-    is_bigendian: bool = False
-
-
 class FoxglovePointCloudDecoder(FoxgloveMessages):
     """foxglove.PointCloud: as many points as its data hold; `pose` transforms them into the frame."""
 
@@ -142,11 +108,9 @@ class FoxglovePointCloudDecoder(FoxgloveMessages):
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
         values = self.decode(message)
-        data, stride = np.frombuffer(values["data"], np.uint8), values["point_stride"]
-        fields = [_PointField(f["name"], f["offset"], _ROS_DATATYPES.get(f["type"], 0)) for f in values["fields"]]
-        cloud = _Points(data.size // max(stride, 1), stride, data.size, fields, data)
-        if data.size % max(stride, 1):
-            raise DecodingError(f"the cloud is cut: {data.size} bytes are not whole points", where=message.topic)
+        cloud = _cloud_of(values)
+        if cloud.row_step % max(cloud.point_step, 1):
+            raise DecodingError(f"the cloud is cut: {cloud.row_step} bytes are not whole points", where=message.topic)
         xyz_m = finite(xyz_of(points_of(cloud)))
         pose = values["pose"] or {}
         try:
@@ -160,6 +124,24 @@ class FoxglovePointCloudDecoder(FoxgloveMessages):
         with np.errstate(over="ignore", invalid="ignore"):
             moved = xyz_m @ frame_SE3_points[:3, :3].T + frame_SE3_points[:3, 3]
         return finite(moved.astype(np.float32))
+
+
+def _cloud_of(values: dict[str, Any]) -> SimpleNamespace:
+    """A foxglove.PointCloud with the fields of sensor_msgs/PointCloud2."""
+    data, stride = np.frombuffer(values["data"], np.uint8), values["point_stride"]
+    fields = [
+        SimpleNamespace(name=one["name"], offset=one["offset"], datatype=_ROS_DATATYPES.get(one["type"], 0), count=1)
+        for one in values["fields"]
+    ]
+    return SimpleNamespace(
+        width=data.size // max(stride, 1),
+        height=1,
+        point_step=stride,
+        row_step=data.size,
+        fields=fields,
+        data=data,
+        is_bigendian=False,
+    )
 
 
 class FoxgloveCameraCalibrationDecoder(FoxgloveMessages):
