@@ -1,8 +1,8 @@
 """Message types that carry no camera pictures and no LiDAR points, by the names that their packages give them.
 
-The list is for types that are common and may be large. A type that is not in it is judged by its data (`coverage`), and
-by what its definition in the recording holds: raw bytes, a picture or points.
-Types that hold whatever somebody puts into them are not in it: std_msgs/String and arrays of bytes or numbers.
+The list is for types that are common and may be large. Types that hold whatever somebody puts into them are not in it:
+std_msgs/String and arrays of bytes or numbers. A type that is not in it is judged by its data (`coverage`), and by what
+its definition in the recording holds: raw bytes, a picture or points.
 """
 
 import re
