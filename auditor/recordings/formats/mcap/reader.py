@@ -179,14 +179,14 @@ class McapRead(FileRead):
 
     def learn_summary(self, summary: bytes) -> None:
         """Learn the schemas, the channels and the starts of chunks from a summary section."""
-        for opcode, body in summary_records(summary):
+        for opcode, body, end in summary_records(summary):
             if opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
-                self.learn(opcode, body, None, spare=True)
+                self.learn(opcode, body, end, spare=True)
             elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
                 self._chunk_offsets.append(_CHUNK_INDEX_HEAD.unpack_from(body)[2])
         self._chunk_offsets.sort()
 
-    def learn(self, opcode: int, body: bytes | memoryview, offset: int | None, *, spare: bool = False) -> None:
+    def learn(self, opcode: int, body: bytes | memoryview, offset: int, *, spare: bool = False) -> None:
         """Learn a schema or channel record; those of a summary are spare."""
         stream = ReadDataStream(BytesIO(body))
         try:
@@ -202,7 +202,7 @@ class McapRead(FileRead):
         except (EndOfFile, struct.error, UnicodeDecodeError) as error:
             self._damage.add(f"a schema or channel record is damaged ({error or 'cut'})", offset)
 
-    def _learn_schema(self, schema: Schema, offset: int | None) -> None:
+    def _learn_schema(self, schema: Schema, offset: int) -> None:
         name = schema_name(schema.name)
         self._schemas[schema.id] = name
         self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
