@@ -317,6 +317,6 @@ def test_every_prior_has_a_mean_deviations_above_zero_and_a_tail_of_one_at_least
 def test_decimals_are_written_exactly() -> None:
     @dataclass(frozen=True)
     class Rate:
-        r: Decimal = parameter(Decimal("0.010"), unit="rate", source="somebody")  # noqa: RUF009
+        r: Decimal = parameter(Decimal("0.010"), unit="rate", source="somebody")
 
     assert canonical_json(Rate()) == '{"rate.r":"0.010"}'

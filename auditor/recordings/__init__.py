@@ -4,7 +4,6 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
-from auditor.recordings.rigs.contradictions import Contradictions, contradictions
 from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
@@ -17,13 +16,14 @@ from auditor.recordings.rigs.discovery import (
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
 from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force
+from auditor.recordings.rigs.ordering import Contradictions, contradictions
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, read_poses
 from auditor.recordings.synchronisation.survey import Survey, survey
-from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
+from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
 
 __all__ = [
     "Contradictions",

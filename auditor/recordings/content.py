@@ -22,6 +22,7 @@ _MAX_BLOCKS = 1 << 16
 
 _KEPT_BLOCKS = 4
 _BUFFER_BYTES = 1 << 18
+_SMALL_BUFFER_BYTES = 1 << 16
 
 
 class ChangedError(RecordingError):
@@ -110,6 +111,18 @@ class FileContent:
             raise ChangedError(where=self.path) from error
         if now != self._identity:
             raise ChangedError(where=self.path)
+
+
+class UnprovenFile:
+    """A file as it is now. What is learnt of it decides which files are opened together, and is never stored."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = path.stat().st_size
+
+    def open(self) -> BinaryIO:
+        """The file for reading. Raises OSError."""
+        return self.path.open("rb", buffering=_SMALL_BUFFER_BYTES)
 
 
 class Contents:

@@ -5,21 +5,19 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO
 
 from auditor.errors import DecodingError, RecordingError
+from auditor.recordings.content import UnprovenFile
 from auditor.recordings.decoding import CameraInfo, Decoders
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FileRead
-from auditor.recordings.formats.mcap.reader import FileRead as McapRead
+from auditor.recordings.formats.mcap.reader import McapRead
 from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
 from auditor.recordings.formats.topics import Names, Span, span_over
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.parameters import DRIVE_PARTS
-
-_BUFFER_BYTES = 1 << 16
 
 _READS: dict[str, Callable[[Source, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
 
@@ -36,17 +34,6 @@ class Beginning:
     def is_calibrated(self) -> bool:
         """True where cameras have their calibration and places."""
         return bool(self.camera_infos) and self.has_transforms
-
-
-class _PlainFile:
-    """A file as it is now. What is learnt of it decides which files are opened together, and is never stored."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.size = path.stat().st_size
-
-    def open(self) -> BinaryIO:
-        return self.path.open("rb", buffering=_BUFFER_BYTES)
 
 
 class FileSummary:
@@ -93,7 +80,7 @@ class FileSummary:
     @contextmanager
     def _read(self, names: Names) -> Iterator[FileRead]:
         journal = journal_of(self.file) if file_kind(self.file) == DB3 else None
-        source = source_of(_PlainFile(self.file), _PlainFile(journal) if journal else None)
+        source = source_of(UnprovenFile(self.file), UnprovenFile(journal) if journal else None)
         try:
             yield _READS[file_kind(self.file)](source, None, names, DamageLog())
         finally:

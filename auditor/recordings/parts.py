@@ -13,7 +13,7 @@ from auditor.recordings.formats.part_names import file_kind, part_name, stem_of
 from auditor.recordings.formats.topics import Span
 from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS
-from auditor.recordings.rigs.same_calibration import same_camera_info
+from auditor.recordings.rigs.calibrations import same_camera_info
 
 HasRig = Callable[[Location], bool]
 """Tells whether the sensors of a recording form a rig."""

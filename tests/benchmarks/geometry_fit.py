@@ -15,9 +15,9 @@ from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.arrays import Points
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.calibration_warnings import CASES as WRONG_RIGS
-from tests.benchmarks.calibration_warnings import Case
 from tests.benchmarks.real_drives import frames
+from tests.making.wrong_rigs import CASES as WRONG_RIGS
+from tests.making.wrong_rigs import Case
 
 _RNG = np.random.default_rng(1)
 

@@ -19,8 +19,8 @@ import numpy as np
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
 from auditor.lab.attacks.faults import lidar_axes
-from auditor.lab.attacks.paper import draw_wall
-from auditor.lab.attacks.spoofing import copied_wall, find_object
+from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
+from auditor.lab.attacks.spoofing import find_object
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.count_grid import cells_of_points
@@ -52,6 +52,40 @@ KINDS: tuple[tuple[str, float | None], ...] = (
 COPIED = "copied wall"
 OBJECTS = ("removed", "seen-through")
 SETS = ((1, 2, 3, 4), (1, 2, 3), (1, 2, 4))
+
+
+def copied_wall(frame: Frame, rig: Rig, wall: BogusWall, camera: int, reference: int) -> Frame:
+    """The frame with a wall in the cloud, and its copy in the picture of one camera: both forged to agree.
+
+    The camera shows at the wall's outline what the `reference` camera shows there, shifted by the wall's disparity: so
+    the two cameras match at the wall's distance. The rig's cameras share a rectified view.
+    """
+    assert rig.lidar is not None
+    assert frame.cloud is not None
+    points = frame.cloud.xyz_m @ lidar_axes(rig).T
+    bottom_m = road_below_m(points) - wall.bottom_m
+    left_m, right_m = wall.lateral_m - wall.width_m / 2, wall.lateral_m + wall.width_m / 2
+    corners = np.array([[left_m, bottom_m - wall.height_m, wall.range_m], [right_m, bottom_m, wall.range_m]])
+    corners += rig.lidar.rig_SE3_lidar[:3, 3]
+    there, here = (_box_px(rig.camera(number).projection, corners) for number in (reference, camera))
+    height, width = rig.camera(camera).height_px, rig.camera(camera).width_px
+    top, bottom = max(there[1], 0), min(there[3], height)
+    shift = there[0] - here[0]
+    left, right = max(there[0], shift, 0), min(there[2], width, width + shift)
+    changed, shown = frame.images[camera].pixels.copy(), frame.images[reference].pixels
+    patch = shown[top:bottom, left:right]
+    levels = patch if patch.ndim == changed.ndim else patch.mean(axis=2) if patch.ndim == 3 else patch[:, :, None]
+    changed[top:bottom, left - shift : right - shift] = levels
+    images = {**frame.images, camera: replace(frame.images[camera], pixels=changed)}
+    return replace(frame, cloud=wall.apply(frame.cloud, rig), images=images)
+
+
+def _box_px(projection: Floats, corners_m: Floats) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom pixel of two opposite corners (2, 3) in the rig."""
+    u, v, w = projection[:, :3] @ corners_m.T + projection[:, 3:]
+    left, right = np.rint(u / w).astype(int).tolist()
+    top, bottom = np.rint(v / w).astype(int).tolist()
+    return left, top, right, bottom
 
 
 def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, Frame]]:

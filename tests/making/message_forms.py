@@ -181,7 +181,7 @@ def ros(
         clouds = {f.cloud.stamp_ns: f.cloud.xyz_m for f in frames if f.cloud}
         tracks = _tracks(rig, frames) if picture and picture[0] == "h264" else {}
         with mcap_file(folder / "a.mcap", profile="ros1" if encoding == "ros1" else "ros2", compression="zstd") as file:
-            for topic, schema, stamp_ns, data in frames_writer._messages(maker, rig, frames, "raw"):
+            for topic, schema, stamp_ns, data in frames_writer._messages(maker, rig, frames, {}):
                 frame_id = topic.strip("/")
                 if schema == schemas.IMAGE and (raw or picture):
                     frame_id = rig.camera(int(topic[-1])).name

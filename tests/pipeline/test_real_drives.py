@@ -15,8 +15,8 @@ from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks import identification
 from tests.benchmarks.real_drives import frames
+from tests.making import named_on_frames
 
 DEPTH_FRAMES = (5, 25, 45, 65, 85)
 ANNOTATED_PER_METRE = 256
@@ -77,21 +77,21 @@ def test_four_cameras_name_the_attacked_one_and_the_page_tells_it(
 
 def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -> None:
     rig, stream = frames("0009")
-    clean: dict[int, identification.Errors] = {}
+    clean: dict[int, named_on_frames.Errors] = {}
     cases = []
     for frame in islice(stream, 0, None, 2):
-        measured = AttackedFrame(frame, rig, identification.MATCHER)
-        clean[frame.number] = identification.disparity_errors(measured, {})
+        measured = AttackedFrame(frame, rig, named_on_frames.MATCHER)
+        clean[frame.number] = named_on_frames.disparity_errors(measured, {})
         rng = np.random.default_rng(frame.number)
         for sensor in rig.sensors if frame.number % ATTACKED_EVERY == 0 else ():
-            attacks = {sensor: identification.drawn(frame, sensor, "opaque", rng)}
-            cases.append((frame.number, sensor, identification.disparity_errors(measured, attacks)))
+            attacks = {sensor: named_on_frames.drawn(frame, sensor, "opaque", rng)}
+            cases.append((frame.number, sensor, named_on_frames.disparity_errors(measured, attacks)))
     named = {mode: defaultdict(int) for mode in ("in sample", "left out")}
     for number, sensor, E in cases:
         for mode, counts in named.items():
             block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "left out" else ()
-            theta = identification.maxima([E for other, E in clean.items() if other not in block])
-            counts[sensor] += identification.named(E, theta, rig) == (sensor,)
+            theta = named_on_frames.maxima([E for other, E in clean.items() if other not in block])
+            counts[sensor] += named_on_frames.named(E, theta, rig) == (sensor,)
     assert len(cases) == 40
     assert sum(named["in sample"].values()) >= 0.94 * 40, named
     assert sum(named["left out"].values()) >= 0.88 * 40, named

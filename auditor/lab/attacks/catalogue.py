@@ -19,7 +19,7 @@ from auditor.lab.attacks.faults import (
 )
 from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
-from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.attacks.rain import Rain
 from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
@@ -29,7 +29,6 @@ OfLight = Facula | LaserPattern | Stripes | ColouredFacula | InfraredFacula | Ve
 OnCamera = OfLight | AcousticBlur | ElectromagneticStripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
 OnLidar = BogusWall | HiddenSector | RemovedObject | RandomRanges | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
 
-_PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
 _SHUTTER_LEVEL, _SHUTTER_DUTY = 120.0, 0.1
 _SPOT_PX, _SPOT_STRENGTH = 40.0, "opaque"
@@ -67,7 +66,7 @@ class Drawing:
 
 def _facula(draw: Drawing, camera: Camera) -> Facula:
     drawn = draw_facula(draw.rng, camera.width_px, camera.height_px, draw.strength)
-    return drawn if draw.size is None else replace(drawn, radius_px=draw.size * camera.width_px / _PAPER_WIDTH_PX)
+    return drawn if draw.size is None else replace(drawn, radius_px=draw.size * camera.width_px / PAPER_WIDTH_PX)
 
 
 def _place(draw: Drawing, camera: Camera) -> tuple[float, float]:
@@ -76,7 +75,7 @@ def _place(draw: Drawing, camera: Camera) -> tuple[float, float]:
 
 
 def _spot(draw: Drawing, camera: Camera) -> Facula:
-    radius = draw.sized(_SPOT_PX) * camera.width_px / _PAPER_WIDTH_PX
+    radius = draw.sized(_SPOT_PX) * camera.width_px / PAPER_WIDTH_PX
     return Facula(STRENGTHS[_SPOT_STRENGTH], radius, *_place(draw, camera))
 
 
@@ -94,7 +93,7 @@ def _infrared(draw: Drawing, camera: Camera) -> InfraredFacula:
 
 
 def _projected(draw: Drawing, camera: Camera) -> ProjectedObject:
-    height = draw.sized(_SIGN_PX) * camera.width_px / _PAPER_WIDTH_PX
+    height = draw.sized(_SIGN_PX) * camera.width_px / PAPER_WIDTH_PX
     return ProjectedObject(_SIGN_LEVEL, height, *_place(draw, camera))
 
 

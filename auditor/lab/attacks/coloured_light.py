@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from auditor.lab.attacks.paper import Described, Facula, RoundLight
+from auditor.lab.attacks.paper import Described, Facula, RoundLight, with_levels
+from auditor.model.arrays import Floats32
 from auditor.model.frames import CameraImage
-
-Floats = NDArray[np.float32]
 
 COLOURS: Mapping[str, int] = MappingProxyType({"blue": 0, "green": 1, "red": 2})
 """The channel that a laser of each colour falls into: 450, 520 and 650 nm."""
@@ -78,8 +76,7 @@ class Veil(Described):
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The image behind the veil."""
-        pixels = np.clip(np.rint(image.pixels + np.float32(self.level)), 0, 255).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, pixels)
+        return with_levels(image, image.pixels + np.float32(self.level))
 
 
 @dataclass(frozen=True)
@@ -102,10 +99,9 @@ class ProjectedObject(Described):
         light = self._sign(*image.pixels.shape[:2]) * np.float32(self.amplitude)
         if image.pixels.ndim == 2:
             light = light @ np.array(_GREY_SHARES, dtype=np.float32)
-        pixels = np.clip(np.rint(image.pixels + light), 0, 255).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, pixels)
+        return with_levels(image, image.pixels + light)
 
-    def _sign(self, height: int, width: int) -> Floats:
+    def _sign(self, height: int, width: int) -> Floats32:
         """(H, W, 3) shares of light: a red octagon with a white rim and a white bar."""
         right, down = np.arange(width) - self.u_px, np.arange(height)[:, None] - self.v_px
         radius = self.height_px / 2

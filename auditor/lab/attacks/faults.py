@@ -3,14 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import Described, with_levels
+from auditor.model.arrays import Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
-
-Points = NDArray[np.float32]
 
 _AZIMUTHS_DEG = (-35.0, 35.0)
 _ELEVATIONS_DEG = (-12.0, 1.0)
@@ -109,8 +107,7 @@ class DimmedCamera(Described):
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The darker image."""
-        pixels = np.rint(image.pixels * np.float32(self.light))
-        return CameraImage(image.sensor, image.stamp_ns, np.clip(pixels, 0, 255).astype(np.uint8))
+        return with_levels(image, image.pixels * np.float32(self.light))
 
 
 @dataclass(frozen=True)
@@ -133,8 +130,7 @@ class SoiledLens(Described):
             distance = np.hypot(row - v, column - u) / radius
             clear *= 1 - _OPAQUE * np.clip((1 - distance) / _SOFT_EDGE, 0, 1).astype(np.float32)
         clear = clear.reshape(height, width, *[1] * (image.pixels.ndim - 2))
-        pixels = np.rint(image.pixels * clear + _MUD_LEVEL * (1 - clear))
-        return CameraImage(image.sensor, image.stamp_ns, pixels.astype(np.uint8))
+        return with_levels(image, image.pixels * clear + _MUD_LEVEL * (1 - clear))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import Described, with_levels
+from auditor.model.arrays import Image
 from auditor.model.frames import CameraImage
 
 _BLUE, _GREEN, _RED = 0, 1, 2
@@ -35,8 +35,7 @@ class AcousticBlur(Described):
         for down, right in moves:
             row = np.clip(np.arange(height) + down, 0, height - 1)
             total += image.pixels[row[:, None], np.clip(np.arange(width) + right, 0, width - 1)]
-        blurred = np.rint(total / len(moves)).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, blurred)
+        return with_levels(image, total / len(moves))
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class ElectromagneticStripes(Described):
         return CameraImage(image.sensor, image.stamp_ns, np.ascontiguousarray(pixels))
 
 
-def _taken_for_each_other(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _taken_for_each_other(pixels: Image) -> Image:
     """(..., 3) pixels whose rows of blue and green were taken for rows of green and red, and these for those."""
     found = np.empty(pixels.shape, dtype=np.float32)
     found[..., _GREEN] = sum(pixels[..., channel] / np.float32(gain) for channel, gain in _BALANCE.items()) / 2

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import Described, with_levels
+from auditor.model.arrays import Floats, Image
 from auditor.model.frames import CameraImage
 
 
@@ -18,7 +18,7 @@ class LaserPattern:
     """
 
     title: str
-    pixels: NDArray[np.uint8]
+    pixels: Image
 
     name = "pattern"
 
@@ -58,6 +58,5 @@ class Stripes(Described):
         """The image with the stripes on it."""
         row = np.arange(image.pixels.shape[0])
         lit = ((row - self.phase_px) % self.period_px) < self.duty * self.period_px
-        light = np.where(lit, self.amplitude, 0.0).reshape(-1, *[1] * (image.pixels.ndim - 1))
-        pixels = np.clip(np.rint(image.pixels + light), 0, 255).astype(np.uint8)
-        return CameraImage(image.sensor, image.stamp_ns, pixels)
+        light: Floats = np.where(lit, self.amplitude, 0.0).reshape(-1, *[1] * (image.pixels.ndim - 1))
+        return with_levels(image, image.pixels + light)

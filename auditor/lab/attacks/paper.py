@@ -4,19 +4,21 @@ Both are frozen descriptions that change a copy of the data they are given. All 
 `parameters`: the ground truth that goes with the changed recording.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
+from auditor.model.arrays import Floats, Floats32, Mask, Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 
 STRENGTHS = {"mild": 255.0, "strong": 510.0, "opaque": 2000.0}
 """Amplitude A of a facula in grey levels. The paper does not give its value, and the rates depend on it."""
 
-_NOMINAL_WIDTH_PX = 1242
+PAPER_WIDTH_PX = 1242
+"""The width of the paper's images: sizes in pixels are of such an image."""
+
 _RADII_PX = (187.0, 375.0)  # at the nominal width
 _RANGES_M = (6.0, 10.0)
 _LATERALS_M = (-3.0, 3.0)
@@ -31,7 +33,6 @@ _NEAREST_M = 0.1
 _DENSITY_CELL = 0.02  # radians: an HDL-64 has about 15 directions in a cell
 _DENSITY_CELLS = 40
 _USUAL_STEPS = (0.003, 0.008)  # radians, where a cloud is too small to tell
-Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class Described:
     def parameters(self) -> dict[str, object]:
         """All that determines its effect: the ground truth that goes with changed data."""
         return asdict(self)
+
+
+def with_levels(image: CameraImage, levels: Floats | Floats32) -> CameraImage:
+    """The image with other grey levels, rounded and clipped to those of a byte."""
+    return replace(image, pixels=np.clip(np.rint(levels), 0, 255).astype(np.uint8))
 
 
 @dataclass(frozen=True)
@@ -118,7 +124,7 @@ class BogusWall(Described):
         added = _noisy(self._unreturned(points, outline, lower_m), rng) @ rotation
         return PointCloud(cloud.stamp_ns, np.concatenate([xyz, added]))
 
-    def _through(self, points: Points, lower_m: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _through(self, points: Points, lower_m: float) -> tuple[Mask, Mask]:
         """Which points lie behind the wall as the LiDAR sees it, and which lie inside its outline at any distance."""
         ahead = points[:, 2] > _NEAREST_M
         scale = np.float32(self.range_m) / np.where(ahead, points[:, 2], np.float32(np.inf))
@@ -127,7 +133,7 @@ class BogusWall(Described):
         inside &= (down >= lower_m - self.height_m) & (down <= lower_m)
         return inside & (points[:, 2] > self.range_m), inside
 
-    def _unreturned(self, points: Points, outline: NDArray[np.bool_], lower_m: float) -> Points:
+    def _unreturned(self, points: Points, outline: Mask, lower_m: float) -> Points:
         """(M, 3) points on the wall, on a grid as fine as the cloud, in those directions where the cloud has none."""
         step_right, step_down = (step * self.range_m for step in angular_steps(points))
         left_m, upper_m = self.lateral_m - self.width_m / 2, lower_m - self.height_m
@@ -148,7 +154,7 @@ def draw_facula(rng: np.random.Generator, width_px: int, height_px: int, strengt
     """A facula of the paper's size, its centre anywhere in the image. Raises SettingError for an unknown strength."""
     if strength not in STRENGTHS:
         raise SettingError(f"{strength!r} is not a strength", where="facula", remedy=f"use {', '.join(STRENGTHS)}")
-    radius = rng.uniform(*_RADII_PX) * width_px / _NOMINAL_WIDTH_PX
+    radius = rng.uniform(*_RADII_PX) * width_px / PAPER_WIDTH_PX
     return Facula(STRENGTHS[strength], radius, rng.uniform(0, width_px), rng.uniform(0, height_px))
 
 

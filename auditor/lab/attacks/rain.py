@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import Described
+from auditor.model.arrays import Floats
 from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
 
@@ -20,8 +20,6 @@ _FRESNEL = ((1.328 - 1) / (1.328 + 1)) ** 2
 _FAINTEST = 0.9 / 200**2  # a target that returns nine tenths is detected up to 200 m away
 _REFLECTIVITY = (0.05, 0.6)
 _RANGE_NOISE_M = 0.09
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,18 @@
-"""Attacks on the LiDAR by light beyond the paper's wall: objects that vanish, noise in a sector, a wall in two sensors.
+"""Attacks on the LiDAR by light beyond the paper's wall: objects that vanish, noise in a sector.
 
 A spoofer sees a LiDAR's pulses and answers with its own. What it takes, and which LiDARs let it, is in docs/attacks.md.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.attacks.faults import lidar_axes
-from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
-from auditor.model.frames import Frame, PointCloud
+from auditor.lab.attacks.paper import Described, road_below_m
+from auditor.model.arrays import Mask, Points
+from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
-
-Points = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 _HALF_WIDTH_M, _HALF_DEPTH_M = 1.1, 2.3  # of a box around a car
 _BESIDE_M = 0.5
@@ -108,40 +105,6 @@ def find_object(points: Points, range_m: float) -> Spot:
             if (free, count) > most and (not free or _looks_like_car(points, height, x, z)):
                 best, most = Spot(x, z, free), (free, count)
     return best
-
-
-def copied_wall(frame: Frame, rig: Rig, wall: BogusWall, camera: int, reference: int) -> Frame:
-    """The frame with a wall in the cloud, and its copy in the picture of one camera: both forged to agree.
-
-    The camera shows at the wall's outline what the `reference` camera shows there, shifted by the wall's disparity: so
-    the two cameras match at the wall's distance. The rig's cameras share a rectified view.
-    """
-    assert rig.lidar is not None
-    assert frame.cloud is not None
-    points = frame.cloud.xyz_m @ lidar_axes(rig).T
-    bottom_m = road_below_m(points) - wall.bottom_m
-    left_m, right_m = wall.lateral_m - wall.width_m / 2, wall.lateral_m + wall.width_m / 2
-    corners = np.array([[left_m, bottom_m - wall.height_m, wall.range_m], [right_m, bottom_m, wall.range_m]])
-    corners += rig.lidar.rig_SE3_lidar[:3, 3]
-    there, here = (_box_px(rig.camera(number).projection, corners) for number in (reference, camera))
-    height, width = rig.camera(camera).height_px, rig.camera(camera).width_px
-    top, bottom = max(there[1], 0), min(there[3], height)
-    shift = there[0] - here[0]
-    left, right = max(there[0], shift, 0), min(there[2], width, width + shift)
-    changed, shown = frame.images[camera].pixels.copy(), frame.images[reference].pixels
-    patch = shown[top:bottom, left:right]
-    levels = patch if patch.ndim == changed.ndim else patch.mean(axis=2) if patch.ndim == 3 else patch[:, :, None]
-    changed[top:bottom, left - shift : right - shift] = levels
-    images = {**frame.images, camera: replace(frame.images[camera], pixels=changed)}
-    return replace(frame, cloud=wall.apply(frame.cloud, rig), images=images)
-
-
-def _box_px(projection: NDArray[np.float64], corners_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
-    """Left, top, right and bottom pixel of two opposite corners (2, 3) in the rig."""
-    u, v, w = projection[:, :3] @ corners_m.T + projection[:, 3:]
-    left, right = np.rint(u / w).astype(int).tolist()
-    top, bottom = np.rint(v / w).astype(int).tolist()
-    return left, top, right, bottom
 
 
 def _in_box(points: Points, spot: Spot) -> Mask:

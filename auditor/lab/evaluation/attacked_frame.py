@@ -5,11 +5,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab.evaluation.attacks import Attack, Attacks, CameraAttack, LidarAttack, of_two
+from auditor.lab.attacks.catalogue import OnCamera, OnLidar
+from auditor.lab.evaluation.attacks import Attack, Attacks, of_two
 from auditor.measurement.checks.collect import FrameChecks, collect_checks, with_pairs
 from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
@@ -24,7 +22,8 @@ from auditor.measurement.fault_features.collect import FeatureInputs, fault_feat
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
 from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
-from auditor.measurement.shared_view import FrameArrays, Mask, matched
+from auditor.measurement.shared_view import FrameArrays, matched
+from auditor.model.arrays import Image, Mask
 from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Cells, Counts, Coverage
@@ -252,17 +251,17 @@ class AttackedFrame:
         def change() -> PointCloud:
             cloud, attack = self.frame.cloud, attacks.get(LIDAR)
             assert cloud is not None
-            return cloud if attack is None else cast(LidarAttack, attack).apply(cloud, self.rig)
+            return cloud if attack is None else cast(OnLidar, attack).apply(cloud, self.rig)
 
         return self.memoise("cloud", LIDAR, attacks, (LIDAR,), change)
 
-    def _texture(self, camera: int, attacks: Attacks) -> NDArray[np.bool_]:
+    def _texture(self, camera: int, attacks: Attacks) -> Mask:
         return self.memoise("texture", camera, attacks, (camera,), lambda: textured(self._half(camera, attacks)))
 
-    def _half(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def _half(self, camera: int, attacks: Attacks) -> Image:
         return self.memoise("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
 
-    def _colours(self, pair: Pair, attacks: Attacks) -> dict[int, NDArray[np.uint8]]:
+    def _colours(self, pair: Pair, attacks: Attacks) -> dict[int, Image]:
         """The half-resolution images (h, w, 3) of those of two cameras that have colours."""
         images = {camera: self.rectified(camera, attacks) for camera in pair}
         return {
@@ -271,30 +270,30 @@ class AttackedFrame:
             if pixels.ndim > 2
         }
 
-    def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def _matched(self, camera: int, attacks: Attacks) -> Image:
         """The rectified image in the matcher's colours."""
 
-        def change() -> NDArray[np.uint8]:
+        def change() -> Image:
             pixels = self.rectified(camera, attacks)
             return pixels if self._matcher.colour else grey(pixels)
 
         return self.memoise("matched", camera, attacks, (camera,), change)
 
-    def rectified(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def rectified(self, camera: int, attacks: Attacks) -> Image:
         """The rectified image of a camera under these attacks, (H, W) or (H, W, 3)."""
 
-        def change() -> NDArray[np.uint8]:
+        def change() -> Image:
             image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
             return self._seen.image(image).pixels
 
         return self.memoise("rectified", camera, attacks, (camera,), change)
 
-    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def pixels(self, camera: int, attacks: Attacks) -> Image:
         """The image of a camera under these attacks, (H, W) or (H, W, 3) as the frame holds it."""
 
-        def change() -> NDArray[np.uint8]:
+        def change() -> Image:
             image, attack = self.frame.images[camera], attacks.get(camera)
-            return image.pixels if attack is None else cast(CameraAttack, attack).apply(image).pixels
+            return image.pixels if attack is None else cast(OnCamera, attack).apply(image).pixels
 
         return self.memoise("pixels", camera, attacks, (camera,), change)
 
@@ -339,7 +338,7 @@ class _AttackedPair(AttackedFrame):
         """The data of the whole attacked frame."""
         return self._whole.cloud(attacks)
 
-    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def pixels(self, camera: int, attacks: Attacks) -> Image:
         """The data of the whole attacked frame."""
         number, attack = self._view.cameras[camera - 1], attacks.get(camera)
         return self._whole.pixels(number, {} if attack is None else {number: attack})

@@ -1,38 +1,14 @@
-"""The interface of attacks on clean frames, and the sets of attacks that a case makes."""
+"""The sets of attacks that a case makes."""
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
 
+from auditor.lab.attacks.catalogue import OnCamera, OnLidar
 from auditor.model.checks import Pair
-from auditor.model.frames import CameraImage, PointCloud
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import LIDAR
 
-
-@runtime_checkable
-class CameraAttack(Protocol):
-    """Changes the data of one camera. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, image: CameraImage) -> CameraImage: ...  # noqa: D102
-
-
-@runtime_checkable
-class LidarAttack(Protocol):
-    """Changes the data of the LiDAR. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud: ...  # noqa: D102
-
-
-Attack = CameraAttack | LidarAttack
+Attack = OnCamera | OnLidar
 Attacks = Mapping[int, Attack]
-"""The attack on each attacked sensor."""
+"""The attack on each attacked sensor. Attacks are hashable, and equal ones do the same."""
 
 
 def parameters_of(attacks: Attacks) -> dict[str, dict[str, object]]:

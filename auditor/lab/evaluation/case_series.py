@@ -19,14 +19,13 @@ from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.identification.systems import System
+from auditor.model.arrays import Indices, Integers, Mask
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.rig import LIDAR
 from auditor.store.case_arrays import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 
-Numbers = NDArray[np.int64]
-Places = NDArray[np.intp]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
@@ -37,12 +36,12 @@ class _Drive:
     `first` and `end` (F,) bound what the verdict on a frame can depend on, and an incident of it.
     """
 
-    places: Places
-    stamps_ns: Numbers
-    runs: Numbers
+    places: Indices
+    stamps_ns: Integers
+    runs: Integers
     row_of: dict[int, int]
-    first: Places
-    end: Places
+    first: Indices
+    end: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +51,10 @@ class _Part:
     `judged` are the rows of the cases that it is made for, by their place.
     """
 
-    places: Places
+    places: Indices
     features: Floats
-    stamps_ns: Numbers
-    runs: Numbers
+    stamps_ns: Integers
+    runs: Integers
     judged: dict[int, int]
 
 
@@ -64,7 +63,7 @@ class CleanSeries:
     """The F clean frames of a drive; `blocks` (F,) are the blocks of time that they belong to."""
 
     family: str
-    blocks: Numbers
+    blocks: Integers
     frames: CleanFrames
 
     def without(self, block: int) -> CleanFrames:
@@ -176,7 +175,7 @@ class CaseSeries:
         own = {place: drive.row_of[self._cases.known[place].frame] - first for place in judged}
         return _Part(places, features, drive.stamps_ns[first:end], drive.runs[first:end], own)
 
-    def _observed(self, system: System, places: Places, features: Floats) -> ObservedFeatures:
+    def _observed(self, system: System, places: Indices, features: Floats) -> ObservedFeatures:
         pairs = self._cases.rig.pairs
         chosen = [at for at, pair in enumerate(pairs) if set(pair) <= set(system.sensors)]
         cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
@@ -187,16 +186,16 @@ class CaseSeries:
         }
         return ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, brightness)
 
-    def _statistics(self, places: Places, system: System) -> Floats:
+    def _statistics(self, places: Indices, system: System) -> Floats:
         """(R, M) the statistics of a system's sensor checks at these places."""
         place_of = {check: at for at, check in enumerate(rig_sensor_checks(self._cases.rig))}
         return np.asarray(self._cases.statistics[places][:, [place_of[check] for check in system.sensor_checks]])
 
-    def _frozen(self, places: Places, system: System) -> NDArray[np.bool_]:
+    def _frozen(self, places: Indices, system: System) -> Mask:
         present = self._of_sensors(self._cases.present, places, system)
         return frozen(self._of_sensors(self._cases.fingerprints, places, system), present)
 
-    def _of_sensors(self, values: NDArray[Scalar], places: Places, system: System) -> NDArray[Scalar]:
+    def _of_sensors(self, values: NDArray[Scalar], places: Indices, system: System) -> NDArray[Scalar]:
         """The columns of a system's sensors at these places."""
         columns = [at for at, sensor in enumerate(self._cases.rig.sensors) if sensor in system.sensors]
         return np.asarray(values[places][:, columns])

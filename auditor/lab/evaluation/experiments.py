@@ -19,7 +19,7 @@ from auditor.lab.attacks.faults import (
     TurnedLidar,
 )
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
-from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.evaluation.attacks import Attack
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig, Triple
@@ -32,7 +32,6 @@ WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 RADII_PX = (37.5, 75.0, 112.5, 150.0, 187.5, 225.0)
 """Fig. 12, on images of the paper's width."""
 
-PAPER_WIDTH_PX = 1242
 SENSITIVITY_STRENGTHS = ("mild", "opaque")
 
 MOST_ATTACKED = 2

@@ -10,9 +10,9 @@ from dataclasses import replace
 from auditor.lab.attacks.coloured_light import Veil
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.light_patterns import Stripes
-from auditor.lab.attacks.paper import STRENGTHS, Facula, draw_wall
+from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, Facula, draw_wall
 from auditor.lab.evaluation.attacks import Attack
-from auditor.lab.evaluation.experiments import PAPER_WIDTH_PX, Case, Experiment, SeededDraws, all_triples
+from auditor.lab.evaluation.experiments import STRIPES_PX, Case, Experiment, SeededDraws, all_triples
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 
@@ -20,7 +20,7 @@ RADII_PX = (10.0, 20.0, 40.0, 56.0, 75.0, 112.0, 150.0)
 LEVELS = (15.0, 30.0, 60.0, 90.0, 120.0, 255.0)
 OF_RADIUS_PX = 112.0
 DUTIES = (0.025, 0.05, 0.1, 0.2)
-STRIPE_LEVEL, STRIPES_PX = 120.0, 40.0
+STRIPE_LEVEL = 120.0
 WIDTHS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.5)
 RANGES_M = (8.0, 25.0)
 SECTORS_DEG = (1.0, 2.0, 4.0, 8.0)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from auditor.lab.evaluation.attacks import CameraAttack, LidarAttack, parameters_of
+from auditor.lab.attacks.catalogue import OnCamera, OnLidar
+from auditor.lab.evaluation.attacks import parameters_of
 from auditor.lab.evaluation.experiments import DELAYS, Case, Experiment, SeededDraws
 from auditor.lab.evaluation.runner import Progress, experiments_of
 from auditor.lab.evaluation.sources import CleanDrive, Source
@@ -138,8 +139,8 @@ def _picture(case: Case, frame: Frame, rig: Rig) -> bytes:
     (sensor,) = case.attacked
     attack = case.attacks[sensor]
     if sensor != LIDAR:
-        return small_jpeg(cast(CameraAttack, attack).apply(frame.images[sensor]).pixels)
+        return small_jpeg(cast(OnCamera, attack).apply(frame.images[sensor]).pixels)
     assert frame.cloud is not None
     assert rig.lidar is not None
-    after = cast(LidarAttack, attack).apply(frame.cloud, rig)
+    after = cast(OnLidar, attack).apply(frame.cloud, rig)
     return small_jpeg(changed_cloud(frame.cloud.xyz_m, after.xyz_m, rig.lidar.rig_SE3_lidar))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import KW_ONLY, dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -250,11 +251,9 @@ def together(parts: Iterable[Evaluated]) -> Evaluated:
 
 
 class _Run(Run):
-    def __init__(
-        self, task: Task, drive: CleanDrive, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
-    ) -> None:
-        super().__init__(task, drive, matcher, store, experiments)
-        self._features = FeaturesOfCases()
+    @cached_property
+    def _features(self) -> FeaturesOfCases:
+        return FeaturesOfCases()
 
     def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
         shared = self.shared_columns(experiment, chunk)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from auditor import __version__
-from auditor.errors import RecordingError
+from auditor.lab.clean_recordings import clean_recording
 from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, make_drive
 from auditor.lab.simulation.streets import STYLES
@@ -16,8 +16,7 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import rigs_through
-from auditor.recordings import Location, Recording, open_recording, survey, synchronise
+from auditor.recordings import Location, Recording, synchronise
 from auditor.store.records import content_id
 
 
@@ -53,24 +52,14 @@ class Recorded:
     @contextmanager
     def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
-        with open_recording(self.path) as recording:
-            if recording.labels():
-                raise RecordingError(
-                    "it carries labels of attacks, so it is not clean",
-                    where=self.path,
-                    remedy="evaluate on recordings that are free of attacks",
-                )
-            surveyed = survey(recording)
-            found = rigs_through(recording, surveyed, self.rig)
-            if found.withheld:
-                raise RecordingError(found.withheld, where=self.path, remedy="evaluate on recordings that fit")
+        with clean_recording(self.path, self.rig, "evaluate") as (recording, rigs):
             yield tuple(
                 _clean_drive(
                     recording,
                     one.rig,
                     iter(synchronise(recording, one.rig, one.survey, colour=colour, stretches=one.stretches)),
                 )
-                for one in found.rigs
+                for one in rigs
             )
 
 

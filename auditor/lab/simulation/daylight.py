@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import ILLUMINANTS, MATERIALS, NIGHT_AND_RAIN, Condition, Spectrum
 from auditor.lab.simulation.scene_objects import Look, pole
@@ -12,9 +11,9 @@ from auditor.lab.simulation.shading import Light
 from auditor.lab.simulation.streets import BEYOND_M, Style
 from auditor.lab.simulation.surfaces import Piece, Surfaces
 from auditor.lab.simulation.textures import LAYERS, Atlas, Tile, cloud_noise, reductions
+from auditor.model.arrays import Floats, Floats32
 
-Floats = NDArray[np.float32]
-Bands = NDArray[np.float64]  # (4,)
+Bands = Floats  # (4,)
 
 _GROUND = (Tile.ASPHALT, Tile.PAVING, Tile.CONCRETE)
 _LAMP_TILE = Tile.STAINS  # no other piece shows it
@@ -91,7 +90,7 @@ def street_lamps(day: Day, style: Style, length_m: float, rng: np.random.Generat
             yield replace(head.piece((left, -height, z), (size, 0, 0), (0, -size, 0)), oval=True)
 
 
-def emissions(pieces: Sequence[Piece], day: Day, seed: int) -> Floats | None:
+def emissions(pieces: Sequence[Piece], day: Day, seed: int) -> Floats32 | None:
     """(N, LAYERS, 4) radiances that pieces emit by layer and band: lamps, tail lamps and lit windows. None by day."""
     if not day.emitted:
         return None
@@ -132,7 +131,7 @@ def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator
     return wet, replace(atlas, mask=mask)
 
 
-def lamp_light(day: Day, road_m: float, place: tuple[Floats, Floats, Floats]) -> Floats:
+def lamp_light(day: Day, road_m: float, place: tuple[Floats32, Floats32, Floats32]) -> Floats32:
     """(N,) light of the street lamps at places in the world frame; 1 of `lamps` below a lamp."""
     x, y, z = place
     spacing, height = np.float32(day.lamp_spacing_m), np.float32(NIGHT_AND_RAIN.lamp_height_m)

@@ -10,7 +10,6 @@ from auditor.errors import SettingError
 from auditor.lab.simulation.conditions import condition_named
 from auditor.lab.simulation.daylight import draw_day, emissions, overgrown, street_lamps, watered
 from auditor.lab.simulation.raycasting import cast, placed
-from auditor.lab.simulation.rays import Floats
 from auditor.lab.simulation.responses import CameraKind, Response, draw_changes, draw_responses, kinds_of
 from auditor.lab.simulation.scenery import Scenery, View, smaller
 from auditor.lab.simulation.sensors import camera_rays, echoes, expose, lidar_directions, lidar_rays
@@ -20,6 +19,7 @@ from auditor.lab.simulation.streets import street, style_named, traffic
 from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
 from auditor.lab.simulation.vehicles import Vehicle, make_rig, make_vehicle, rotation
+from auditor.model.arrays import Floats32
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.optics.geometry import Matrix, compose, invert, motion
 from auditor.model.poses import Pose
@@ -89,7 +89,7 @@ class SyntheticDrive:
             pixels = self.scenery.pixels(self.rig.camera(camera), view, self.atlas, flaws, metered, time_s, rng)
         return CameraImage(camera, self._stamp_ns(number), pixels)
 
-    def depth_m(self, number: int, camera: int) -> Floats:
+    def depth_m(self, number: int, camera: int) -> Floats32:
         """The true (H, W) depths of S_camera's pixels in a frame; inf where it sees the sky."""
         return self._seen(number, self.rig.camera(camera))[3].distance
 
@@ -118,14 +118,14 @@ class SyntheticDrive:
         return Pose("gps", latitude, longitude, _GROUND_M + float(up_m))
 
     @cached_property
-    def _directions(self) -> Floats:
+    def _directions(self) -> Floats32:
         return lidar_directions()
 
     def _stamp_ns(self, number: int) -> int:
         return self.start_ns + number * PERIOD_NS
 
     @cached_property
-    def _metered(self) -> dict[int, Floats]:
+    def _metered(self) -> dict[int, Floats32]:
         """The exposures of each camera's channels, by what it sees in the middle of the drive."""
         assert self.scenery is not None
         views = {camera.number: self._seen(self.frame_count // 2, smaller(camera)) for camera in self.rig.cameras}

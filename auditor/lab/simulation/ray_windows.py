@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.lab.simulation.rays import Floats, Rays
+from auditor.lab.simulation.rays import Rays
 from auditor.lab.simulation.surfaces import Surfaces
+from auditor.model.arrays import Floats32, Mask
 
 _NEAR_M = 0.2
 _SLACK_M = 0.02  # that rounding may add to a piece
@@ -12,7 +13,7 @@ _CAMERA_MARGIN = 2
 _LIDAR_MARGIN = 24  # columns: its beams do not start from one place
 
 
-def windows(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
+def windows(rays: Rays, surfaces: Surfaces) -> tuple[Floats32, NDArray[np.int32]]:
     """The nearest depth of each piece, (N,) metres, and the part of the grid in which it may lie.
 
     The latter is (N, 4): first row, one past the last, first column, one past the last.
@@ -52,7 +53,7 @@ def spread_m(rays: Rays) -> float:
     return sum(float(np.ptp(axis)) for axis in rays.origin)
 
 
-def _beams(rays: Rays, corners: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _beams(rays: Rays, corners: Floats32) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """First and one past the last row of a LiDAR whose beams may meet each piece; (N, 4, 3) corners from its middle.
 
     The edges of a piece are bent in elevation: what bounds it are its heights, and how near and far it may be.
@@ -72,7 +73,7 @@ def _beams(rays: Rays, corners: Floats) -> tuple[NDArray[np.int32], NDArray[np.i
 
 
 def _bent_range(
-    places: NDArray[np.floating], ahead: NDArray[np.bool_] | np.bool_, least: Floats, most: Floats
+    places: NDArray[np.floating], ahead: Mask | np.bool_, least: Floats32, most: Floats32
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """As `_range`, for columns (or rows) whose rays reach from `least` to `most`, both rising but for their noise."""
     low, high = np.where(ahead, places, np.inf).min(axis=1), np.where(ahead, places, -np.inf).max(axis=1)
@@ -82,7 +83,7 @@ def _bent_range(
 
 
 def _range(
-    places: NDArray[np.floating], ahead: NDArray[np.bool_], margin: int, size: int
+    places: NDArray[np.floating], ahead: Mask, margin: int, size: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """First and one past the last row (or column) that lies within the grid."""
     low = np.where(ahead, places, np.inf).min(axis=1)

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.lab.simulation.ray_windows import spread_m, windows
-from auditor.lab.simulation.rays import Floats, Hits, Rays
+from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, level_of
+from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 
 _FAR_M = 180.0
@@ -68,21 +69,21 @@ class _Target:
     rays: Rays
     surfaces: Surfaces
     atlas: Atlas
-    planes: Floats
-    footprint: Floats
-    nearest: Floats
+    planes: Floats32
+    footprint: Floats32
+    nearest: Floats32
     boxes: NDArray[np.int32]
-    rank: NDArray[np.intp]
+    rank: Indices
 
 
-def _planes(surfaces: Surfaces) -> Floats:
+def _planes(surfaces: Surfaces) -> Floats32:
     """(N, 4, 3): corners, normals of any length, and what a step of s and t is in the scene's axes."""
     across, up = surfaces.across, surfaces.up
     along = [axis / np.sum(axis * axis, axis=1, keepdims=True) for axis in (across, up)]
     return np.stack([surfaces.corner, np.cross(across, up), *along], axis=1)
 
 
-def _meet_in_turn(target: _Target, pieces: NDArray[np.intp], hits: Hits, rng: np.random.Generator | None) -> None:
+def _meet_in_turn(target: _Target, pieces: Indices, hits: Hits, rng: np.random.Generator | None) -> None:
     """Enter pieces into the hits, one after the other."""
     moved = spread_m(target.rays)
     for piece in pieces.tolist():
@@ -132,19 +133,19 @@ def _meet(
 class _Met(NamedTuple):
     """N rays that met a piece, each with the piece, the place on it, and the distance; `at` are flat places of rays."""
 
-    at: NDArray[np.intp]
-    piece: NDArray[np.intp]
-    s: Floats
-    t: Floats
-    distance: Floats
+    at: Indices
+    piece: Indices
+    s: Floats32
+    t: Floats32
+    distance: Floats32
 
-    def chosen(self, rows: NDArray[np.intp]) -> "_Met":
+    def chosen(self, rows: Indices) -> "_Met":
         """Some of them."""
         at, piece = self.at.take(rows), self.piece.take(rows)
         return _Met(at, piece, self.s.take(rows), self.t.take(rows), self.distance.take(rows))
 
 
-def _meet_together(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> None:
+def _meet_together(target: _Target, pieces: Indices, hits: Hits) -> None:
     """Enter pieces into the hits of rays that start from one place, with the outcome of one after the other."""
     met = _met(target, pieces, hits)
     met = met.chosen(np.flatnonzero(_within(target.surfaces, met.piece, met.s, met.t)))
@@ -161,7 +162,7 @@ def _meet_together(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> Non
     hits.t.ravel()[nearest.at] = nearest.t
 
 
-def _met(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> _Met:
+def _met(target: _Target, pieces: Indices, hits: Hits) -> _Met:
     """Meet the planes of pieces, each with the rays of its window, where none is met nearer."""
     rays = target.rays
     one, at = _pairs(target, pieces)
@@ -181,7 +182,7 @@ def _met(target: _Target, pieces: NDArray[np.intp], hits: Hits) -> _Met:
     return _Met(at, pieces.take(one), s, t, distance)
 
 
-def _pairs(target: _Target, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(target: _Target, pieces: Indices) -> tuple[Indices, Indices]:
     """Pairs of a piece, by its place among `pieces`, and a ray of its window, by its flat place; piece by piece."""
     top, _, left, right = target.boxes[pieces].T.astype(np.intp)
     areas = _areas(target.boxes[pieces])
@@ -190,17 +191,17 @@ def _pairs(target: _Target, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp],
     return one, (row + top.take(one)) * target.rays.shape[1] + column + left.take(one)
 
 
-def _dot(a: Floats, b: Sequence[Floats]) -> Floats:
+def _dot(a: Floats32, b: Sequence[Floats32]) -> Floats32:
     """Products of vectors whose components are rows."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _towards(axis: Floats, one: NDArray[np.intp], x: Floats, y: Floats) -> Floats:
+def _towards(axis: Floats32, one: Indices, x: Floats32, y: Floats32) -> Floats32:
     """The products of the axes (3, P) of pieces with rays (x, y, 1), each with its own."""
     return np.asarray(axis[0].take(one) * x + axis[1].take(one) * y + axis[2].take(one))
 
 
-def _within(surfaces: Surfaces, piece: NDArray[np.intp], s: Floats, t: Floats) -> NDArray[np.bool_]:
+def _within(surfaces: Surfaces, piece: Indices, s: Floats32, t: Floats32) -> Mask:
     """Whether places lie within the outlines of their pieces."""
     taper, oval = surfaces.taper.take(piece), surfaces.oval.take(piece)
     across = np.where(taper > 0, np.abs(s - 0.5) <= 0.5 - taper * t, (s >= 0) & (s <= 1))
@@ -208,7 +209,7 @@ def _within(surfaces: Surfaces, piece: NDArray[np.intp], s: Floats, t: Floats) -
     return np.asarray(across & (t >= 0) & (t <= 1))
 
 
-def _masks(target: _Target, piece: NDArray[np.intp] | int, s: Floats, t: Floats, distance: Floats) -> Floats:
+def _masks(target: _Target, piece: Indices | int, s: Floats32, t: Floats32, distance: Floats32) -> Floats32:
     """The values of pieces' masks at (N,) places, which are this far away."""
     surfaces = target.surfaces
     repeats, shift = surfaces.repeats[piece].T, surfaces.shift[piece].T
@@ -221,7 +222,7 @@ def _areas(boxes: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]))
 
 
-def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
+def _part(values: Floats32, window: tuple[slice, slice]) -> Floats32:
     """The window of an array that broadcasts to the grid."""
     if values.ndim == 0:
         return values

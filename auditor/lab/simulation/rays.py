@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from auditor.model.arrays import Floats32, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,16 +19,16 @@ class Rays:
     """
 
     shape: tuple[int, int]
-    x: Floats
-    y: Floats
-    z: Floats
-    origin: tuple[Floats, Floats, Floats]
+    x: Floats32
+    y: Floats32
+    z: Floats32
+    origin: tuple[Floats32, Floats32, Floats32]
     pixel: float
     principal_px: tuple[float, float] | None = None
     focal_px: float | None = None
     first_azimuth: float = 0.0
 
-    def camera_directions(self, at: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def camera_directions(self, at: Indices) -> tuple[Floats32, Floats32]:
         """The x and y of a camera's rays at (N,) flat places of the grid."""
         if self.principal_px is None:
             return self.x.take(at), self.y.take(at)
@@ -41,6 +41,6 @@ class Hits:
     """The hits of H x W rays: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
 
     piece: NDArray[np.int32]
-    s: Floats
-    t: Floats
-    distance: Floats
+    s: Floats32
+    t: Floats32
+    distance: Floats32

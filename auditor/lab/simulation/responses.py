@@ -1,18 +1,18 @@
 """How cameras answer to light: their bands, tone curves, exposure and white balance over time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import cycle, islice
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import CAMERAS, EXPOSURE, KINDS, Range
-from auditor.lab.simulation.sensors import blurred
+from auditor.lab.simulation.sensors import blurred, vignette
 from auditor.lab.simulation.stray_light import Lens, SunSeen, draw_lens, with_stray_light
 from auditor.lab.simulation.vehicles import CameraFlaws
+from auditor.model.arrays import Floats, Floats32, Image
 
 CameraKind = Literal["grey", "colour"]
 
@@ -23,8 +23,6 @@ _STEPS = 4096
 _CURVE_END = 2.0  # exposed light beyond is white whatever the curve
 _RED, _BLUE = 2, 0
 
-Floats = NDArray[np.float32]
-
 
 @dataclass(frozen=True, eq=False)
 class Response:
@@ -34,7 +32,7 @@ class Response:
     `drift_s` seconds.
     """
 
-    bands: NDArray[np.float64]
+    bands: Floats
     gamma: float
     knee: float
     slope: float
@@ -47,14 +45,14 @@ class Response:
     lens: Lens
 
     @cached_property
-    def curve(self) -> NDArray[np.uint8]:
+    def curve(self) -> Image:
         """Grey levels of exposed light, evenly from 0 to 2."""
         light = np.linspace(0, _CURVE_END, _STEPS)
         level = light**self.gamma
         level = np.where(level > self.knee, self.knee + (level - self.knee) * self.slope, level)
         return np.rint(np.clip(self.black + (1 - self.black) * level, 0, 1) * _WHITE).astype(np.uint8)
 
-    def balance(self, time_s: float) -> Floats:
+    def balance(self, time_s: float) -> Floats32:
         """(K,) factors of the white balance at a time."""
         factors = np.ones(len(self.bands), dtype=np.float32)
         if len(factors) > 1:
@@ -103,14 +101,11 @@ def _unit(model: Response, rng: np.random.Generator) -> Response:
     """One camera of a model."""
     spread = np.exp(rng.normal(0, CAMERAS.unit_spread, model.bands.shape))
     drift = float(rng.uniform(*CAMERAS.drift))
-    return Response(
+    return replace(
+        model,
         bands=model.bands * spread,
-        gamma=model.gamma,
-        knee=model.knee,
-        slope=model.slope,
         black=max(0.0, model.black + float(rng.normal(0, 1)) / _WHITE),
         exposure=model.exposure * float(np.exp(rng.normal(0, CAMERAS.unit_spread))),
-        vignetting=model.vignetting,
         drift=(drift * float(rng.uniform(-1, 1)), drift * float(rng.uniform(-1, 1))),
         drift_s=float(rng.uniform(*CAMERAS.drift_s)),
         phase=float(rng.uniform(0, 2 * np.pi)),
@@ -118,13 +113,13 @@ def _unit(model: Response, rng: np.random.Generator) -> Response:
     )
 
 
-def _grey(rng: np.random.Generator) -> NDArray[np.float64]:
+def _grey(rng: np.random.Generator) -> Floats:
     infrared, red, blue = (rng.uniform(*r) for r in (CAMERAS.infrared, CAMERAS.red, CAMERAS.blue))
     visible = (1 - infrared) * np.array([blue, 1 - blue - red, red])
     return np.append(visible, infrared)[None, :]
 
 
-def _colour(rng: np.random.Generator) -> NDArray[np.float64]:
+def _colour(rng: np.random.Generator) -> Floats:
     near, leak = rng.uniform(*CAMERAS.crosstalk, 3), rng.uniform(*CAMERAS.leak, 3)
     bands = np.zeros((3, 4))
     for k in range(3):
@@ -174,13 +169,13 @@ def changed_exposure(changes: Sequence[ExposureChange], camera: int, time_s: flo
 
 
 def developed(
-    light: Floats,
+    light: Floats32,
     flaws: CameraFlaws,
     response: Response,
-    exposure: Floats,
+    exposure: Floats32,
     sun: SunSeen | None,
     rng: np.random.Generator,
-) -> NDArray[np.uint8]:
+) -> Image:
     """(K, H, W) radiances to grey levels, (H, W) or (H, W, 3) BGR: lens, exposure, noise, tone curve; `light` changes.
 
     An `exposure` (K,) of 1 makes a radiance of 1 white. More of it comes with more noise, as a sensor's gain does.
@@ -192,9 +187,7 @@ def developed(
     read = np.float32(flaws.read_noise * gain**CAMERAS.noise_gain / _WHITE)
     photon = np.float32(flaws.photon_noise * gain / _WHITE)
     height, width = light.shape[1:]
-    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
-    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
-    bright = 1 - np.float32(response.vignetting) * (across + down)
+    bright = vignette(height, width, response.vignetting)
     pixels = np.empty((height, width, len(light)), dtype=np.uint8)
     for k, channel in enumerate(light):
         image = blurred(blurred(channel, flaws.blur).T, flaws.blur).T * bright

@@ -44,19 +44,7 @@ class Look:
 
     def piece(self, corner: Vector, across: Vector, up: Vector) -> Piece:
         """One face."""
-        return Piece(
-            corner,
-            across,
-            up,
-            self.tile,
-            self.tile_m,
-            albedo=self.albedo,
-            contrast=self.contrast,
-            stains=self.stains,
-            gloss=self.gloss,
-            ambient=self.ambient,
-            see_through=0.3 if self.gloss else 0.0,
-        )
+        return Piece(corner, across, up, see_through=0.3 if self.gloss else 0.0, **vars(self))
 
 
 def between(a: float, b: float) -> Span:

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import CAMERAS, FLARE
 from auditor.lab.simulation.daylight import Day
@@ -15,6 +14,7 @@ from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas
 from auditor.lab.simulation.vehicles import CameraFlaws
+from auditor.model.arrays import Floats32, Image
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera
 
@@ -22,7 +22,6 @@ _PREVIEW = 6  # every so many pixels decide about the exposure
 _EXPOSURES = 1 / 64, 64.0
 _HALVINGS = 20
 
-Floats = NDArray[np.float32]
 View = tuple[Matrix, Rays, Surfaces, Hits]
 """The rig's pose, a camera's rays, the pieces in the rig frame, and the hits."""
 
@@ -34,8 +33,8 @@ class Scenery:
     condition: str
     day: Day
     road_m: float
-    reflectance: Floats
-    emission: Floats | None
+    reflectance: Floats32
+    emission: Floats32 | None
     responses: tuple[Response, ...]
     changes: tuple[ExposureChange, ...]
 
@@ -44,7 +43,7 @@ class Scenery:
         """Of S_1, S_2, ..."""
         return tuple(channels(one.bands, self.reflectance, self.emission, self.day) for one in self.responses)
 
-    def light(self, camera: int, view: View, atlas: Atlas) -> Floats:
+    def light(self, camera: int, view: View, atlas: Atlas) -> Floats32:
         """(K, H, W) radiances in the channels of S_camera."""
         world_SE3_rig, rays, surfaces, hits = view
         seen = self.channels[camera - 1]
@@ -56,10 +55,10 @@ class Scenery:
         view: View,
         atlas: Atlas,
         flaws: CameraFlaws,
-        metered: Floats,
+        metered: Floats32,
         time_s: float,
         rng: np.random.Generator,
-    ) -> NDArray[np.uint8]:
+    ) -> Image:
         """The image of a camera, (H, W) or (H, W, 3) BGR; `metered` are the (K,) exposures that suit the drive."""
         response = self.responses[camera.number - 1]
         changed = response.exposure * changed_exposure(self.changes, camera.number, time_s)
@@ -68,7 +67,7 @@ class Scenery:
         sun = self.sun_seen(camera, view)
         return developed(light, flaws, response, exposure, sun, rng)
 
-    def metered(self, camera: int, preview: View, atlas: Atlas) -> Floats:
+    def metered(self, camera: int, preview: View, atlas: Atlas) -> Floats32:
         """The (K,) exposures that give S_camera a picture of the day's mean level, nearly grey on the whole."""
         light = self.light(camera, preview, atlas)
         mean = np.minimum(light, 1).mean(axis=(1, 2))

@@ -1,12 +1,12 @@
 """The data of cameras and LiDARs: pixels and points of cast rays, with the flaws of each sensor."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.vehicles import CameraFlaws, LidarFlaws
+from auditor.model.arrays import Floats32, Image
 from auditor.model.rig import Camera, Lidar
 
 SWEEP_S = 0.1
@@ -16,8 +16,6 @@ _AZIMUTH_STEP = float(np.deg2rad(0.17))
 _RANGES_M = (2.0, 85.0)
 _FAINTEST = 0.012
 _REFERENCE_M = 50.0
-
-Floats = NDArray[np.float32]
 
 
 def camera_rays(camera: Camera, row_shift_px: float = 0.0) -> Rays:
@@ -62,20 +60,25 @@ def _bent_rays(camera: Camera, row_shift_px: float) -> Rays:
     )
 
 
-def expose(light: Floats, flaws: CameraFlaws, rng: np.random.Generator) -> NDArray[np.uint8]:
+def expose(light: Floats32, flaws: CameraFlaws, rng: np.random.Generator) -> Image:
     """(H, W) radiances to grey levels: lens, gain, noise, saturation."""
     height, width = light.shape
     image = np.minimum(light, np.float32(2)) * np.float32(_WHITE * flaws.gain)
     image = blurred(blurred(image, flaws.blur).T, flaws.blur).T
-    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
-    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
-    image = image * (1 - np.float32(flaws.vignetting) * (across + down))
+    image = image * vignette(height, width, flaws.vignetting)
     spread = np.sqrt(np.float32(flaws.read_noise**2) + np.float32(flaws.photon_noise) * image)
     image += spread * rng.standard_normal((height, width), dtype=np.float32)
     return np.asarray(np.clip(np.rint(image + np.float32(flaws.offset)), 0, 255), dtype=np.uint8)
 
 
-def blurred(image: Floats, share: float) -> Floats:
+def vignette(height: int, width: int, loss: float) -> Floats32:
+    """(H, W) shares of light that a lens leaves, `loss` being lost at the picture's left and right."""
+    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
+    down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
+    return np.asarray(1 - np.float32(loss) * (across + down))
+
+
+def blurred(image: Floats32, share: float) -> Floats32:
     """Each row's value shared with the rows above and below."""
     result = image * np.float32(1 - 2 * share)
     result[1:] += np.float32(share) * image[:-1]
@@ -85,7 +88,7 @@ def blurred(image: Floats, share: float) -> Floats:
     return result
 
 
-def lidar_directions() -> Floats:
+def lidar_directions() -> Floats32:
     """(64, columns, 3) unit directions of an HDL-64's beams over the front half, in the LiDAR frame; rightmost last."""
     azimuth = np.arange(-np.pi / 2, np.pi / 2, _AZIMUTH_STEP)  # to the right
     beam = _BEAMS[:, None]
@@ -93,7 +96,7 @@ def lidar_directions() -> Floats:
     return np.stack([forward, -np.cos(beam) * np.sin(azimuth), np.sin(beam) + 0 * forward], axis=2).astype(np.float32)
 
 
-def lidar_rays(lidar: Lidar, directions: Floats, flaws: LidarFlaws, speed_m_s: float) -> Rays:
+def lidar_rays(lidar: Lidar, directions: Floats32, flaws: LidarFlaws, speed_m_s: float) -> Rays:
     """The true beams: of a LiDAR mounted a little off, on a vehicle that moves during the sweep."""
     R = lidar.rig_SE3_lidar[:3, :3]
     turned = directions @ (flaws.tilt @ R).astype(np.float32).T
@@ -118,8 +121,8 @@ def lidar_rays(lidar: Lidar, directions: Floats, flaws: LidarFlaws, speed_m_s: f
 
 
 def echoes(
-    rays: Rays, hits: Hits, surfaces: Surfaces, directions: Floats, flaws: LidarFlaws, rng: np.random.Generator
-) -> Floats:
+    rays: Rays, hits: Hits, surfaces: Surfaces, directions: Floats32, flaws: LidarFlaws, rng: np.random.Generator
+) -> Floats32:
     """(N, 3) points in the LiDAR frame, beam by beam; faint echoes are lost."""
     distance = hits.distance
     there = (hits.piece >= 0) & (distance > _RANGES_M[0]) & (distance < _RANGES_M[1])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, Tile, level_of
+from auditor.model.arrays import Floats32, Image, Indices
 from auditor.model.optics.geometry import Matrix
 
 _PART = 1 << 15  # rays at a time: their data fit into the processor's cache
@@ -20,7 +21,6 @@ _DULL = np.float32(0.02)
 _HALF = np.float32(0.5)
 _SIDE_M = 4.0  # from the middle of the road to where one-sided shade is full
 
-Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 
 
@@ -46,21 +46,21 @@ class Light:
 class Met(NamedTuple):
     """Rays that met a piece, (N,) each: direction (its z is 1), depth, piece, place on it, and n . direction."""
 
-    x: Floats
-    y: Floats
-    depth: Floats
+    x: Floats32
+    y: Floats32
+    depth: Floats32
     piece: Ints
-    s: Floats
-    t: Floats
-    facing: Floats
+    s: Floats32
+    t: Floats32
+    facing: Floats32
 
-    def chosen(self, rows: NDArray[np.intp]) -> "Met":
+    def chosen(self, rows: Indices) -> "Met":
         """Some of the rays."""
         x, y, depth, s, t, facing = (v.take(rows) for v in (self.x, self.y, self.depth, self.s, self.t, self.facing))
         return Met(x, y, depth, self.piece.take(rows), s, t, facing)
 
 
-def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats:
+def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats32:
     """(H, W) radiances that a camera sees; `surfaces` are those that were cast at, in the rig frame."""
     result = sky(rays, light)
     scene = Scene(rays, surfaces, atlas, light, world_SE3_rig)
@@ -69,7 +69,7 @@ def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Li
     return result
 
 
-def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[NDArray[np.intp], Met]]:
+def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[Indices, Met]]:
     """The rays that met a piece, some at a time, with their (flat) places in the grid."""
     at = np.flatnonzero(hits.piece >= 0)
     for first in range(0, at.size, _PART):
@@ -88,15 +88,15 @@ class Lit(NamedTuple):
     of each ray that the air between adds.
     """
 
-    reflected: Floats
-    layer: NDArray[np.uint8]
-    ambient: Floats
-    sun: Floats
-    place: tuple[Floats, Floats, Floats]
-    glossy: NDArray[np.intp]
-    share: Floats
-    mirrored: Floats
-    haze: Floats
+    reflected: Floats32
+    layer: Image
+    ambient: Floats32
+    sun: Floats32
+    place: tuple[Floats32, Floats32, Floats32]
+    glossy: Indices
+    share: Floats32
+    mirrored: Floats32
+    haze: Floats32
 
 
 class Scene:
@@ -117,7 +117,7 @@ class Scene:
         self._repeats = np.ascontiguousarray(surfaces.repeats.T)
         self._shift = np.ascontiguousarray(surfaces.shift.T)
 
-    def light_from(self, met: Met) -> Floats:
+    def light_from(self, met: Met) -> Floats32:
         """(N,) radiances."""
         lit = self.lit(met)
         bright = lit.reflected
@@ -149,7 +149,7 @@ class Scene:
             haze=1 - np.exp(met.depth / -_HAZE_M),
         )
 
-    def _texture(self, met: Met, slant: Floats) -> tuple[Floats, Ints]:
+    def _texture(self, met: Met, slant: Floats32) -> tuple[Floats32, Ints]:
         """(N,) texture values, stains included, and the nearest texels."""
         footprint = met.depth * self._footprint.take(met.piece) / np.sqrt(slant)
         level = level_of(np.asarray(footprint, dtype=np.float32))
@@ -162,13 +162,13 @@ class Scene:
         value *= 1 + self._surfaces.stains.take(met.piece) * (stain - 1)
         return np.maximum(value, _DULL), self._atlas.nearest(tile, across, up, level)
 
-    def _place(self, met: Met) -> tuple[Floats, Floats, Floats]:
+    def _place(self, met: Met) -> tuple[Floats32, Floats32, Floats32]:
         """(N,) x, y and z in the world frame."""
         R, start = self._R, self._start
         x, y, z = (start[row] + (R[row, 0] * met.x + R[row, 1] * met.y + R[row, 2]) * met.depth for row in range(3))
         return x, y, z
 
-    def _sun(self, met: Met, place: tuple[Floats, Floats, Floats]) -> Floats:
+    def _sun(self, met: Met, place: tuple[Floats32, Floats32, Floats32]) -> Floats32:
         """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
         x, y, z = place
         sx, sy, sz = (np.float32(axis) for axis in self._light.sun)
@@ -181,7 +181,7 @@ class Scene:
         sun = np.where(self._surfaces.cut.take(met.piece), np.abs(to_sun), to_sun * -np.sign(met.facing))
         return np.asarray(np.maximum(sun, 0) * (1 - np.float32(self._light.shade) * (1 - open_)))
 
-    def _mirrored(self, met: Met) -> Floats:
+    def _mirrored(self, met: Met) -> Floats32:
         """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
         nx, ny, nz = (axis.take(met.piece) for axis in self.normal)
         double = 2 * met.facing
@@ -193,7 +193,7 @@ class Scene:
         return self._atlas.bilinear(Tile.SURROUNDINGS, azimuth / np.float32(2 * np.pi), row, 0)
 
 
-def sky(rays: Rays, light: Light) -> Floats:
+def sky(rays: Rays, light: Light) -> Floats32:
     """(H, W) sky, brightest near the horizon."""
     up = np.broadcast_to(-rays.y, rays.shape)
     return np.asarray(np.float32(light.sky) * (1 - np.float32(0.8) * np.clip(up, 0, 1)), dtype=np.float32)

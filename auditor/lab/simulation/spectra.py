@@ -5,25 +5,24 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import MATERIALS, Range, Spectrum
 from auditor.lab.simulation.surfaces import Piece
 from auditor.lab.simulation.textures import LAYERS, Tile
+from auditor.model.arrays import Floats, Floats32
 
-Floats = NDArray[np.float32]
-Bands = NDArray[np.float64]  # (4,)
+Bands = Floats  # (4,)
 
 _TO_EYE = np.array([0.114, 0.587, 0.299])  # ITU-R BT.601's luma, of blue, green and red
 _NEUTRAL = np.ones(4)
 
 
-def reflectances(pieces: Sequence[Piece], seed: int) -> Floats:
+def reflectances(pieces: Sequence[Piece], seed: int) -> Floats32:
     """(N, LAYERS, 4) reflectances of pieces by layer of their tile and band, as multiples of their albedo.
 
     Pieces of one body and material are alike; `seed` is the street's.
     """
-    known: dict[tuple[int, int], NDArray[np.float64]] = {}
+    known: dict[tuple[int, int], Floats] = {}
     found = np.empty((len(pieces), LAYERS, 4), dtype=np.float32)
     for row, piece in enumerate(pieces):
         material = _SAME_AS.get(piece.tile, piece.tile)

@@ -15,12 +15,11 @@ from auditor.lab.simulation.rays import Hits, Rays
 from auditor.lab.simulation.shading import Lit, Scene, parts, sky
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import LAYERS, Atlas
+from auditor.model.arrays import Floats, Floats32
 from auditor.model.optics.geometry import Matrix
 
 _MIRRORS_SKY = np.float32(0.85)  # of the surroundings' values; below are houses
 _SURROUNDINGS_SKY = 1.2  # the value of their sky
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,25 +30,25 @@ class Channels:
     the others are (K,) answers to the light of the sky, of the sun beside it, of houses and of hazy air.
     """
 
-    sun: Floats
-    ambient: Floats
-    lamp: Floats
-    emitted: Floats | None
-    sky_low: Floats
-    sky_high: Floats
-    glow: Floats
-    houses: Floats
-    air: Floats
+    sun: Floats32
+    ambient: Floats32
+    lamp: Floats32
+    emitted: Floats32 | None
+    sky_low: Floats32
+    sky_high: Floats32
+    glow: Floats32
+    houses: Floats32
+    air: Floats32
 
 
-def channels(weights: NDArray[np.float64], reflectance: Floats, emission: Floats | None, day: Day) -> Channels:
+def channels(weights: Floats, reflectance: Floats32, emission: Floats32 | None, day: Day) -> Channels:
     """The channels of a camera: weights are (K, 4), reflectance and emission (N, LAYERS, 4)."""
     flat = reflectance.reshape(-1, 4).T
 
-    def table(light: NDArray[np.float64]) -> Floats:
+    def table(light: Floats) -> Floats32:
         return np.ascontiguousarray((weights * light) @ flat, dtype=np.float32)
 
-    def answer(light: NDArray[np.float64]) -> Floats:
+    def answer(light: Floats) -> Floats32:
         return (weights @ light).astype(np.float32)
 
     light = day.light
@@ -76,7 +75,7 @@ def spectral_radiance(
     road_m: float,
     seen: Channels,
     world_SE3_rig: Matrix,
-) -> Floats:
+) -> Floats32:
     """(K, H, W) radiances in a camera's channels; `surfaces` are those that were cast at, in the rig frame."""
     result = _sky(rays, day, seen, world_SE3_rig)
     flat = result.reshape(result.shape[0], -1)
@@ -90,7 +89,7 @@ def spectral_radiance(
     return result
 
 
-def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats | None, day: Day, seen: Channels, k: int) -> Floats:
+def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats32 | None, day: Day, seen: Channels, k: int) -> Floats32:
     """(N,) radiances in one channel."""
     bright = seen.ambient[k].take(row) * lit.ambient
     bright += seen.sun[k].take(row) * lit.sun
@@ -107,7 +106,7 @@ def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats | None, day: Day, s
     return np.asarray(bright)
 
 
-def _sky(rays: Rays, day: Day, seen: Channels, world_SE3_rig: Matrix) -> Floats:
+def _sky(rays: Rays, day: Day, seen: Channels, world_SE3_rig: Matrix) -> Floats32:
     """(K, H, W) sky: whiter near the horizon, brighter beside the sun."""
     level = sky(rays, day.light)
     blue = np.clip(np.broadcast_to(-rays.y, rays.shape) * np.float32(ILLUMINANTS.blue_up), 0, 1)

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import CAMERAS, FLARE
+from auditor.model.arrays import Floats32
 
 _STEP = 4
 _KITTI_WIDTH = 1242
 _SOFT = 0.25  # of a ghost's radius, its edge
 _PADDED = 1.5
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def draw_lens(rng: np.random.Generator) -> Lens:
     )
 
 
-def with_stray_light(image: Floats, lens: Lens, sun: SunSeen | None) -> Floats:
+def with_stray_light(image: Floats32, lens: Lens, sun: SunSeen | None) -> Floats32:
     """(K, H, W) exposed light with what the lens does to it, 1 white; `image` is changed."""
     _, height, width = image.shape
     scale = width / _KITTI_WIDTH
@@ -82,7 +81,7 @@ def with_stray_light(image: Floats, lens: Lens, sun: SunSeen | None) -> Floats:
     return image
 
 
-def _reduced(channel: Floats) -> Floats:
+def _reduced(channel: Floats32) -> Floats32:
     height, width = channel.shape
     padded = np.pad(channel, ((0, -height % _STEP), (0, -width % _STEP)), mode="edge")
     rows = padded.reshape(padded.shape[0] // _STEP, _STEP, -1).mean(axis=1)
@@ -104,20 +103,20 @@ def _kernel(height: int, width: int, veil: float, bloom: float, scale: float) ->
 _AXES = (slice(None), None), (None, slice(None))
 
 
-def _convolved(small: Floats, kernel: NDArray[np.complex64]) -> Floats:
+def _convolved(small: Floats32, kernel: NDArray[np.complex64]) -> Floats32:
     height, width = small.shape
     shape = int(height * _PADDED), int(width * _PADDED)
     spread = np.fft.irfft2(np.fft.rfft2(small, s=shape) * kernel, s=shape)
     return np.asarray(spread[:height, :width], dtype=np.float32)
 
 
-def _enlarged(small: Floats, height: int, width: int) -> Floats:
+def _enlarged(small: Floats32, height: int, width: int) -> Floats32:
     """Bilinear: the small grid's values lie in the middle of their pixels."""
     rows = _between(small, height)
     return _between(rows.T, width).T
 
 
-def _between(values: Floats, size: int) -> Floats:
+def _between(values: Floats32, size: int) -> Floats32:
     """Rows between rows."""
     at = np.clip((np.arange(size, dtype=np.float32) - (_STEP - 1) / 2) / _STEP, 0, len(values) - 1)
     first = np.minimum(at.astype(np.intp), len(values) - 2)
@@ -125,7 +124,7 @@ def _between(values: Floats, size: int) -> Floats:
     return np.asarray(values[first] * (1 - share) + values[first + 1] * share)
 
 
-def _flare(lens: Lens, sun: SunSeen, shape: tuple[int, ...], scale: float) -> Floats:
+def _flare(lens: Lens, sun: SunSeen, shape: tuple[int, ...], scale: float) -> Floats32:
     """(K, h, w) light of the sun in the lens."""
     channels, height, width = shape
     y = np.arange(_STEP / 2, height + _STEP / 2, _STEP, dtype=np.float32)[: -(-height // _STEP), None]

@@ -1,18 +1,23 @@
 """The pieces of a scene: flat and textured, as columns of one table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.lab.simulation.textures import Tile
+from auditor.model.arrays import Floats32, Mask
 
-Floats = NDArray[np.float32]
 Vector = tuple[float, float, float]
 
 _WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
 """Tiles whose origin is that of their piece."""
+
+_AS_THEY_ARE = (
+    "albedo", "contrast", "stains", "gloss", "bulge", "taper", "see_through", "lost", "speed", "ambient",
+)  # fmt: skip
+"""Numbers of a piece that the table holds as they are."""
 
 
 @dataclass(frozen=True)
@@ -50,35 +55,35 @@ class Piece:
 class Surfaces:
     """N pieces as arrays; see Piece. `shift` (N, 2) is the place in its tile at which each piece begins."""
 
-    corner: Floats
-    across: Floats
-    up: Floats
+    corner: Floats32
+    across: Floats32
+    up: Floats32
     tile: NDArray[np.int32]
-    repeats: Floats  # (N, 2): tiles to the whole piece
-    shift: Floats
-    albedo: Floats
-    contrast: Floats
-    stains: Floats
-    gloss: Floats
-    bulge: Floats
-    taper: Floats
-    cut: NDArray[np.bool_]
-    oval: NDArray[np.bool_]
-    see_through: Floats
-    lost: Floats
-    speed: Floats
-    ambient: Floats
+    repeats: Floats32  # (N, 2): tiles to the whole piece
+    shift: Floats32
+    albedo: Floats32
+    contrast: Floats32
+    stains: Floats32
+    gloss: Floats32
+    bulge: Floats32
+    taper: Floats32
+    cut: Mask
+    oval: Mask
+    see_through: Floats32
+    lost: Floats32
+    speed: Floats32
+    ambient: Floats32
 
     def __len__(self) -> int:
         return len(self.tile)
 
     @property
-    def normal(self) -> Floats:
+    def normal(self) -> Floats32:
         """(N, 3) unit normals; which of the two directions is not defined."""
         normal = np.cross(self.across, self.up)
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), dtype=np.float32)
 
-    def footprints(self, pixel: float) -> Floats:
+    def footprints(self, pixel: float) -> Floats32:
         """(N,) The share of its tile that a ray covers at a distance of 1, straight on, across each piece.
 
         `pixel` is the angle in radians between neighbouring rays.
@@ -86,15 +91,11 @@ class Surfaces:
         width_m = np.linalg.norm(self.across, axis=1) / self.repeats[:, 0]
         return np.asarray(pixel / width_m, dtype=np.float32)
 
-    def chosen(self, rows: NDArray[np.intp]) -> "Surfaces":
-        """Some of the pieces, in the given order."""
-        return Surfaces(*(getattr(self, column.name)[rows] for column in fields(self)))
-
 
 def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
     """Make the table; every piece begins at a place of its own in its tile."""
 
-    def column(name: str) -> Floats:
+    def column(name: str) -> Floats32:
         return np.array([getattr(piece, name) for piece in pieces], dtype=np.float32)
 
     across, up = column("across"), column("up")
@@ -106,22 +107,13 @@ def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
         tile=np.array([piece.tile for piece in pieces], dtype=np.int32),
         repeats=np.asarray(size / column("tile_m"), dtype=np.float32),
         shift=_shifts(pieces, rng),
-        albedo=column("albedo"),
-        contrast=column("contrast"),
-        stains=column("stains"),
-        gloss=column("gloss"),
-        bulge=column("bulge"),
-        taper=column("taper"),
         cut=column("cut").astype(bool),
         oval=column("oval").astype(bool),
-        see_through=column("see_through"),
-        lost=column("lost"),
-        speed=column("speed"),
-        ambient=column("ambient"),
+        **{name: column(name) for name in _AS_THEY_ARE},
     )
 
 
-def _shifts(pieces: Sequence[Piece], rng: np.random.Generator) -> Floats:
+def _shifts(pieces: Sequence[Piece], rng: np.random.Generator) -> Floats32:
     shift = rng.random((len(pieces), 2), dtype=np.float32)
     shift[[piece.tile in _WHOLE for piece in pieces]] = 0
     return shift

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.model.arrays import Floats32, Image, Mask
+
 SIZE = 256
 _LEVELS = 9
 
@@ -16,7 +18,6 @@ LAYERS = 3
 
 _BODY, _DETAIL, _REST = range(LAYERS)
 
-Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 Drawn = tuple[NDArray[Any], NDArray[Any]]
 
@@ -51,14 +52,14 @@ class Tile(IntEnum):
 class Atlas:
     """All tiles: `value` (mean about 1), `mask` (0..1) and `layer`, flat, and where each tile's reductions start."""
 
-    value: Floats
-    mask: Floats
-    layer: NDArray[np.uint8]
+    value: Floats32
+    mask: Floats32
+    layer: Image
     starts: Ints  # (levels,): within a tile
     sizes: Ints  # (levels,): of a side
     tile_size: int
 
-    def bilinear(self, tile: Ints | int, s: Floats, t: Floats, level: Ints | int) -> Floats:
+    def bilinear(self, tile: Ints | int, s: Floats32, t: Floats32, level: Ints | int) -> Floats32:
         """Values at (N,) coordinates in tiles, periodic."""
         size, first = self._places(tile, level)
         x, y = s * size - np.float32(0.5), t * size - np.float32(0.5)
@@ -75,11 +76,11 @@ class Atlas:
         upper += lower_share * (lower - upper)
         return np.asarray(upper)
 
-    def masks(self, tile: Ints | int, s: Floats, t: Floats, level: Ints) -> Floats:
+    def masks(self, tile: Ints | int, s: Floats32, t: Floats32, level: Ints) -> Floats32:
         """The masks of the nearest texels at (N,) coordinates."""
         return np.asarray(self.mask.take(self.nearest(tile, s, t, level)))
 
-    def nearest(self, tile: Ints | int, s: Floats, t: Floats, level: Ints) -> Ints:
+    def nearest(self, tile: Ints | int, s: Floats32, t: Floats32, level: Ints) -> Ints:
         """The places of the nearest texels at (N,) coordinates."""
         size, first = self._places(tile, level)
         column = np.floor(s * size).astype(np.int32) & (size - 1)
@@ -91,7 +92,7 @@ class Atlas:
         return self.sizes.take(level), self.starts.take(level) + np.int32(self.tile_size) * np.asarray(tile, np.int32)
 
 
-def level_of(footprint: Floats) -> Ints:
+def level_of(footprint: Floats32) -> Ints:
     """The reduction whose texels are about as large as a pixel's footprint, which is in shares of a tile."""
     return np.asarray(np.clip(np.log2(footprint * np.float32(SIZE)), 0, _LEVELS - 1), dtype=np.int32)
 
@@ -108,7 +109,7 @@ def make_atlas(rng: np.random.Generator) -> Atlas:
     return Atlas(np.concatenate(value), np.concatenate(mask), np.concatenate(layer), starts, sides, sum(sizes))
 
 
-def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Floats:
+def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Floats32:
     """Periodic (size, size) noise of standard deviation 1; its amplitude goes with frequency to the power of slope."""
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size
     frequency[0, 0] = np.inf
@@ -117,7 +118,7 @@ def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Flo
     return np.asarray(noise / noise.std(), dtype=np.float32)
 
 
-def reductions(tile: Floats) -> list[Floats]:
+def reductions(tile: Floats32) -> list[Floats32]:
     """The tile and its halvings."""
     levels = [tile]
     while levels[-1].shape[0] > 1:
@@ -126,7 +127,7 @@ def reductions(tile: Floats) -> list[Floats]:
     return levels
 
 
-def _layers(tile: Tile, value: Floats, mask: Floats) -> NDArray[np.uint8]:
+def _layers(tile: Tile, value: Floats32, mask: Floats32) -> Image:
     """The layer of each texel of a tile and of its reductions, one after the other."""
     layer = np.zeros((SIZE, SIZE), dtype=np.uint8)
     for number, chosen in _LAYERS.get(tile, {}).items():
@@ -134,13 +135,13 @@ def _layers(tile: Tile, value: Floats, mask: Floats) -> NDArray[np.uint8]:
     return np.concatenate([layer[:: 1 << level, :: 1 << level].ravel() for level in range(_LEVELS)])
 
 
-def _draw(tile: Tile, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _draw(tile: Tile, rng: np.random.Generator) -> tuple[Floats32, Floats32]:
     """One tile's value and mask. Rows run upwards on upright surfaces."""
     value, mask = _DRAWERS[tile](rng)
     return value.astype(np.float32), mask.astype(np.float32)
 
 
-def _nothing() -> Floats:
+def _nothing() -> Floats32:
     return np.zeros((SIZE, SIZE), dtype=np.float32)
 
 
@@ -282,7 +283,7 @@ def _surroundings(rng: np.random.Generator) -> Drawn:
     return np.where(above, 1.2 + 0.2 * cloud_noise(rng, -2), np.where(height > 0.48, town, 0.45)), _nothing()
 
 
-def _courses(rng: np.random.Generator, *, rows: int, columns: int, joint: float, spread: float) -> Floats:
+def _courses(rng: np.random.Generator, *, rows: int, columns: int, joint: float, spread: float) -> Floats32:
     """Stones in courses, every other one shifted by half a stone; joints darker by `joint` (brighter below zero)."""
     at = np.arange(SIZE)
     row = at * rows // SIZE
@@ -294,7 +295,7 @@ def _courses(rng: np.random.Generator, *, rows: int, columns: int, joint: float,
     return np.asarray(np.where(edges, 1 - joint * 2, value), dtype=np.float32)
 
 
-def _share(noise: Floats, share: float) -> Floats:
+def _share(noise: Floats32, share: float) -> Floats32:
     """1 at the given share of pixels, the highest ones."""
     return np.asarray(noise > np.quantile(noise, 1 - share), dtype=np.float32)
 
@@ -323,7 +324,7 @@ _DRAWERS = {
     Tile.SURROUNDINGS: _surroundings,
 }
 
-_LAYERS: dict[Tile, dict[int, Callable[[Floats, Floats], NDArray[np.bool_]]]] = {
+_LAYERS: dict[Tile, dict[int, Callable[[Floats32, Floats32], Mask]]] = {
     Tile.WINDOWS: {_REST: lambda value, _: value > 1.2, _DETAIL: lambda _, mask: mask > 0},
     Tile.PAINT: {_REST: lambda value, _: (value < 0.5) | (value > 1.8)},
     Tile.REAR: {

@@ -1,7 +1,7 @@
 """Batches for training: random crops of samples, with random changes of light and noise."""
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,26 +10,16 @@ from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.psmnet.inference import Image, seen
 from auditor.measurement.disparity.matchers.scoring import Sample
 
+if TYPE_CHECKING:
+    from auditor.lab.training.checkpoints import TrainingSettings
+
 # Two cameras never record the same light: a part of the change is common to both, a part is each camera's own.
 _GAMMAS, _GAINS, _OFFSETS = (0.7, 1.4), (0.75, 1.25), (-15.0, 15.0)
 
 _OWN_GAINS, _OWN_OFFSETS, _NOISE = (0.92, 1.08), (-6.0, 6.0), (0.0, 4.0)
 
 
-class CropSettings(Protocol):
-    """The settings of a training that determine its crops."""
-
-    @property
-    def crop(self) -> tuple[int, int]: ...  # noqa: D102 - see TrainingSettings
-    @property
-    def batch(self) -> int: ...  # noqa: D102
-    @property
-    def step(self) -> int: ...  # noqa: D102
-    @property
-    def seed(self) -> int: ...  # noqa: D102
-
-
-def crops(samples: Sequence[Sample], settings: CropSettings, first: int) -> Iterator[list[Sample]]:
+def crops(samples: Sequence[Sample], settings: "TrainingSettings", first: int) -> Iterator[list[Sample]]:
     """Batches of crops without end, from batch `first`: a pass takes every sample once, in an order of its own.
 
     A crop depends on the seed and its number alone, so that a resumed training gets the same crops as one without a
@@ -49,7 +39,7 @@ def _place(number: int, count: int, seed: int) -> int:
     return int(np.random.default_rng((seed, 1, turn)).permutation(count)[place])
 
 
-def _crop(sample: Sample, settings: CropSettings, number: int) -> Sample:
+def _crop(sample: Sample, settings: "TrainingSettings", number: int) -> Sample:
     """A window of the network's pixels, grey, with disparities of the network's pixels."""
     left, right, truth = sample
     rows, columns = settings.crop

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -27,6 +26,7 @@ from auditor.measurement.disparity.matchers.psmnet.inference import Engine, Imag
 from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
 from auditor.measurement.disparity.matchers.scoring import Sample, score
 from auditor.measurement.frame import prefetch
+from auditor.model.arrays import Floats32
 
 _OUTPUT_WEIGHTS = (0.5, 0.7, 1.0)
 _WARM_UP = 20  # the share of the steps is one over it
@@ -102,13 +102,13 @@ class _Trained:
     def step(self) -> int:
         return self.training.step
 
-    def match(self, left: Image, right: Image) -> NDArray[np.float32]:
+    def match(self, left: Image, right: Image) -> Floats32:
         self.network.eval()
         engine = Engine(self.network, torch.device(self.training.device))
         left, right = (seen(image, step=self.step, colour=False) for image in (left, right))
         features = engine.features([left, right])
         size = (left.shape[0], left.shape[1])
-        disparity: NDArray[np.float32] = engine.disparities(features[:1], features[1:], size)[0]
+        disparity: Floats32 = engine.disparities(features[:1], features[1:], size)[0]
         return disparity * np.float32(self.step)
 
 

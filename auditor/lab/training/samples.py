@@ -9,10 +9,10 @@ from typing import ClassVar, overload
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor import __version__
 from auditor.errors import RecordingError, SettingError
+from auditor.lab.clean_recordings import clean_recording
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.lidar import lidar_view
@@ -20,16 +20,15 @@ from auditor.measurement.disparity.matchers.scoring import Sample
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import seen_by_both
 from auditor.measurement.pairwise_views import OF_TWO
+from auditor.model.arrays import Floats32
 from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
-from auditor.pipeline.measure import rigs_through
-from auditor.recordings import Location, open_recording, survey, synchronise
+from auditor.recordings import Location, synchronise
 from auditor.safety.budget import SAMPLE
 from auditor.safety.zips import UnsafeZipError, check_file
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
-Disparities = NDArray[np.float32]
 _STREET_FRAMES = 60
 _STREET_CAMERAS = 4
 _SUFFIX = ".npz"
@@ -59,18 +58,8 @@ class Recorded:
     @contextmanager
     def open(self) -> Iterator[Samples]:
         """One pair of cameras a frame. Raises RecordingError where it cannot be read or was attacked, and RigError."""
-        with open_recording(self.path) as recording:
-            if recording.labels():
-                raise RecordingError(
-                    "it carries labels of attacks, so it is not clean",
-                    where=self.path,
-                    remedy="train on recordings that are free of attacks",
-                )
-            surveyed = survey(recording)
-            found = rigs_through(recording, surveyed, self.rig)
-            if found.withheld:
-                raise RecordingError(found.withheld, where=self.path, remedy="train on recordings that fit")
-            first = found.rigs[0]
+        with clean_recording(self.path, self.rig, "train") as (recording, rigs):
+            first = rigs[0]
             rig = first.rig
             if rig.lidar is None:
                 raise RecordingError(
@@ -148,8 +137,8 @@ def dense_sample(drive: SyntheticDrive, number: int) -> Sample:
     return drive.image(number, k).pixels, drive.image(number, i).pixels, _inside(disparity, source)
 
 
-def _inside(disparity: Disparities, source: Camera) -> Disparities:
-    """Disparities without those whose match lies outside the source camera's image, or behind it."""
+def _inside(disparity: Floats32, source: Camera) -> Floats32:
+    """Floats32 without those whose match lies outside the source camera's image, or behind it."""
     match = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     there = (disparity > 0) & (match >= 0) & (match < source.width_px)
     return np.where(there, disparity, np.float32(np.nan))

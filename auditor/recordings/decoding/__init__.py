@@ -10,7 +10,6 @@ from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransf
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
     CameraInfo,
-    CameraInfoDecoder,
     CloudDecoder,
     Decoder,
     DeepImageDecoder,
@@ -18,7 +17,6 @@ from auditor.recordings.decoding.interface import (
     Header,
     ImageDecoder,
     Transform,
-    TransformsDecoder,
 )
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.recording import Definition
@@ -26,17 +24,14 @@ from auditor.resources import entries_of
 
 __all__ = [
     "CameraInfo",
-    "CameraInfoDecoder",
     "CloudDecoder",
     "Decoder",
-    "DecoderFactory",
     "Decoders",
     "DeepImageDecoder",
     "FollowingDecoder",
     "Header",
     "ImageDecoder",
     "Transform",
-    "TransformsDecoder",
     "decoder_table",
 ]
 

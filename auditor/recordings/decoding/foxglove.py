@@ -1,8 +1,8 @@
 """Foxglove's images, point clouds, calibrations and transforms, in protobuf and in JSON."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
-from auditor.recordings.decoding.depths import Depths
 from auditor.recordings.decoding.foxglove_layouts import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
@@ -22,9 +21,8 @@ from auditor.recordings.decoding.foxglove_layouts import (
     decode_json,
 )
 from auditor.recordings.decoding.geometry import checked_matrix, checked_transforms, motion_of, transform_of
-from auditor.recordings.decoding.images import largest_raw_value, raw_pixels
+from auditor.recordings.decoding.images import PictureDecoder, RawDecoder
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.decoding.video import Videos
@@ -40,9 +38,10 @@ _ROS_DATATYPES = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}
 
 
 class FoxgloveMessages:
-    """Decodes messages of one recording into dicts; an embedded protobuf schema must agree with the known one."""
+    """Decodes messages of one recording into dicts; an embedded protobuf schema must agree with the known layout."""
 
     def __init__(self, types: RosTypes) -> None:
+        super().__init__()
         self._types = types
         self._checked: set[str] = set()
 
@@ -78,115 +77,40 @@ def stamp_ns(values: dict[str, Any]) -> int:
     return int(time_ns)
 
 
-class _Decoder:
-    def __init__(self, types: RosTypes) -> None:
-        self._messages = FoxgloveMessages(types)
-
-    def header(self, message: Message) -> Header:
-        """The header, without decoding the rest."""
-        return self._messages.header(message)
-
-
-class _RawImage(NamedTuple):
-    """A foxglove.RawImage with the fields of sensor_msgs/Image."""
-
-    width: int
-    height: int
-    encoding: str
-    step: int
-    data: NDArray[np.uint8]
-    is_bigendian: bool = False
-
-
-class _DeepDecoder(_Decoder, Depths):
-    def __init__(self, types: RosTypes) -> None:
-        _Decoder.__init__(self, types)
-        Depths.__init__(self)
-
-
-class FoxgloveRawImageDecoder(_DeepDecoder):
+class FoxgloveRawImageDecoder(FoxgloveMessages, RawDecoder):
     """foxglove.RawImage; its encodings are ROS's."""
-
-    kind: ClassVar[Literal["image"]] = "image"
 
     def size_px(self, message: Message) -> SizePx:
         """The declared width and height."""
-        values = self._messages.decode(message, without=("data",))
+        values = self.decode(message, without=("data",))
         return values["width"], values["height"]
 
-    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
-        """See interface.ImageDecoder."""
-        bits = self.bits(message.topic)
-        return raw_pixels(self._image(message), message.topic, colour=colour, size_px=size_px, bits=bits)
-
-    def largest_value(self, message: Message) -> int | None:
-        """See interface.DeepImageDecoder."""
-        return largest_raw_value(self._image(message), message.topic)
-
-    def _image(self, message: Message) -> _RawImage:
-        values = self._messages.decode(message)
-        data = np.frombuffer(values["data"], np.uint8)
-        return _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
+    def image(self, message: Message) -> SimpleNamespace:
+        """The message with the fields of sensor_msgs/Image."""
+        values = self.decode(message)
+        return SimpleNamespace(**values | {"data": np.frombuffer(values["data"], np.uint8)}, is_bigendian=False)
 
 
-class FoxgloveCompressedImageDecoder(_DeepDecoder):
+class FoxgloveCompressedImageDecoder(FoxgloveMessages, PictureDecoder):
     """foxglove.CompressedImage with a PNG or JPEG inside."""
 
-    kind: ClassVar[Literal["image"]] = "image"
-
-    def size_px(self, message: Message) -> SizePx:
-        """The size that the header of the PNG or JPEG file declares."""
-        return inspect_picture(self._picture(message)).size_px
-
-    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
-        """See interface.ImageDecoder."""
-        bits = self.bits(message.topic)
-        return decode_picture(self._picture(message), colour=colour, size_px=size_px, bits=bits)
-
-    def largest_value(self, message: Message) -> int | None:
-        """See interface.DeepImageDecoder."""
-        return largest_picture_value(self._picture(message))
-
-    def _picture(self, message: Message) -> memoryview:
-        data: memoryview = self._messages.decode(message)["data"]
+    def picture(self, message: Message) -> memoryview:
+        """The file inside the message."""
+        data: memoryview = self.decode(message)["data"]
         return data
 
 
-@dataclass(frozen=True)
-class _PointField:
-    """A foxglove.PackedElementField with the fields of sensor_msgs/PointField."""
-
-    name: str
-    offset: int
-    datatype: int
-    count: int = 1
-
-
-class _Points(NamedTuple):
-    """A foxglove.PointCloud with the fields of sensor_msgs/PointCloud2."""
-
-    width: int
-    point_step: int
-    row_step: int
-    fields: list[_PointField]
-    data: NDArray[np.uint8]
-    height: int = 1
-    is_bigendian: bool = False
-
-
-class FoxglovePointCloudDecoder(_Decoder):
+class FoxglovePointCloudDecoder(FoxgloveMessages):
     """foxglove.PointCloud: as many points as its data hold; `pose` transforms them into the frame."""
 
     kind: ClassVar[Literal["cloud"]] = "cloud"
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
-        values = self._messages.decode(message)
-        data, stride = np.frombuffer(values["data"], np.uint8), values["point_stride"]
-        fields = [_PointField(f["name"], f["offset"], _ROS_DATATYPES.get(f["type"], 0)) for f in values["fields"]]
-        cloud = _Points(data.size // max(stride, 1), stride, data.size, fields, data)
-        if data.size % max(stride, 1):
-            raise DecodingError(f"the cloud is cut: {data.size} bytes are not whole points", where=message.topic)
+        values = self.decode(message)
+        cloud = _cloud_of(values)
+        if cloud.row_step % max(cloud.point_step, 1):
+            raise DecodingError(f"the cloud is cut: {cloud.row_step} bytes are not whole points", where=message.topic)
         xyz_m = finite(xyz_of(points_of(cloud)))
         pose = values["pose"] or {}
         try:
@@ -202,14 +126,32 @@ class FoxglovePointCloudDecoder(_Decoder):
         return finite(moved.astype(np.float32))
 
 
-class FoxgloveCameraCalibrationDecoder(_Decoder):
+def _cloud_of(values: dict[str, Any]) -> SimpleNamespace:
+    """A foxglove.PointCloud with the fields of sensor_msgs/PointCloud2."""
+    data, stride = np.frombuffer(values["data"], np.uint8), values["point_stride"]
+    fields = [
+        SimpleNamespace(name=one["name"], offset=one["offset"], datatype=_ROS_DATATYPES.get(one["type"], 0), count=1)
+        for one in values["fields"]
+    ]
+    return SimpleNamespace(
+        width=data.size // max(stride, 1),
+        height=1,
+        point_step=stride,
+        row_step=data.size,
+        fields=fields,
+        data=data,
+        is_bigendian=False,
+    )
+
+
+class FoxgloveCameraCalibrationDecoder(FoxgloveMessages):
     """foxglove.CameraCalibration; without R there is no rotation, without P there is K without an offset."""
 
     kind: ClassVar[Literal["camera_info"]] = "camera_info"
 
     def camera_info(self, message: Message) -> CameraInfo:
         """The calibration. Raises DecodingError where a number is absurd or not finite."""
-        values = self._messages.decode(message)
+        values = self.decode(message)
         K = checked_matrix(values["K"], 3, message.topic)
         R = checked_matrix(values["R"], 3, message.topic) if values["R"] else np.eye(3)
         P = checked_matrix(values["P"], 4, message.topic) if values["P"] else np.hstack([K, np.zeros((3, 1))])
@@ -218,37 +160,30 @@ class FoxgloveCameraCalibrationDecoder(_Decoder):
         return CameraInfo(header, values["width"], values["height"], tuple(values["D"]), K, R, P, model)
 
 
-class FoxgloveVideoDecoder(Videos):
+class FoxgloveVideoDecoder(Videos, FoxgloveMessages):
     """foxglove.CompressedVideo with H.264 inside."""
 
     kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
-        super().__init__(self._h264)
-        self._messages = FoxgloveMessages(types)
-
-    def header(self, message: Message) -> Header:
-        """The header, without decoding the rest."""
-        return self._messages.header(message)
+        Videos.__init__(self, self._h264)
+        FoxgloveMessages.__init__(self, types)
 
     def _h264(self, message: Message) -> bytes:
-        values = self._messages.decode(message)
+        values = self.decode(message)
         if values["format"] != _VIDEO_FORMAT:
             raise DecodingError(f"the video format {values['format'][:20]!r} is not supported", where=message.topic)
         return bytes(values["data"])
 
 
-class FoxgloveTransformsDecoder:
+class FoxgloveTransformsDecoder(FoxgloveMessages):
     """foxglove.FrameTransform and foxglove.FrameTransforms."""
 
     kind: ClassVar[Literal["transforms"]] = "transforms"
 
-    def __init__(self, types: RosTypes) -> None:
-        self._messages = FoxgloveMessages(types)
-
     def transforms(self, message: Message) -> tuple[Transform, ...]:
         """All of the message. Raises DecodingError where not one of them is a motion."""
-        values = self._messages.decode(message)
+        values = self.decode(message)
         entries = values["transforms"] if message.schema == FRAME_TRANSFORMS else [values]
         made = [
             transform_of(

@@ -74,15 +74,16 @@ class RosTransformsDecoder:
             transform_of(
                 stamped.header.frame_id,
                 stamped.child_frame_id,
-                _numbers(stamped.transform.rotation, "xyzw"),
-                _numbers(stamped.transform.translation, "xyz"),
+                numbers_of(stamped.transform.rotation, "xyzw"),
+                numbers_of(stamped.transform.translation, "xyz"),
             )
             for stamped in self._types.decode(message).transforms
         ]
         return checked_transforms(made, message.topic)
 
 
-def _numbers(vector: object, names: str) -> tuple[float, ...]:
+def numbers_of(vector: object, names: str) -> tuple[float, ...]:
+    """The numbers of a ROS vector or quaternion, by their names."""
     return tuple(float(getattr(vector, name)) for name in names)
 
 

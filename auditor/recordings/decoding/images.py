@@ -1,18 +1,26 @@
 """sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
 import re
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
+from auditor.model.arrays import Image
 from auditor.model.frames import Message
-from auditor.recordings.decoding.depths import Depths, Values, upper_8_bits
+from auditor.model.rig import MOST_BITS
 from auditor.recordings.decoding.interface import Header, SizePx
-from auditor.recordings.decoding.pictures import check_size, decode_picture, inspect_picture, largest_picture_value
+from auditor.recordings.decoding.pictures import (
+    Values,
+    check_size,
+    decode_picture,
+    inspect_picture,
+    largest_picture_value,
+    upper_8_bits,
+)
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.video import Videos, is_h264
 
@@ -38,7 +46,6 @@ class Encoding(NamedTuple):
     to_bgr: str | None
     bytes_a_value: int = 1
     planar: bool = False
-    has_colour: bool = True
 
 
 def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
@@ -46,15 +53,15 @@ def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
     return Encoding(1, f"COLOR_Bayer{order}2GRAY", f"COLOR_Bayer{order}2BGR", bytes_a_value)
 
 
-_GREY = Encoding(1, None, None, has_colour=False)
+_GREY = Encoding(1, None, None)
 _UYVY = Encoding(2, "COLOR_YUV2GRAY_UYVY", "COLOR_YUV2BGR_UYVY")
 _YUYV = Encoding(2, "COLOR_YUV2GRAY_YUY2", "COLOR_YUV2BGR_YUY2")
 
 ENCODINGS = {
     "mono8": _GREY,
     "8UC1": _GREY,
-    "mono16": Encoding(1, None, None, bytes_a_value=2, has_colour=False),
-    "16UC1": Encoding(1, None, None, bytes_a_value=2, has_colour=False),
+    "mono16": Encoding(1, None, None, bytes_a_value=2),
+    "16UC1": Encoding(1, None, None, bytes_a_value=2),
     "bgr8": Encoding(3, "COLOR_BGR2GRAY", None),
     "8UC3": Encoding(3, "COLOR_BGR2GRAY", None),
     "rgb8": Encoding(3, "COLOR_RGB2GRAY", "COLOR_RGB2BGR"),
@@ -76,13 +83,75 @@ ENCODINGS = {
     "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
 }
-"""Encodings of sensor_msgs/image_encodings.hpp that are supported; of 16-bit values see `depths`."""
+"""Encodings of sensor_msgs/image_encodings.hpp that are supported; of 16-bit values see `pictures`."""
 
 
-class RawImageDecoder(Depths):
-    """sensor_msgs/Image."""
+class _Depths:
+    """Of what depth the values of a topic's pictures are where they have more than 8 bits; 16 bits until it is told."""
 
     kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self) -> None:
+        self._bits: dict[str, int] = {}
+
+    def use_depth(self, topic: str, bits: int) -> None:
+        """Take the values of a topic's pictures as of so many bits, from here on."""
+        self._bits[topic] = bits
+
+    def bits(self, message: Message) -> int:
+        """The bits of the values of a message's topic."""
+        return self._bits.get(message.topic, MOST_BITS)
+
+
+class RawDecoder(_Depths, ABC):
+    """Decodes images that lie in a message value by value. See interface.ImageDecoder and DeepImageDecoder."""
+
+    @abstractmethod
+    def image(self, message: Message) -> Any:  # noqa: ANN401  # a class that rosbags generates, or one like it
+        """The image as an object with the fields of sensor_msgs/Image. Raises DecodingError."""
+
+    def size_px(self, message: Message) -> SizePx:
+        """The declared width and height."""
+        image = self.image(message)
+        return image.width, image.height
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> Image:
+        """The pixels, a view of the message where nothing had to be converted."""
+        image = self.image(message)
+        check_size((image.width, image.height), size_px)
+        encoding = _encoding_of(image, message.topic)
+        return _convert(upper_8_bits(_rows(image, encoding), self.bits(message)), encoding, colour=colour)
+
+    def largest_value(self, message: Message) -> int | None:
+        """The largest value of 16 bits; None where there are 8."""
+        image = self.image(message)
+        check_size((image.width, image.height), None)
+        encoding = _encoding_of(image, message.topic)
+        return int(_rows(image, encoding).max()) if encoding.bytes_a_value > 1 else None
+
+
+class PictureDecoder(_Depths, ABC):
+    """Decodes images that are PNG or JPEG files. See interface.ImageDecoder and DeepImageDecoder."""
+
+    @abstractmethod
+    def picture(self, message: Message) -> memoryview:
+        """The file inside the message. Raises DecodingError."""
+
+    def size_px(self, message: Message) -> SizePx:
+        """The size that the file's header declares."""
+        return inspect_picture(self.picture(message)).size_px
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> Image:
+        """The pixels of the whole file."""
+        return decode_picture(self.picture(message), colour=colour, size_px=size_px, bits=self.bits(message))
+
+    def largest_value(self, message: Message) -> int | None:
+        """The largest value of a PNG of 16 bits; None of any other file."""
+        return largest_picture_value(self.picture(message))
+
+
+class RawImageDecoder(RawDecoder):
+    """sensor_msgs/Image."""
 
     def __init__(self, types: RosTypes) -> None:
         super().__init__()
@@ -92,43 +161,9 @@ class RawImageDecoder(Depths):
         """The header, without decoding the rest."""
         return read_header(message)
 
-    def size_px(self, message: Message) -> SizePx:
-        """The declared width and height."""
-        image = self._types.decode(message)
-        return image.width, image.height
-
-    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
-        """See interface.ImageDecoder. The array is a view of the message where nothing had to be converted."""
-        bits = self.bits(message.topic)
-        return raw_pixels(self._types.decode(message), message.topic, colour=colour, size_px=size_px, bits=bits)
-
-    def largest_value(self, message: Message) -> int | None:
-        """See interface.DeepImageDecoder."""
-        return largest_raw_value(self._types.decode(message), message.topic)
-
-
-def raw_pixels(
-    image: Any,  # noqa: ANN401  # the class is generated
-    topic: str,
-    *,
-    colour: bool,
-    size_px: SizePx | None,
-    bits: int,
-) -> NDArray[np.uint8]:
-    """Pixels of anything with the fields of sensor_msgs/Image; `bits` are those of 16-bit values.
-
-    See interface.ImageDecoder.
-    """
-    check_size((image.width, image.height), size_px)
-    encoding = _encoding_of(image, topic)
-    return _convert(upper_8_bits(_rows(image, encoding), bits), encoding, colour=colour)
-
-
-def largest_raw_value(image: Any, topic: str) -> int | None:  # noqa: ANN401  # the class is generated
-    """The largest value of 16 bits of anything with the fields of sensor_msgs/Image; None where there are 8."""
-    check_size((image.width, image.height), None)
-    encoding = _encoding_of(image, topic)
-    return int(_rows(image, encoding).max()) if encoding.bytes_a_value > 1 else None
+    def image(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated
+        """The message, decoded."""
+        return self._types.decode(message)
 
 
 def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the class is generated
@@ -160,7 +195,7 @@ def _rows(image: Any, encoding: Encoding) -> Values:  # noqa: ANN401  # the clas
     return result
 
 
-def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> NDArray[np.uint8]:
+def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:
     conversion = encoding.to_bgr if colour else encoding.to_grey
     if conversion is None:
         return values
@@ -170,13 +205,11 @@ def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> 
         raise DecodingError(f"the image cannot be converted ({error.err})") from error
 
 
-class CompressedImageDecoder(Depths):
+class CompressedImageDecoder(PictureDecoder):
     """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, recognised by its first bytes: `format` is free text.
 
     All messages of a topic have the form of its first one.
     """
-
-    kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
         super().__init__()
@@ -196,20 +229,17 @@ class CompressedImageDecoder(Depths):
 
     def size_px(self, message: Message) -> SizePx:
         """The size that the header of the compressed image declares."""
-        if self._of_video(message):
-            return self._videos.size_px(message)
-        return inspect_picture(self.picture(message)).size_px
+        return self._videos.size_px(message) if self._of_video(message) else super().size_px(message)
 
-    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
-        """See interface.ImageDecoder."""
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> Image:
+        """The pixels of the picture, or of the video at it."""
         if self._of_video(message):
             return self._videos.pixels(message, colour=colour, size_px=size_px)
-        bits = self.bits(message.topic)
-        return decode_picture(self.picture(message), colour=colour, size_px=size_px, bits=bits)
+        return super().pixels(message, colour=colour, size_px=size_px)
 
     def largest_value(self, message: Message) -> int | None:
-        """See interface.DeepImageDecoder."""
-        return None if self._of_video(message) else largest_picture_value(self.picture(message))
+        """The largest value of a PNG of 16 bits; None of anything else."""
+        return None if self._of_video(message) else super().largest_value(message)
 
     def picture(self, message: Message) -> memoryview:
         """The PNG or JPEG file inside the message."""

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite
-from auditor.recordings.decoding.depths import Depths
-from auditor.recordings.decoding.interface import CameraInfo, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
+from auditor.recordings.decoding.images import PictureDecoder
+from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
 
 PICTURE = "kitti/Picture"
 SCAN = "kitti/Scan"
@@ -31,27 +30,16 @@ def camera_frame(topic: str) -> str:
     return topic.split("/")[2]
 
 
-class KittiPictureDecoder(Depths):
+class KittiPictureDecoder(PictureDecoder):
     """PNG files; they carry no stamp; the reader takes it from timestamps.txt."""
-
-    kind: ClassVar[Literal["image"]] = "image"
 
     def header(self, message: Message) -> Header:
         """The header, its stamp being that of the message."""
         return Header(message.log_time_ns, camera_frame(message.topic))
 
-    def size_px(self, message: Message) -> SizePx:
-        """The size that the PNG file's header declares."""
-        return inspect_picture(memoryview(message.data)).size_px
-
-    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
-        """See interface.ImageDecoder."""
-        bits = self.bits(message.topic)
-        return decode_picture(memoryview(message.data), colour=colour, size_px=size_px, bits=bits)
-
-    def largest_value(self, message: Message) -> int | None:
-        """See interface.DeepImageDecoder."""
-        return largest_picture_value(memoryview(message.data))
+    def picture(self, message: Message) -> memoryview:
+        """The file."""
+        return memoryview(message.data)
 
 
 def scan_points(message: Message) -> NDArray[np.float32]:

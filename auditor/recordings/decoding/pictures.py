@@ -1,20 +1,24 @@
 """PNG and JPEG files: their headers are read before they are decoded, and they are checked for completeness.
 
 Formats: PNG specification (ISO/IEC 15948), sections 5 and 11; JPEG, ITU-T T.81, annex B.
+
+Of values of more than 8 bits 8 are kept. A camera of 12 bits writes values of 0 to 4095 into 16 bits, or these times
+16; no message says which. The depth is learnt once a topic, from its first pictures, and then holds for all: a scale of
+each picture's own would hide an attack.
 """
 
 import struct
 import zlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.model.rig import MOST_BITS
-from auditor.recordings.decoding.depths import Values, upper_8_bits
+from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.parameters import PICTURE_DEPTH
 from auditor.safety.budget import MAX_PIXELS
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -25,6 +29,10 @@ _JPEG_SIZE = struct.Struct(">BHHB")
 _JPEG_NO_SIZE = {0xC4, 0xC8, 0xCC}
 _JPEG_WITHOUT_LENGTH = {0x01, 0xFF, *range(0xD0, 0xD8)}  # 0xFF fills
 _JPEG_END_SEARCH_BYTES = 1024
+
+
+Values = NDArray[np.unsignedinteger[Any]]
+"""(H, W) or (H, W, channels), of 8 bits or of 16 in the machine's byte order."""
 
 
 class Picture(NamedTuple):
@@ -88,6 +96,22 @@ def _decode(data: memoryview, picture: Picture, *, in_colour: bool) -> Values:
     if values is None or values.shape[1::-1] != picture.size_px:
         raise DecodingError("the image cannot be decoded whole")
     return np.asarray(values, dtype=np.uint16 if picture.deep else np.uint8)
+
+
+def depth_of(largest: int) -> int:
+    """The bits of a camera of whose values this is the largest. Those at the upper end of 16 bits have 16."""
+    return next((bits for bits in PICTURE_DEPTH.bits if largest < 1 << bits), MOST_BITS)
+
+
+def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
+    """Of values of 16 bits the upper 8 of so many: the full scale becomes 255, and so does what lies above it."""
+    shift = bits - PIXEL_BITS if values.dtype == np.uint16 else 0
+    if not shift:
+        return np.asarray(values, dtype=np.uint8)
+    kept = np.empty(values.shape, np.uint8)
+    for row, into in zip(values, kept, strict=True):  # whole pictures of 16 bits would take twice their memory
+        np.minimum(row >> shift, 255, out=into, casting="unsafe")
+    return kept
 
 
 def encode_picture(pixels: NDArray[np.uint8], form: str) -> bytes:

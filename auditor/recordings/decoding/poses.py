@@ -21,7 +21,7 @@ from auditor.recordings.decoding.foxglove_layouts import (
     POSE_IN_FRAME,
     POSES_IN_FRAME,
 )
-from auditor.recordings.decoding.geometry import ABSURD
+from auditor.recordings.decoding.geometry import ABSURD, numbers_of
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.parameters import POSES
 from auditor.recordings.recording import Topic
@@ -71,29 +71,31 @@ class PoseDecoder:
         fix = self._types.decode(message)
         if fix.status.status < 0:
             raise PoseError(NO_FIX, where=message.topic)
-        yield _fix(_stamp_ns(fix.header), fix.header.frame_id, fix.latitude, fix.longitude, fix.altitude)
+        stamp = fix.header.stamp
+        yield _fix(
+            int(stamp.sec) * 10**9 + int(stamp.nanosec), fix.header.frame_id, fix.latitude, fix.longitude, fix.altitude
+        )
 
     def odometry(self, message: Message) -> Iterator[Stamped]:
         """nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped."""
         stamped = self._types.decode(message)
-        pose = stamped.pose.pose
-        yield _placed(stamped.header, _numbers(pose.position, "xyz"), _numbers(pose.orientation, "xyzw"))
+        yield _placed(stamped.header, stamped.pose.pose.position, stamped.pose.pose.orientation)
 
     def pose(self, message: Message) -> Iterator[Stamped]:
         """geometry_msgs/PoseStamped."""
         stamped = self._types.decode(message)
-        pose = stamped.pose
-        yield _placed(stamped.header, _numbers(pose.position, "xyz"), _numbers(pose.orientation, "xyzw"))
+        yield _placed(stamped.header, stamped.pose.position, stamped.pose.orientation)
 
     def transform(self, message: Message) -> Iterator[Stamped]:
         """geometry_msgs/TransformStamped, whatever its frames."""
-        yield _moved(self._types.decode(message))
+        stamped = self._types.decode(message)
+        yield _placed(stamped.header, stamped.transform.translation, stamped.transform.rotation)
 
     def transforms(self, message: Message) -> Iterator[Stamped]:
         """tf2_msgs/TFMessage: where the vehicle is in the map or by odometry; mountings are left out."""
         for stamped in self._types.decode(message).transforms:
             if _is_of_vehicle(stamped.header.frame_id, stamped.child_frame_id):
-                yield _moved(stamped)
+                yield _placed(stamped.header, stamped.transform.translation, stamped.transform.rotation)
 
     def location_fix(self, message: Message) -> Iterator[Stamped]:
         """foxglove.LocationFix."""
@@ -177,13 +179,13 @@ def _fix(
     return Stamped(stamp_ns, pose)
 
 
-def _moved(stamped: Any) -> Stamped:  # noqa: ANN401  # the class is generated
-    moved = stamped.transform
-    return _placed(stamped.header, _numbers(moved.translation, "xyz"), _numbers(moved.rotation, "xyzw"))
+def _placed(header: Any, position: object, orientation: object) -> Stamped:  # noqa: ANN401  # classes are generated
+    place = _local(header.frame_id, numbers_of(position, "xyz"), numbers_of(orientation, "xyzw"))
+    return Stamped(_stamp_ns(header), place)
 
 
-def _placed(header: Any, place_m: tuple[float, ...], quaternion: tuple[float, ...]) -> Stamped:  # noqa: ANN401
-    return Stamped(_stamp_ns(header), _local(header.frame_id, place_m, quaternion))
+def _stamp_ns(header: Any) -> int:  # noqa: ANN401  # the class is generated
+    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 
 
 def _in_frame(stamped: Mapping[str, Any], pose: Mapping[str, Any] | None) -> Stamped:
@@ -216,14 +218,6 @@ def _is_of_vehicle(parent: str, child: str) -> bool:
 def _frame(frame_id: str) -> str:
     """The name of a frame, which a hostile file may make of any length."""
     return frame_id.lstrip("/")[: POSES.most_name_characters]
-
-
-def _stamp_ns(header: Any) -> int:  # noqa: ANN401  # the class is generated
-    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
-
-
-def _numbers(vector: object, names: str) -> tuple[float, ...]:
-    return tuple(float(getattr(vector, name)) for name in names)
 
 
 def _vector(values: Mapping[str, float] | None) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from heapq import merge
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self, cast
+from typing import Self, cast
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
@@ -19,25 +19,32 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.part_names import missing_parts
-from auditor.recordings.formats.topics import Channels, Names, Span, total_counts, total_traffic
+from auditor.recordings.formats.topics import Channels, Names, Span, total_traffic
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
+from auditor.safety.budget import CHUNKS, Spending
 
 NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20
 _RECORD_BYTES = 64  # added to the size of each message: empty ones take work, too
 
 
-class FileRead(Protocol):
-    """One forward read of one file."""
+class FileRead(ABC):
+    """One forward read of one file: yields messages, counts all of them, notes damage."""
 
-    @property
-    def channels(self) -> Channels:
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
+        self._names = names
+        self._damage = damage
+        self._spending = Spending(CHUNKS)
+        self.channels = Channels(wanted, names, damage)
         """The channels found so far, with their counts."""
 
+    @abstractmethod
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order."""
 
+    @abstractmethod
     def span_ns(self) -> Span | None:
         """The first and last log time of the file; None where it has no messages."""
 
@@ -104,7 +111,10 @@ class FilesRecording(ABC):
     @property
     def counts(self) -> Mapping[str, int]:
         """Messages found by the last read, by topic."""
-        return total_counts(self._names, [read.channels for read in self._reads])
+        counts = dict.fromkeys(self._names.topics, 0)
+        for topic, traffic in self.traffic.items():
+            counts[topic.name] = counts.get(topic.name, 0) + traffic.messages
+        return counts
 
     @property
     def traffic(self) -> Mapping[Topic, Traffic]:

@@ -22,8 +22,6 @@ from auditor.recordings.schemas import STRING
 _ACTIVE = ".bag.active"
 """The ending of a bag's name until its recorder has closed it."""
 
-FileRead = BagRead | Db3Read
-
 
 class Ros1Reader:
     """Recognises .bag files."""
@@ -96,7 +94,7 @@ class RosbagRecording(FilesRecording):
         if not self._names.topics:
             self._learn_from_beginning()
 
-    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
+    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> BagRead | Db3Read:
         return self._kind(source, topics, self._names, damage)
 
     def labels(self) -> tuple[AttackLabel, ...]:

@@ -18,12 +18,13 @@ from typing import IO, NamedTuple
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog, is_trusted
+from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
-from auditor.recordings.formats.topics import Channels, Names, Span, span_over
+from auditor.recordings.formats.topics import Names, Span, span_over
 from auditor.recordings.formats.unpacking import BadChunkError, Source, allow, unpack, unpack_beginning
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
-from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
+from auditor.safety.budget import MAX_BYTES
 
 MAGIC = b"#ROSBAG V2.0\n"
 _UINT32 = struct.Struct("<I")
@@ -135,20 +136,16 @@ def inner_records(inside: memoryview) -> Iterator[Inner]:
         position = end
 
 
-class BagRead:
+class BagRead(FileRead):
     """One forward read of one bag: yields messages, counts all of them, notes damage."""
 
     encoding = "ros1"
 
     def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._source = source
-        self._names = names
-        self._damage = damage
-        self._spending = Spending(CHUNKS)
+        super().__init__(source, wanted, names, damage)
         self._chunk_offsets: list[int] = []
         self._chunk_times_ns: list[int] = []
         self._index_offset: int | None = None
-        self.channels = Channels(wanted, names, damage)
 
     def learn_topics(self) -> None:
         """Learn topics from the index. Raises RecordingError where the file is not a bag, or is encrypted."""

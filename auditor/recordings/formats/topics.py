@@ -115,24 +115,11 @@ class Channels:
         for number, count in self._unknown.items():
             self._damage.add(f"{count} messages belong to no channel ({number})")
 
-    def add_counts(self, counts: dict[str, int]) -> None:
-        """Add the messages found to counts by topic."""
-        for channel in self._known.values():
-            counts[channel.topic.name] = counts.get(channel.topic.name, 0) + channel.count
-
     def add_traffic(self, traffic: dict[Topic, Traffic]) -> None:
         """Add the messages found and their bytes to those by topic and type."""
         for channel in self._known.values():
             before = traffic.get(channel.topic, Traffic())
             traffic[channel.topic] = Traffic(before.messages + channel.count, before.size_bytes + channel.size_bytes)
-
-
-def total_counts(names: Names, reads: Collection[Channels]) -> Mapping[str, int]:
-    """The messages found, by topic, over several files."""
-    counts = dict.fromkeys(names.topics, 0)
-    for read in reads:
-        read.add_counts(counts)
-    return counts
 
 
 def total_traffic(reads: Collection[Channels]) -> Mapping[Topic, Traffic]:

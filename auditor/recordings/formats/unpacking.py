@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from io import SEEK_END
 from pathlib import Path
 from shutil import disk_usage
-from typing import IO, Protocol
+from typing import IO
 
 import lz4.frame
 import zstandard
 
 from auditor.errors import RecordingError
-from auditor.recordings.content import ChangedError
+from auditor.recordings.content import ChangedError, FileContent, UnprovenFile
 from auditor.safety.budget import CHUNKS, MAX_BYTES, OverBudgetError, Spending
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -143,19 +143,7 @@ def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
     return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
 
 
-class Content(Protocol):
-    """The bytes of one file, see content.FileContent."""
-
-    @property
-    def path(self) -> Path:
-        """Where the file lies."""
-
-    @property
-    def size(self) -> int:
-        """Its length in bytes."""
-
-    def open(self) -> IO[bytes]:
-        """The file for reading. Raises OSError."""
+Content = FileContent | UnprovenFile
 
 
 @dataclass(frozen=True, eq=False)

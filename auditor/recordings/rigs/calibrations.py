@@ -1,18 +1,23 @@
-"""Camera infos as their pictures need them: regions and binnings applied, and those that are no camera's refused."""
+"""Camera infos as their pictures need them: regions and binnings applied, and those that are no camera's refused.
+
+Two of them are the same calibration where they differ by no more than the noise of numbers that were computed anew.
+"""
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.decoding.interface import Region, SizePx
-from auditor.recordings.parameters import CAMERA_LIMITS
+from auditor.recordings.parameters import CALIBRATION_CHANGES, CAMERA_LIMITS
 from auditor.recordings.rigs.conventions import Scale
 
 _WHOLE = Region()
+_NUMBERS = (tuple, np.ndarray)
 
 
 def of_pictures(info: CameraInfo, size_px: SizePx, scale: Scale = Scale.DECLARED) -> CameraInfo:
@@ -104,3 +109,20 @@ def check_camera(matrices: Iterable[Matrix], rotation: Matrix, distortion: Itera
         raise RigError("the R of its camera info is not a rotation")
     if not all(abs(one) < CAMERA_LIMITS.largest_distortion for one in distortion):
         raise RigError("its distortion is absurd or not finite")
+
+
+def same_numbers(a: ArrayLike, b: ArrayLike) -> bool:
+    """True where no number differs by more than the noise, which is relative to the largest of them."""
+    one, other = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    if one.shape != other.shape or not one.size:
+        return one.shape == other.shape
+    largest = max(float(np.abs(one).max()), float(np.abs(other).max()))
+    return bool(np.all(np.abs(one - other) <= CALIBRATION_CHANGES.noise * largest))
+
+
+def same_camera_info(a: CameraInfo, b: CameraInfo) -> bool:
+    """True for two messages of one calibration; their stamps do not count."""
+    if a.header.frame_id != b.header.frame_id:
+        return False
+    pairs = ((getattr(a, field.name), getattr(b, field.name)) for field in fields(a) if field.name != "header")
+    return all(same_numbers(x, y) if isinstance(x, _NUMBERS) else x == y for x, y in pairs)

@@ -11,7 +11,7 @@ from auditor.recordings.decoding import CameraInfo, Decoders, ImageDecoder, Tran
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
 from auditor.recordings.recording import Recording
-from auditor.recordings.rigs.same_calibration import same_camera_info, same_numbers
+from auditor.recordings.rigs.calibrations import same_camera_info, same_numbers
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.safety.budget import MAX_TRANSFORM_BYTES
 

@@ -177,12 +177,8 @@ def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
         for cloud in sorted(survey.clouds, key=lambda cloud: -cloud.points):
             camera_SE3_lidar = frames.between(frame_ids.get(camera.topic, ""), cloud.frame_id)
             if camera_SE3_lidar is not None:
-                rig_SE3_camera = motion(camera.rotation.T, camera.centre_m)
-                name = cloud.topic.name
-                rig_SE3_lidar = rig_SE3_camera @ camera_SE3_lidar
-                ahead = rig_SE3_lidar[:3, :3].T @ camera.rotation[2]
-                sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
-                return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep)
+                rig_SE3_lidar = motion(camera.rotation.T, camera.centre_m) @ camera_SE3_lidar
+                return _lidar_of(cloud, rig_SE3_lidar, camera.rotation[2])
     return None
 
 
@@ -282,15 +278,19 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
     for cloud in sorted(clouds, key=lambda cloud: -cloud.points):
         anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
         if anchor_SE3_lidar is not None:
-            name = sensor_name(cloud.topic.name)
-            rig_SE3_lidar = placed.rig_SE3_anchor @ anchor_SE3_lidar
-            ahead = rig_SE3_lidar[:3, :3].T @ np.sum([rotation[2] for rotation in placed.rotations], axis=0)
-            sweep = sweep_of(cloud.sectors, float(np.arctan2(ahead[1], ahead[0])))
-            return Lidar(name, cloud.topic.name, rig_SE3_lidar, sweep=sweep)
+            ahead = np.sum([rotation[2] for rotation in placed.rotations], axis=0)
+            return _lidar_of(cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar, ahead)
         reasons.append(
             f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
         )
     return None
+
+
+def _lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:
+    """The LiDAR of a topic at its place in the rig; `ahead` (3,) is where the cameras look."""
+    x, y, _ = rig_SE3_lidar[:3, :3].T @ ahead
+    name = cloud.topic.name
+    return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep_of(cloud.sectors, float(np.arctan2(y, x))))
 
 
 def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:

@@ -24,16 +24,23 @@ class FrameTree:
 
     def between(self, dst: str, src: str) -> Matrix | None:
         """dst_SE3_src along the shortest chain, or None where the frames are not connected."""
+        chain = self.chain(dst, src)
+        if chain is None:
+            return None
+        dst_SE3_src = np.eye(4)
+        for frame, neighbour in pairwise(chain):
+            dst_SE3_src = dst_SE3_src @ self._edges[frame][neighbour]
+        return dst_SE3_src
+
+    def chain(self, dst: str, src: str) -> list[str] | None:
+        """The frames of the shortest chain from `dst` to `src`, or None where they are not connected."""
         chain = [src]
         before = self._chains_to(dst)
         while chain[-1] != dst:
             if chain[-1] not in before:
                 return None
             chain.append(before[chain[-1]])
-        dst_SE3_src = np.eye(4)
-        for frame, neighbour in pairwise(reversed(chain)):
-            dst_SE3_src = dst_SE3_src @ self._edges[frame][neighbour]
-        return dst_SE3_src
+        return chain[::-1]
 
     def _chains_to(self, dst: str) -> dict[str, str]:
         """By frame the next one on its shortest chain to `dst`; found once for each frame that is asked for often."""

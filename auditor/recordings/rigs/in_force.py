@@ -6,16 +6,18 @@ is audited with the rig that its calibration gives then. Topics and transforms t
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.recording import Recording
+from auditor.recordings.rigs.calibrations import same_numbers
 from auditor.recordings.rigs.cameras import find_views
 from auditor.recordings.rigs.changes import Change, Changes, Key, Value
 from auditor.recordings.rigs.discovery import find_rigs, search_rigs
-from auditor.recordings.rigs.same_calibration import same_numbers
+from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
 from auditor.recordings.synchronisation.stretches import WHOLE, Stretch
 from auditor.recordings.synchronisation.survey import Survey
@@ -90,24 +92,11 @@ def _needs(rig: Rig, survey: Survey) -> Mapping[Key, int]:
 
 def _links(transforms: Sequence[Transform], frames: Sequence[str]) -> Iterator[tuple[str, str]]:
     """The transforms, as parent and child, on the shortest ways from the first of some frames to the others."""
-    known = {(transform.parent, transform.child) for transform in transforms}
-    neighbours: dict[str, list[str]] = {}
-    for parent, child in known:
-        neighbours.setdefault(parent, []).append(child)
-        neighbours.setdefault(child, []).append(parent)
-    came_from: dict[str, str] = {}
-    reached = list(frames[:1])
-    for frame in reached:
-        for neighbour in sorted(neighbours.get(frame, ())):
-            if neighbour not in came_from and neighbour != frames[0]:
-                came_from[neighbour] = frame
-                reached.append(neighbour)
+    declared = {(transform.parent, transform.child) for transform in transforms}
+    tree = FrameTree(transforms)
     for target in frames[1:]:
-        frame = target
-        while frame in came_from:
-            link = came_from[frame], frame
-            yield link if link in known else link[::-1]
-            frame = came_from[frame]
+        for link in pairwise(tree.chain(frames[0], target) or ()):
+            yield link if link in declared else link[::-1]
 
 
 @dataclass

@@ -2,19 +2,22 @@
 
 Positions come from the projection matrices where any of them has an offset (P[3] = -fx' Tx, sensor_msgs/CameraInfo),
 else from tf; never from both, since some converters write the same offset twice. Where the two contradict each other
-the survey's conventions say which counts.
+the survey's conventions say which counts, and `contradictions` all ways to read them.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from auditor.model.optics.geometry import Matrix, angle_between, motion
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.cameras import View
-from auditor.recordings.rigs.conventions import Positions
+from auditor.recordings.rigs.calibrations import contradicts_size
+from auditor.recordings.rigs.cameras import View, find_views
+from auditor.recordings.rigs.conventions import Conventions, Positions, Scale
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.synchronisation.survey import Survey
 
 AT_ONE_PLACE = "lies where"
 """Said of a camera at the place of another: they may be two topics of one."""
@@ -126,7 +129,39 @@ def place(
     return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
 
 
-def contradiction(group: Sequence[View], frames: FrameTree) -> str:
+class Contradictions(NamedTuple):
+    """What a recording says twice of its calibration, and differently, a sentence each; and all ways to read it.
+
+    The first candidate is the standard's.
+    """
+
+    sentences: tuple[str, ...]
+    candidates: tuple[Conventions, ...]
+
+
+def contradictions(survey: Survey) -> Contradictions:
+    """Where the calibrations of a recording contradict each other or its pictures."""
+    views, frames = find_views(survey, []), FrameTree(survey.transforms)
+    sizes = [_of_size(view, survey) for view in views]
+    places = [_of_places(group, frames) for group in grouped(views, frames)]
+    sentences = tuple(filter(None, (*sizes, *places)))
+    candidates = tuple(
+        Conventions(positions, scale)
+        for positions in ((Positions.P, Positions.TF) if any(places) else (Positions.P,))
+        for scale in (Scale if any(sizes) else (Scale.DECLARED,))
+    )
+    return Contradictions(sentences, candidates)
+
+
+def _of_size(view: View, survey: Survey) -> str:
+    info, size_px = survey.camera_infos[view.info_topic], view.image.size_px
+    if not contradicts_size(info, size_px):
+        return ""
+    declared = f"{info.width_px} x {info.height_px} px" + (f", binned by {max(info.binning)}" * (max(info.binning) > 1))
+    return f"{view.info_topic} declares {declared}, and the pictures have {size_px[0]} x {size_px[1]} px"
+
+
+def _of_places(group: Sequence[View], frames: FrameTree) -> str:
     """What P and tf say of the positions of a group where they contradict each other; empty where they do not."""
     origin = _origin(group)
     offsets = [view.offset_m for view in group]

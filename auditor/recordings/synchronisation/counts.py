@@ -60,6 +60,13 @@ class Counts:
         elif reason == TOO_FEW or (reason == BETWEEN and self._surplus > self.most_surplus):
             self._count_against(Against.UNPAIRED, messages)
 
+    def leave_out(self, reason: str, problem: str, against: str, messages: int) -> None:
+        """Count a message that is in no frame, as damaged where it has a problem."""
+        if problem:
+            self.damage(messages)
+        else:
+            self.skip(reason, against, messages)
+
     def skip_duplicate(self) -> None:
         """Count a message that another recorder of its topic has written too."""
         self.skipped[DUPLICATE] = self.skipped.get(DUPLICATE, 0) + 1

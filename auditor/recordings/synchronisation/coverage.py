@@ -5,8 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.decoding import Decoders, sensor_types
-from auditor.recordings.decoding.definitions import raw_data_of
-from auditor.recordings.decoding.other_types import is_of_radar, is_other
+from auditor.recordings.decoding.other_types import is_of_radar, is_other, raw_data_of
 from auditor.recordings.parameters import SENSOR_LIKE
 from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name

@@ -53,12 +53,8 @@ class FrameStream:
         self.clock_jumps = 0
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
-        self._counts = counts_of(self._rig.sensors, self.timing)
-        self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
-        decoders = Decoders(self._recording.definition)
-        window = Window(self._rig, self.timing, self._counts)
-        maker = _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
-        for group in Edges(self.timing).groups(self._groups(window, decoders)):
+        maker = self._begun()
+        for group in Edges(self.timing).groups(self._groups(maker.decoders)):
             place = stretch_at(self._stretches, group.time_ns)
             if place is None:
                 maker.leave(group)
@@ -67,34 +63,38 @@ class FrameStream:
 
     def chosen(self, frames: Collection[int]) -> Iterator[Frame | Skipped]:
         """Some frames alone, by their numbers, in their order: no others are decoded, and what is counted is theirs."""
-        decoders = Decoders(self._recording.definition)
-        self._counts = counts_of(self._rig.sensors, self.timing)
-        self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
-        maker = _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
-        for group in self._chosen_groups(frames, decoders):
+        maker = self._begun()
+        for group in self._chosen_groups(frames, maker.decoders):
             place = stretch_at(self._stretches, group.time_ns)
             if place is not None:
                 yield maker.make(group, place, self._stretches[place].reason)
 
     def recorded_at(self, frames: Collection[int]) -> dict[int, tuple[int, int]]:
         """When the first and the last message of some frames were recorded (log times), by the frames' numbers."""
-        self._counts = counts_of(self._rig.sensors, self.timing)
         times = {}
-        for group in self._chosen_groups(frames, Decoders(self._recording.definition)):
+        for group in self._chosen_groups(frames, self._begun().decoders):
             of_members = [part.log_time_ns for one in group.members.values() for part in one.messages]
             times[group.number] = (min(of_members), max(of_members))
         return times
 
+    def _begun(self) -> "_FrameMaker":
+        """What makes the frames of a new read, of which nothing is counted yet."""
+        self._counts = counts_of(self._rig.sensors, self.timing)
+        self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
+        decoders = Decoders(self._recording.definition)
+        return _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
+
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
         """The groups of some frames; the recording is not read behind the last one."""
         wanted = set(frames)
-        groups = self._groups(Window(self._rig, self.timing, self._counts), decoders)
+        groups = self._groups(decoders)
         while wanted and (group := next(groups, None)) is not None:
             if group.number in wanted:
                 wanted.discard(group.number)
                 yield group
 
-    def _groups(self, window: Window, decoders: Decoders) -> Iterator[Group]:
+    def _groups(self, decoders: Decoders) -> Iterator[Group]:
+        window = Window(self._rig, self.timing, self._counts)
         by_topic = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         for sensor, waiting in self._arrivals(by_topic, decoders):
             window.add(sensor, waiting)
@@ -187,23 +187,10 @@ class FrameStream:
         counted = self._recording.counts
         for topic in self._recording.topics():
             sensor = sensors.get(topic.name)
-            if sensor is None or sensor not in self._counts:
-                read = counted.get(topic.name, 0)
-                balance.append(TopicBalance(topic.name, topic.schema, sensor, read=read, unused=read))
-            else:
-                counts = self._counts[sensor]
-                balance.append(
-                    TopicBalance(
-                        topic.name,
-                        topic.schema,
-                        sensor,
-                        counts.read,
-                        counts.used,
-                        counts.unused,
-                        counts.damaged,
-                        dict(counts.skipped),
-                    )
-                )
+            read = counted.get(topic.name, 0)
+            counts = self._counts[sensor] if sensor in self._counts else Counts(read=read, unused=read)
+            use = counts.read, counts.used, counts.unused, counts.damaged, dict(counts.skipped)
+            balance.append(TopicBalance(topic.name, topic.schema, sensor, *use))
         return tuple(balance)
 
     @property
@@ -219,7 +206,7 @@ def synchronise(
 
     Outside the `stretches` another rig is in force: its frames are left out, and their numbers with them. Offsets that
     the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The window holds at
-    most MAX_WINDOW_BYTES of messages as recorded.
+    most FRAME_WINDOW.most_bytes of messages as recorded.
     """
     check_rig(rig, survey)
     return FrameStream(recording, rig, survey, colour=colour, stretches=stretches)
@@ -236,7 +223,7 @@ class _FrameMaker:
         self, rig: Rig, decoders: Decoders, counts: Mapping[int, Counts], time: TimeLedger, *, colour: bool
     ) -> None:
         self._rig = rig
-        self._decoders = decoders
+        self.decoders = decoders
         self._counts = counts
         self._time = time
         self._colour = colour
@@ -251,9 +238,9 @@ class _FrameMaker:
         group = replace(group, chunk=group.chunk * _MOST_STRETCHES + stretch)
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
         if group.edge or reason:
-            return self._skip(group, stamp_ns, EDGE if group.edge else reason)
+            return self._skip(group, stamp_ns, EDGE if group.edge else reason, group.members)
         if len(group.members) < MIN_SENSORS:
-            return self._skip(group, stamp_ns, TOO_FEW)
+            return self._skip(group, stamp_ns, TOO_FEW, group.members)
         images: dict[int, CameraImage] = {}
         cloud: PointCloud | None = None
         problems: dict[int, str] = {}
@@ -268,7 +255,7 @@ class _FrameMaker:
                 self._counts[sensor].damage(len(waiting.messages))
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
         if len(good) < MIN_SENSORS:
-            return self._skip_rest(group, stamp_ns, good)
+            return self._skip(group, stamp_ns, TOO_FEW, good)
         for sensor, waiting in good.items():
             self._counts[sensor].use(waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, [sensor for sensor, waiting in good.items() if not waiting.against])
@@ -288,20 +275,12 @@ class _FrameMaker:
     def _stamp_ns(self, members: Mapping[int, Waiting]) -> int:
         return members[max(members)].time_ns
 
-    def _skip(self, group: Group, stamp_ns: int, reason: str) -> Skipped:
-        for sensor, waiting in group.members.items():
-            if waiting.problem:
-                self._counts[sensor].damage(len(waiting.messages))
-            else:
-                self._counts[sensor].skip(reason, waiting.against, len(waiting.messages))
+    def _skip(self, group: Group, stamp_ns: int, reason: str, members: Mapping[int, Waiting]) -> Skipped:
+        """Count some members of a group that makes no frame."""
+        for sensor, waiting in members.items():
+            self._counts[sensor].leave_out(reason, waiting.problem, waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, ())
-        return Skipped(group.number, stamp_ns, reason, self._culprit(group.members))
-
-    def _skip_rest(self, group: Group, stamp_ns: int, good: Mapping[int, Waiting]) -> Skipped:
-        for sensor, waiting in good.items():
-            self._counts[sensor].skip(TOO_FEW, waiting.against, len(waiting.messages))
-        self._time.add(group.chunk, group.time_ns, ())
-        return Skipped(group.number, stamp_ns, TOO_FEW, self._culprit(good))
+        return Skipped(group.number, stamp_ns, reason, self._culprit(members))
 
     def _culprit(self, there: Mapping[int, Waiting]) -> int | None:
         """The sensor that the frame lacks, where it is only one."""
@@ -310,7 +289,7 @@ class _FrameMaker:
 
     def _image(self, sensor: int, waiting: Waiting) -> CameraImage:
         camera = self._rig.camera(sensor)
-        decoder = self._decoders.image(waiting.message.schema, waiting.message.encoding)
+        decoder = self.decoders.image(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not an image", where=camera.topic)
         if camera.depth_bits is not None and isinstance(decoder, DeepImageDecoder):
@@ -319,7 +298,7 @@ class _FrameMaker:
         return CameraImage(sensor, waiting.stamp_ns, pixels)
 
     def _cloud(self, waiting: Waiting) -> PointCloud:
-        decoder = self._decoders.cloud(waiting.message.schema, waiting.message.encoding)
+        decoder = self.decoders.cloud(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not a point cloud", where=waiting.message.topic)
         parts = [decoder.xyz_m(message) for message in waiting.messages]

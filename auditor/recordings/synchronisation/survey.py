@@ -18,8 +18,8 @@ from auditor.recordings.decoding import (
     sensor_types,
 )
 from auditor.recordings.decoding.clouds import check_unit
-from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx, TransformsDecoder
+from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, SWEEPS
@@ -27,18 +27,6 @@ from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
 from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
-
-SAMPLES = FIRST_LOOK.samples
-"""Stamps a sensor's topic that are enough to learn its offset and period."""
-
-MAX_BYTES = FIRST_LOOK.most_bytes
-"""The survey ends after so many bytes of sensor data, even where a topic has not appeared."""
-
-MAX_MESSAGES = FIRST_LOOK.most_messages
-"""The survey also ends here: a topic with one message a minute must not make it read the whole file."""
-
-MAX_LAG_NS = FIRST_LOOK.most_lag_ns
-"""Sensors whose messages lie further apart in the file than this are not paired in one read."""
 
 
 class Mountings:
@@ -157,8 +145,8 @@ class Survey:
 def survey(recording: Recording) -> Survey:
     """Survey the beginning; the recording can be read from its start afterwards.
 
-    It ends as soon as every sensor topic known has given SAMPLES stamps and a calibration was seen, at the latest after
-    MAX_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
+    It ends as soon as every sensor topic known has given enough stamps and a calibration was seen, at the latest after
+    FIRST_LOOK.most_bytes of sensor data. A message that cannot be decoded is a problem, not an error.
     """
     return _Surveyor(recording).run()
 
@@ -208,7 +196,7 @@ class _Surveyor:
             camera_infos=dict(sorted(self._infos.items())),
             transforms=self._mountings.all(),
             problems=tuple(self._problems),
-            interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
+            interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
         )
@@ -229,17 +217,17 @@ class _Surveyor:
                 yield topic.name
 
     def _enough(self) -> bool:
-        if self._bytes > MAX_BYTES:
+        if self._bytes > FIRST_LOOK.most_bytes:
             return True
         sensors = self._by_kind("image", "cloud")
-        if not sensors or any(len(self._samples.get(topic, ())) < SAMPLES for topic in sensors):
+        if not sensors or any(len(self._samples.get(topic, ())) < FIRST_LOOK.samples for topic in sensors):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
         complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._mountings or not fixed)
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
-        return self._messages >= MAX_MESSAGES
+        return self._messages >= FIRST_LOOK.most_messages
 
     def _take(self, message: Message) -> None:
         self._messages += 1
@@ -302,7 +290,7 @@ class _Surveyor:
         topic_begins = topic not in self._last_ns
         last_ns = self._last_ns.get(topic, stamp_ns)
         self._last_ns[topic] = stamp_ns
-        if stamp_ns < last_ns - MAX_LAG_NS:
+        if stamp_ns < last_ns - FIRST_LOOK.most_lag_ns:
             self._jumped = True
             self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
         self._newest_ns = max(self._newest_ns, stamp_ns)

@@ -12,20 +12,6 @@ from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.synchronisation.clock_offsets import Timing
 from auditor.recordings.synchronisation.counts import BETWEEN, LATE, Counts
 
-MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
-"""How long a frame waits for a sensor that is silent."""
-
-MAX_WINDOW_BYTES = FRAME_WINDOW.most_bytes
-
-MESSAGE_BYTES = FRAME_WINDOW.message_bytes
-"""The memory that a waiting message takes beside its data."""
-
-MAX_WAITING = FRAME_WINDOW.most_waiting
-"""Messages in the window: no car has a sensor of 1 kHz beside one of 1 Hz."""
-
-MAX_FROM_BEFORE = FRAME_WINDOW.most_from_before
-MAX_HELD_GROUPS = FRAME_WINDOW.most_held_groups
-
 
 class Waiting(NamedTuple):
     """A message in the window; sorted by when it was captured, less the sensor's offset.
@@ -80,6 +66,7 @@ class Window:
         self.held_bytes = 0
         self.jumps = 0
         self._number = 0
+        self._wait_ns = FRAME_WINDOW.most_wait_periods * timing.period_ns
 
     def add(self, sensor: int, waiting: Waiting) -> None:
         """Add a message; one that is older than the last frame is late, unless the clock has jumped back."""
@@ -88,7 +75,7 @@ class Window:
             self.held_bytes += _bytes(waiting)
             # One sensor that lags is late; old stamps of two sensors, near one another, mean a clock set back.
             self._has_jumped = len({sensor for sensor, _ in self._from_before}) > 1
-            if not self._has_jumped and len(self._from_before) > MAX_FROM_BEFORE:
+            if not self._has_jumped and len(self._from_before) > FRAME_WINDOW.most_from_before:
                 self._refuse_from_before()
             return
         self._refuse_from_before()
@@ -104,10 +91,9 @@ class Window:
 
     def _is_from_before(self, time_ns: int) -> bool:
         """True for a time too old to be a late message's, and near to others of that kind."""
-        wait = MAX_WAIT_PERIODS * self._timing.period_ns
-        if self._closed_until is None or time_ns > self._closed_until - wait:
+        if self._closed_until is None or time_ns > self._closed_until - self._wait_ns:
             return False
-        return all(abs(time_ns - other.time_ns) <= wait for _, other in self._from_before)
+        return all(abs(time_ns - other.time_ns) <= self._wait_ns for _, other in self._from_before)
 
     def _refuse_from_before(self) -> None:
         for sensor, waiting in self._from_before:
@@ -131,9 +117,8 @@ class Window:
 
         Without this, one stamp from another century would close every frame before its messages have come.
         """
-        wait = MAX_WAIT_PERIODS * self._timing.period_ns
-        leaps = bool(self._newest) and time_ns > max(self._newest.values()) + wait
-        if leaps and (self._leapt_to is None or abs(time_ns - self._leapt_to) > wait):
+        leaps = bool(self._newest) and time_ns > max(self._newest.values()) + self._wait_ns
+        if leaps and (self._leapt_to is None or abs(time_ns - self._leapt_to) > self._wait_ns):
             self._leapt_to = time_ns
         else:
             self._newest[sensor] = time_ns
@@ -183,23 +168,26 @@ class Window:
         return self._closed_until + self._timing.period_ns
 
     def _slow_are_past(self, time_ns: int) -> bool:
-        wait = MAX_WAIT_PERIODS * self._timing.period_ns
         newest = max(self._newest.values())
         return self._is_full() or all(
-            self._newest.get(sensor, newest - wait) > time_ns + self._timing.tolerance_ns or newest > time_ns + wait
+            self._newest.get(sensor, newest - self._wait_ns) > time_ns + self._timing.tolerance_ns
+            or newest > time_ns + self._wait_ns
             for sensor in self._rig.sensors
             if sensor not in self._timing.fast
         )
 
     def _is_full(self) -> bool:
-        return self.held_bytes > MAX_WINDOW_BYTES or sum(map(len, self._waiting.values())) > MAX_WAITING
+        return (
+            self.held_bytes > FRAME_WINDOW.most_bytes
+            or sum(map(len, self._waiting.values())) > FRAME_WINDOW.most_waiting
+        )
 
     def _is_settled(self, opening: int) -> bool:
         """True where every sensor has a message in the frame or behind it, or the wait is over."""
         tolerance = self._timing.tolerance_ns
         if self._is_full():
             return True
-        if max(self._newest.values()) > opening + MAX_WAIT_PERIODS * self._timing.period_ns:
+        if max(self._newest.values()) > opening + self._wait_ns:
             return True
         for sensor, waiting in self._waiting.items():
             past = self._newest.get(sensor, opening) > opening + 2 * tolerance
@@ -242,14 +230,11 @@ class Window:
                 self._refuse(sensor, waiting, BETWEEN)
 
     def _refuse(self, sensor: int, waiting: Waiting, reason: str) -> None:
-        if waiting.problem:
-            self._counts[sensor].damage(len(waiting.messages))
-        else:
-            self._counts[sensor].skip(reason, waiting.against, len(waiting.messages))
+        self._counts[sensor].leave_out(reason, waiting.problem, waiting.against, len(waiting.messages))
 
 
 def _bytes(waiting: Waiting) -> int:
-    return sum(len(message.data) + MESSAGE_BYTES for message in waiting.messages)
+    return sum(len(message.data) + FRAME_WINDOW.message_bytes for message in waiting.messages)
 
 
 class Edges:
@@ -273,10 +258,15 @@ class Edges:
             newest = max(newest, group.last_ns)
             held.append(group)
             while held and (
-                held[0].complete or newest > held[0].time_ns + self._period_ns or len(held) > MAX_HELD_GROUPS
+                held[0].complete
+                or newest > held[0].time_ns + self._period_ns
+                or len(held) > FRAME_WINDOW.most_held_groups
             ):
                 yield self._marked(held.popleft(), start, None)
         yield from self._last(held, start, newest)
+
+    def _is_full(self, held: deque[Group]) -> bool:
+        return len(held) > FRAME_WINDOW.most_held_groups
 
     def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
         """The groups held at the end of a chunk."""

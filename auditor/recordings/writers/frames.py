@@ -9,7 +9,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from rosbags.rosbag1 import Writer as BagWriter
@@ -42,59 +42,52 @@ class _Outgoing(NamedTuple):
     data: bytes
 
 
+class How(TypedDict, total=False):
+    """What a recorder does: the vehicle's name, the form of its images (raw), and where it is.
+
+    With a `place`, which gives the vehicle's pose in degrees at a stamp, a GPS fix is written with each frame.
+    """
+
+    vehicle: str | None
+    image: Form
+    place: Place | None
+
+
 def write_mcap(
     path: Path,
     rig: Rig,
     frames: Iterable[Frame],
     labels: Iterable[AttackLabel] = (),
     *,
-    vehicle: str | None = None,
     compression: Compression = "zstd",
-    image: Form = "raw",
-    place: Place | None = None,
+    **how: Unpack[How],
 ) -> None:
     """Write an MCAP file of ROS 2 messages. `labels` is called after the last frame.
-
-    With a `place`, which gives the vehicle's pose in degrees at a stamp, a GPS fix is written with each frame.
 
     Raises RecordingError where it cannot be written.
     """
     maker = MessageMaker("cdr")
     last_ns = 0
     with mcap_file(path, profile="ros2", compression=compression) as file:
-        for topic, schema, stamp_ns, data in _messages(maker, rig, frames, image, place):
+        for topic, schema, stamp_ns, data in _messages(maker, rig, frames, how):
             definition = Definition("ros2msg", maker.definition(schema).encode())
             file.write(Topic(topic, schema, "cdr"), definition, stamp_ns, data)
             last_ns = max(last_ns, stamp_ns)
         file.add_labels(labels, last_ns)
-        file.add_metadata({"vehicle": vehicle} if vehicle else {})
+        file.add_metadata(_metadata(how))
 
 
 def write_bag(
-    path: Path,
-    rig: Rig,
-    frames: Iterable[Frame],
-    labels: Iterable[AttackLabel] = (),
-    *,
-    vehicle: str | None = None,
-    image: Form = "raw",
-    place: Place | None = None,
+    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[How]
 ) -> None:
     """Write a ROS 1 .bag; ground truth and vehicle go to a topic, since it has no attachments. See write_mcap."""
     maker = MessageMaker("ros1")
     with whole_file(path) as beside, BagWriter(beside) as writer:
-        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image, place), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, how), labels, how))
 
 
 def write_db3(
-    path: Path,
-    rig: Rig,
-    frames: Iterable[Frame],
-    labels: Iterable[AttackLabel] = (),
-    *,
-    vehicle: str | None = None,
-    image: Form = "raw",
-    place: Place | None = None,
+    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[How]
 ) -> None:
     """Write a rosbag2 folder with a .db3 file. Raises RecordingError where the folder exists. See write_bag."""
     maker = MessageMaker("cdr")
@@ -102,7 +95,12 @@ def write_db3(
         whole_folder(path) as beside,
         Rosbag2Writer(beside, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
     ):
-        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image, place), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, how), labels, how))
+
+
+def _metadata(how: How) -> dict[str, str]:
+    vehicle = how.get("vehicle")
+    return {"vehicle": vehicle} if vehicle else {}
 
 
 def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) -> None:  # noqa: ANN401  # two writers
@@ -114,22 +112,18 @@ def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) 
 
 
 def _with_metadata(
-    maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], vehicle: str | None
+    maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], how: How
 ) -> Iterator[_Outgoing]:
     last_ns = 0
     for message in messages:
         last_ns = max(last_ns, message.stamp_ns)
         yield message
-    declared = {
-        "labels": [label_to_dict(label) for label in labels],
-        "metadata": {"vehicle": vehicle} if vehicle else {},
-    }
+    declared = {"labels": [label_to_dict(label) for label in labels], "metadata": _metadata(how)}
     yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(declared)))
 
 
-def _messages(
-    maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form, place: Place | None = None
-) -> Iterator[_Outgoing]:
+def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], how: How) -> Iterator[_Outgoing]:
+    form, place = how.get("image", "raw"), how.get("place")
     frame_ids, info_topics = _frame_ids(rig), _info_topics(rig)
     placed = False
     for frame in frames:

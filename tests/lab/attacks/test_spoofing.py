@@ -6,11 +6,12 @@ from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject, copied_wall, find_object
+from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject, find_object
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.model.checks import Check, CountedPair
 from auditor.model.frames import PointCloud
+from tests.benchmarks.lidar_kinds import copied_wall
 from tests.making.scenes import plane_frame, plane_rig
 
 Street = tuple[PointCloud, NDArray[np.bool_]]

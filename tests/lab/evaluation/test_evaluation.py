@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import RecordingError, RigError, SettingError
 from auditor.identification.statistics import sensor_statistics
+from auditor.lab import clean_recordings
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.evaluation import (
     EvaluateTask,
@@ -22,7 +23,6 @@ from auditor.lab.evaluation import (
     evaluate_source,
     experiments_of,
     runner,
-    sources,
 )
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.chunks import CHUNK_FRAMES
@@ -353,14 +353,14 @@ def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
 @pytest.mark.usefixtures("few_cases")
 def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, monkeypatch):
     path = write_drive(tmp_path / "drive.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
-    find = sources.rigs_through
+    find = clean_recordings.rigs_through
 
     def with_and_without_lidar(*arguments):
         found = find(*arguments)
         (one,) = found.rigs
         return found._replace(rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
 
-    monkeypatch.setattr(sources, "rigs_through", with_and_without_lidar)
+    monkeypatch.setattr(clean_recordings, "rigs_through", with_and_without_lidar)
     task = EvaluateTask(Recorded(path), tmp_path / "audit", attack_every=2)
     first = evaluate_source(task, lambda what, done: None)
     assert first.frames == 4

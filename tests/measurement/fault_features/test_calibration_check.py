@@ -10,9 +10,9 @@ import pytest
 from auditor.lab.attacks.paper import Facula
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.calibration_warnings import CASES
-from tests.benchmarks.calibration_warnings import warnings as warnings_of
 from tests.benchmarks.real_drives import frames
+from tests.making.wrong_rigs import CASES
+from tests.making.wrong_rigs import warnings as warnings_of
 
 
 @pytest.fixture(scope="module")

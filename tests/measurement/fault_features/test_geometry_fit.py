@@ -7,9 +7,9 @@ import pytest
 
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.calibration_warnings import CASES as WRONG_RIGS
 from tests.benchmarks.geometry_fit import ATTACKS, FAULTS, withheld
 from tests.benchmarks.real_drives import frames
+from tests.making.wrong_rigs import CASES as WRONG_RIGS
 
 
 @pytest.fixture(scope="module")

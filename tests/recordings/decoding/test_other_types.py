@@ -4,8 +4,7 @@ import pytest
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding import DECODERS
-from auditor.recordings.decoding.definitions import raw_data_of
-from auditor.recordings.decoding.other_types import is_of_radar, is_other
+from auditor.recordings.decoding.other_types import is_of_radar, is_other, raw_data_of
 from auditor.recordings.decoding.sensor_types import ONE_ROW, UNREAD
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.protobuf import descriptors

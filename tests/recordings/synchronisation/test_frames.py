@@ -10,6 +10,7 @@ from auditor.errors import RigError
 from auditor.model.frames import Frame, PointCloud, SensorState, Skipped
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.synchronisation import window as windows
 from auditor.recordings.writers.mcap_file import McapFile
 from tests.making.recorded_drives import (
@@ -227,7 +228,7 @@ def test_messages_that_lie_topic_by_topic_are_still_paired(tmp_path: Path) -> No
 def test_the_window_stays_small_whatever_a_silent_sensor_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [make_frame(RIG, n, without={0} if 5 <= n < 45 else ()) for n in range(50)]
     path = written(tmp_path, frames)
-    monkeypatch.setattr(windows, "MAX_WINDOW_BYTES", 30_000)
+    monkeypatch.setattr(windows, "FRAME_WINDOW", replace(FRAME_WINDOW, most_bytes=30_000))
     held: list[int] = []
     add = windows.Window.add
 
@@ -342,7 +343,7 @@ def test_offsets_that_are_given_stand_in_for_those_learnt(tmp_path: Path) -> Non
 
 def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [make_frame(RIG, n, without={0} if n > 1 else ()) for n in range(60)]
-    monkeypatch.setattr(windows, "MAX_WAIT_PERIODS", 50)
+    patient = replace(FRAME_WINDOW, most_wait_periods=50)
     waiting: dict[int, int] = {}
     add = windows.Window.add
 
@@ -352,7 +353,7 @@ def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, mo
 
     monkeypatch.setattr(windows.Window, "add", spied)
     for limit in (1000, 40):
-        monkeypatch.setattr(windows, "MAX_WAITING", limit)
+        monkeypatch.setattr(windows, "FRAME_WINDOW", replace(patient, most_waiting=limit))
         assert len(read(written(tmp_path, frames))[0]) >= 59
     assert waiting[1000] > 100
     assert waiting[40] <= 41

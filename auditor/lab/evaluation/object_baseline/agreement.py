@@ -1,7 +1,6 @@
 """The objects that the sensors of a frame see, and their agreement: the paper's object-level baseline."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,17 +19,6 @@ from auditor.model.rig import LIDAR, Camera, Rig, Triple
 _IN_FRONT_M = 0.5
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Objects of two sensors that should agree; `reach_px` is the largest disparity where they are of two images."""
-
-    first: tuple[Detection, ...]
-    second: tuple[Detection, ...]
-    labels_of_first: frozenset[str] | None = None
-    labels_of_second: frozenset[str] | None = None
-    reach_px: float = 0.0
-
-
 class AttackedObjects:
     """Finds objects in a frame under one set of attacks after the other; unchanged data are not processed again.
 
@@ -45,17 +33,7 @@ class AttackedObjects:
 
     def agreement(self, triple: Triple, attacks: Attacks) -> tuple[float, ...]:
         """For each object of one sensor the best intersection over union with an object of the other."""
-        return tuple(
-            value
-            for pair in self._pairs(triple, attacks)
-            for value in best_partners(
-                pair.first,
-                pair.second,
-                labels_of_first=pair.labels_of_first,
-                labels_of_second=pair.labels_of_second,
-                reach_px=pair.reach_px,
-            )
-        )
+        return tuple(value for overlaps in self._overlaps(triple, attacks) for value in overlaps)
 
     def in_image(self, camera: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The objects of the camera detector; none without a detector."""
@@ -83,8 +61,8 @@ class AttackedObjects:
             lambda: detector.detect(self._frame.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
         )
 
-    def _pairs(self, triple: Triple, attacks: Attacks) -> Iterator[_Pair]:
-        """The two sides that are compared.
+    def _overlaps(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[float, ...]]:
+        """The overlaps of the objects of each two sides that are compared.
 
         With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each source camera
         against the reference, or the stereo points of one source camera against the other's. Objects in images are
@@ -96,18 +74,18 @@ class AttackedObjects:
         if i == LIDAR:
             named_in_clouds = cloud.labels if cloud else None
             if camera is None:
-                yield _Pair(self._by_lidar(k, attacks), self._by_stereo(j, k, attacks), named_in_clouds, None)
+                yield best_partners(self._by_lidar(k, attacks), self._by_stereo(j, k, attacks), named_in_clouds)
                 return
             for seen in (j, k):
                 objects = self._by_lidar(seen, attacks), self.in_image(seen, attacks)
-                yield _Pair(*objects, named_in_clouds, named_in_images)
+                yield best_partners(*objects, named_in_clouds, named_in_images)
         elif camera is None:
-            yield _Pair(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
+            yield best_partners(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
         elif self._rig.shares_view:
             for source in (i, j):
                 reach = self._rig.camera(k).focal_px * self._rig.baseline_m(source, k) / NEAREST_M
                 objects = self.in_image(k, attacks), self.in_image(source, attacks)
-                yield _Pair(*objects, named_in_images, named_in_images, reach)
+                yield best_partners(*objects, named_in_images, named_in_images, reach)
 
     def _by_lidar(self, k: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The LiDAR's objects in the view of camera k."""

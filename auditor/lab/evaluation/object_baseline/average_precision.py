@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from auditor.lab.evaluation.object_baseline.detectors import Detection, ImageBox, SolidBox, SolidDetection
-from auditor.lab.evaluation.object_baseline.detectors.overlap import Overlaps, overlaps, overlaps_on_ground
+from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps, overlaps_on_ground
 from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel
+from auditor.model.arrays import Floats
 
 LEAST_IOU_OF_CARS, LEAST_IOU = 0.7, 0.5
 _LEAST_HEIGHT_PX = 25.0
@@ -65,7 +66,7 @@ def _score(
     kind: str,
     found: Sequence[tuple[float, str, ImageBox]],
     labels: Sequence[ObjectLabel],
-    agreement: Overlaps,
+    agreement: Floats,
 ) -> Scored:
     least = LEAST_IOU_OF_CARS if kind.lower() == "car" else LEAST_IOU
     wanted = [at for at, label in enumerate(labels) if label.kind.lower() == kind.lower() and _is_to_be_found(label)]
@@ -87,7 +88,7 @@ def _score(
     return Scored(sensor, kind, least, len(wanted), tuple(scores), tuple(hits))
 
 
-def _best(agreement: Overlaps, among: Sequence[int], least: float) -> int | None:
+def _best(agreement: Floats, among: Sequence[int], least: float) -> int | None:
     best = max(among, key=lambda at: agreement[at], default=None)
     return best if best is not None and agreement[best] >= least else None
 

@@ -16,7 +16,6 @@ from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, r
 from auditor.recordings.formats.kitti.raw import (
     PERIOD_NS,
     SCAN_TOPIC,
-    Drive,
     KittiRecording,
     Stream,
     numbered_files,
@@ -47,7 +46,7 @@ class KittiOdometryReader:
         streams = [Stream(picture_topic(number), _entries(files[number], stamps)) for number in calibration.cameras]
         streams.append(Stream(SCAN_TOPIC, _entries(numbered_files(path / "velodyne", "*.bin"), stamps)))
         others = (path / _TIMES_FILE,) if stamps is not None else ()
-        return KittiRecording(path, Drive(path, calibration, tuple(streams), others, "relative", contents))
+        return KittiRecording(path, path, calibration, streams, others, "relative", contents)
 
 
 def _entries(files: list[tuple[int, Path]], stamps: list[int] | None) -> tuple[tuple[int, Path], ...]:

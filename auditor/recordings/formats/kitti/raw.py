@@ -6,7 +6,7 @@ in timestamps.txt on the line of its number (files may be missing). The times ca
 
 import json
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -45,7 +45,18 @@ class KittiReader:
 
     def open(self, path: Path) -> "KittiRecording":
         """Open it. Raises RecordingError where its calibration is missing or ill-formed."""
-        return KittiRecording(path, _read_drive(_drives(path)[0], Contents()))
+        [folder, *_], contents = _drives(path), Contents()
+        calibration = read_calibration(folder, contents)
+        streams = [
+            Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png", contents)))
+            for number in CAMERAS
+            if number in calibration.cameras
+        ]
+        streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin", contents))))
+        others = folder.glob("*/timestamps.txt")
+        places = Stream(OXTS_TOPIC, tuple(_places(folder / "oxts", contents)))
+        # The times are written without a zone, or not at all.
+        return KittiRecording(path, folder, calibration, streams, others, "unknown", contents, places)
 
 
 def _is_drive(path: Path) -> bool:
@@ -65,41 +76,43 @@ class Stream(NamedTuple):
     entries: tuple[tuple[int, Path], ...]
 
 
-class Drive(NamedTuple):
-    """The content of a drive's folder; `others` are the files with stamps, and `contents` has what was read of it.
-
-    `places` are the files of its GPS. They are no part of its id: they decide nothing that is counted.
-    """
-
-    folder: Path
-    calibration: Calibration
-    streams: tuple[Stream, ...]
-    others: tuple[Path, ...]
-    clock: Clock
-    contents: Contents
-    places: Stream = Stream(OXTS_TOPIC, ())
+NO_PLACES = Stream(OXTS_TOPIC, ())
 
 
 class KittiRecording:
-    """One KITTI drive or sequence. See recording.Recording."""
+    """One KITTI drive or sequence. See recording.Recording.
 
-    def __init__(self, path: Path, drive: Drive) -> None:
+    `others` are the files with stamps, and `contents` has what was read of the folder. `places` are the files of its
+    GPS. They are no part of its id: they decide nothing that is counted.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        folder: Path,
+        calibration: Calibration,
+        streams: Sequence[Stream],
+        others: Iterable[Path],
+        clock: Clock,
+        contents: Contents,
+        places: Stream = NO_PLACES,
+    ) -> None:
         self.path = path
-        self.clock: Clock = drive.clock
-        self._drive = drive.folder
-        self._calibration = drive.calibration
+        self.clock: Clock = clock
+        self._drive = folder
+        self._calibration = calibration
         self.damage: tuple[Damage, ...] = ()
         self._counts: dict[str, int] = {}
-        self._streams = tuple(stream for stream in drive.streams if stream.entries)
-        self._places = drive.places
+        self._streams = tuple(stream for stream in streams if stream.entries)
+        self._places = places
         if not self._streams:
             raise RecordingError("the drive holds no pictures and no scans", where=path)
         data = (file for stream in self._streams for _, file in stream.entries)
-        self.files = tuple(sorted(chain(data, drive.others, self._calibration.files)))
-        self._contents = drive.contents
+        self.files = tuple(sorted(chain(data, others, calibration.files)))
+        self._contents = contents
         # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
-        top = self._drive if all(self._drive in file.parents for file in self.files) else self._drive.parent
-        self.recording_id = self._contents.recording_id(top, self.files)
+        top = folder if all(folder in file.parents for file in self.files) else folder.parent
+        self.recording_id = contents.recording_id(top, self.files)
 
     def __enter__(self) -> Self:
         return self
@@ -195,20 +208,6 @@ class KittiRecording:
             if CAMERAS[number] in there:
                 data = json.dumps({name: values.tolist() for name, values in camera.items()}).encode()
                 yield Message(f"/kitti/{CAMERAS[number]}/camera_info", CALIBRATION, "json", stamp_ns, data)
-
-
-def _read_drive(folder: Path, contents: Contents) -> Drive:
-    calibration = read_calibration(folder, contents)
-    streams = [
-        Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png", contents)))
-        for number in CAMERAS
-        if number in calibration.cameras
-    ]
-    streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin", contents))))
-    # The times are written without a zone, or not at all.
-    others = tuple(folder.glob("*/timestamps.txt"))
-    places = Stream(OXTS_TOPIC, tuple(_places(folder / "oxts", contents)))
-    return Drive(folder, calibration, tuple(streams), others, "unknown", contents, places)
 
 
 def picture_topic(number: str) -> Topic:

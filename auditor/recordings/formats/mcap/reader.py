@@ -12,6 +12,7 @@ from mcap.records import Attachment, Metadata, Schema
 
 from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog, is_trusted
+from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.mcap.records import (
     HEAD,
@@ -22,10 +23,11 @@ from auditor.recordings.formats.mcap.records import (
     records,
     span_of_records,
     span_of_summary,
+    summary_records,
     unpack_chunk,
     unpack_cut_chunk,
 )
-from auditor.recordings.formats.topics import Channel, Channels, Names, Span
+from auditor.recordings.formats.topics import Channel, Names, Span
 from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
@@ -39,18 +41,14 @@ _MAX_ATTACHED_BYTES = 16 * 2**20
 _MAX_METADATA_BYTES = 2**20
 
 
-class FileRead:
+class McapRead(FileRead):
     """One forward read of one file: yields messages, counts all of them, notes damage."""
 
     def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._source = source
-        self._names = names
-        self._damage = damage
-        self._spending = Spending(CHUNKS)
+        super().__init__(source, wanted, names, damage)
         self._messages_spending = Spending(CHUNKS)
         self._schemas: dict[int, str] = {}
         self._chunk_offsets: list[int] = []
-        self.channels = Channels(wanted, names, damage)
 
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order."""
@@ -181,17 +179,11 @@ class FileRead:
 
     def learn_summary(self, summary: bytes) -> None:
         """Learn the schemas, the channels and the starts of chunks from a summary section."""
-        position = 0
-        while position + HEAD.size <= len(summary):
-            opcode, length = HEAD.unpack_from(summary, position)
-            start = position + HEAD.size
-            position = start + length
-            if position > len(summary):
-                return
+        for opcode, body, end in summary_records(summary):
             if opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
-                self.learn(opcode, summary[start:position], position, spare=True)
-            elif opcode == Opcode.CHUNK_INDEX and length >= _CHUNK_INDEX_HEAD.size:
-                self._chunk_offsets.append(_CHUNK_INDEX_HEAD.unpack_from(summary, start)[2])
+                self.learn(opcode, body, end, spare=True)
+            elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
+                self._chunk_offsets.append(_CHUNK_INDEX_HEAD.unpack_from(body)[2])
         self._chunk_offsets.sort()
 
     def learn(self, opcode: int, body: bytes | memoryview, offset: int, *, spare: bool = False) -> None:

@@ -9,7 +9,7 @@ from mcap.records import Metadata
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FilesRecording, Streams
-from auditor.recordings.formats.mcap.reader import FileRead, attached_to
+from auditor.recordings.formats.mcap.reader import McapRead, attached_to
 from auditor.recordings.formats.mcap.records import MAGIC, read_ending
 from auditor.recordings.formats.unpacking import Source
 from auditor.recordings.recording import LABELS_NAME, METADATA_NAME, labels_from_json
@@ -39,8 +39,8 @@ class McapRecording(FilesRecording):
         self._refuse_unreadable("check how it was copied, or give the file its correct extension")
         self._learn_topics()
 
-    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
-        return FileRead(source, topics, self._names, damage)
+    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> McapRead:
+        return McapRead(source, topics, self._names, damage)
 
     def _learn_topics(self) -> None:
         """Learn topics from the summaries where there are any, else from the beginning."""
@@ -48,7 +48,7 @@ class McapRecording(FilesRecording):
             with source.open() as stream:
                 ending = read_ending(stream, source.size)
             if ending:
-                FileRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
+                McapRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 

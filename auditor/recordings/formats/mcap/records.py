@@ -140,15 +140,22 @@ def read_ending(file: IO[bytes], size: int) -> Ending | None:
 
 def span_of_summary(summary: bytes) -> Span | None:
     """The first and last log time by a summary's statistics; None where it has none, or counts no messages."""
-    position = 0
+    for opcode, body, _ in summary_records(summary):
+        if opcode == Opcode.STATISTICS and len(body) >= _STATISTICS_HEAD.size + _TIMES.size:
+            counted = _STATISTICS_HEAD.unpack_from(body)[0]
+            return _TIMES.unpack_from(body, _STATISTICS_HEAD.size) if counted else None
+    return None
+
+
+def summary_records(summary: bytes) -> Iterator[tuple[int, memoryview, int]]:
+    """Kind and body of each record of a summary, and where in it the record ends, as far as it is whole."""
+    position, inside = 0, memoryview(summary)
     while position + HEAD.size <= len(summary):
         opcode, length = HEAD.unpack_from(summary, position)
-        start = position + HEAD.size
-        position = start + length
-        if opcode == Opcode.STATISTICS and _STATISTICS_HEAD.size + _TIMES.size <= length <= len(summary) - start:
-            counted = _STATISTICS_HEAD.unpack_from(summary, start)[0]
-            return _TIMES.unpack_from(summary, start + _STATISTICS_HEAD.size) if counted else None
-    return None
+        start, position = position + HEAD.size, position + HEAD.size + length
+        if position > len(summary):
+            return
+        yield opcode, inside[start:position], position
 
 
 def span_of_records(stream: ForwardStream) -> Span | None:

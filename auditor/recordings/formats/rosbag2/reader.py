@@ -12,13 +12,14 @@ from pathlib import Path
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
 from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
-from auditor.recordings.formats.topics import Channels, Names, Span, span_over
+from auditor.recordings.formats.topics import Names, Span, span_over
 from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
-from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
+from auditor.safety.budget import MAX_BYTES
 
 _CATALOGUE_PAGE = 1
 _CATALOGUE_ROW = "tttit"
@@ -34,19 +35,15 @@ def journal_of(path: Path) -> Path | None:
     return journal if journal.is_file() and journal.stat().st_size else None
 
 
-class Db3Read:
+class Db3Read(FileRead):
     """One read of one file: yields messages as they were recorded, counts all of them, notes damage."""
 
     encoding = "cdr"
 
     def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._source = source
-        self._names = names
-        self._damage = damage
-        self._spending = Spending(CHUNKS)
+        super().__init__(source, wanted, names, damage)
         self._bad_rows = 0
         self._lost_messages = 0
-        self.channels = Channels(wanted, names, damage)
 
     def learn_topics(self) -> None:
         """Learn topics and definitions. Raises RecordingError where the file is not a recording."""

@@ -4,25 +4,28 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.geometric import GEOMETRIC, SETTINGS
 from auditor.lab.evaluation.object_baseline.detectors.interface import (
-    CameraDetector,
-    CloudDetector,
     Detection,
     ImageBox,
     SolidBox,
     SolidDetection,
 )
 
+if TYPE_CHECKING:
+    from auditor.lab.evaluation.object_baseline.detectors.cameras import OnnxCameraDetector
+    from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector
+
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
     """The detectors for images and for point clouds; without one, clusters of points stand for objects."""
 
-    camera: CameraDetector | None = None
-    cloud: CloudDetector | None = None
+    camera: "OnnxCameraDetector | None" = None
+    cloud: "OnnxCloudDetector | None" = None
 
     @property
     def name(self) -> str:
@@ -48,7 +51,7 @@ def find_detectors(names: Sequence[str]) -> Detectors:
 
     Raises SettingError for other names, for two of a kind, for a missing package, and for a bad model.
     """
-    opened: dict[str, CameraDetector | CloudDetector] = {}
+    opened: dict[str, OnnxCameraDetector | OnnxCloudDetector] = {}
     for name in names:
         if name == GEOMETRIC:
             continue
@@ -64,7 +67,7 @@ def find_detectors(names: Sequence[str]) -> Detectors:
     return Detectors(**opened)  # type: ignore[arg-type]  # each has the type of its sensor
 
 
-def _opened(path: Path) -> tuple[str, CameraDetector | CloudDetector]:
+def _opened(path: Path) -> tuple[str, "OnnxCameraDetector | OnnxCloudDetector"]:
     try:
         from auditor.lab.evaluation.object_baseline.detectors.cameras import OnnxCameraDetector  # noqa: PLC0415 - an extra
         from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector  # noqa: PLC0415
@@ -82,8 +85,6 @@ def _opened(path: Path) -> tuple[str, CameraDetector | CloudDetector]:
 
 
 __all__ = [
-    "CameraDetector",
-    "CloudDetector",
     "Detection",
     "Detectors",
     "ImageBox",

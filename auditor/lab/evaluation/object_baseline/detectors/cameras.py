@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.described import LARGEST_SIDE_PX, CameraInput, CameraOutput
 from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox
-from auditor.lab.evaluation.object_baseline.detectors.networks import Network
-from auditor.lab.evaluation.object_baseline.detectors.outputs import Found
+from auditor.lab.evaluation.object_baseline.detectors.networks import Found, Network
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps
-
-Image = NDArray[np.uint8]
+from auditor.model.arrays import Image
 
 _COLUMNS = {
     "xyxy": ("left", "top", "right", "bottom"),

@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.evaluation.object_baseline.detectors.described import CloudInput, CloudOutput
 from auditor.lab.evaluation.object_baseline.detectors.interface import SolidBox, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.networks import Network
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps_on_ground
+from auditor.model.arrays import Points
 from auditor.model.optics.geometry import Matrix
-
-Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.model.arrays import Floats, Indices
 from auditor.model.rig import Camera, Rig
 
 GEOMETRIC = "geometric"
@@ -32,9 +33,6 @@ _STEEPEST = 0.15
 _CAMERA_HEIGHTS_M = (0.5, 4.0)
 _GROUND_TOLERANCE_M = 0.12
 
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
 class ViewPoints:
@@ -43,9 +41,9 @@ class ViewPoints:
     A cell of CELL_PX x CELL_PX pixels at one depth counts from `per_cell` points on.
     """
 
-    u_px: Values
-    v_px: Values
-    depth_m: Values
+    u_px: Floats
+    v_px: Floats
+    depth_m: Floats
     per_cell: int = 1
 
 
@@ -84,7 +82,7 @@ def find_objects(points: ViewPoints, camera: Camera) -> tuple[Detection, ...]:
     return tuple(Detection(box) for box in found if box is not None)
 
 
-def _ground(x: Values, y: Values, z: Values) -> Values | None:
+def _ground(x: Floats, y: Floats, z: Floats) -> Floats | None:
     """(a, b, c) of the plane y = a x + b z + c that most points lie on; the draw of hypotheses is always the same."""
     step = max(len(x) // _GROUND_POINTS, 1)
     x, y, z = x[::step], y[::step], z[::step]
@@ -100,11 +98,11 @@ def _ground(x: Values, y: Values, z: Values) -> Values | None:
     if not len(planes):
         return None
     distance = np.abs(planes @ np.stack([x, z, np.ones_like(x)]) - y)
-    best: Values = planes[np.argmax(np.count_nonzero(distance < _GROUND_TOLERANCE_M, axis=1))]
+    best: Floats = planes[np.argmax(np.count_nonzero(distance < _GROUND_TOLERANCE_M, axis=1))]
     return best
 
 
-def _clusters(u: Values, v: Values, z: Values, camera: Camera, per_cell: int) -> NDArray[np.int32]:
+def _clusters(u: Floats, v: Floats, z: Floats, camera: Camera, per_cell: int) -> NDArray[np.int32]:
     """(M,) number of the cluster of each point, 0 for none: neighbours in column and in the logarithm of depth."""
     columns, rows = camera.width_px // CELL_PX + 1, camera.height_px // CELL_PX + 1
     bins = int(np.log(FARTHEST_M / NEAREST_M) / np.log(DEPTH_RATIO)) + 1
@@ -121,12 +119,12 @@ def _clusters(u: Values, v: Values, z: Values, camera: Camera, per_cell: int) ->
     return np.where(large[number], number, 0).astype(np.int32)
 
 
-def _members(cluster: NDArray[np.int32]) -> list[NDArray[np.intp]]:
+def _members(cluster: NDArray[np.int32]) -> list[Indices]:
     """The points of each cluster."""
     return [np.flatnonzero(cluster == number) for number in np.unique(cluster) if number]
 
 
-def _object(u: Values, v: Values, x: Values, height: Values) -> ImageBox | None:
+def _object(u: Floats, v: Floats, x: Floats, height: Floats) -> ImageBox | None:
     """The box of a cluster without its outermost points; None where it is too small to be an object."""
     ends = (TRIMMED_PERCENT, 100 - TRIMMED_PERCENT)
     (left, right), (top, bottom), (first, last), (low, high) = (np.percentile(of, ends) for of in (u, v, x, height))

@@ -1,11 +1,8 @@
-"""The interface of detectors of objects, and the boxes that they find."""
+"""The objects that detectors find, and their boxes."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.model.optics.geometry import Matrix
 
@@ -73,35 +70,3 @@ class SolidDetection:
     box: SolidBox
     score: float
     label: str
-
-
-class Detector(Protocol):
-    """`name` and `settings` (canonical JSON of all that can change a box) identify it.
-
-    `labels` are the kinds of object that it can name, `libraries` the versions of the libraries that run it, by name.
-    """
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - see the class docstring
-    @property
-    def settings(self) -> str: ...  # noqa: D102
-    @property
-    def labels(self) -> frozenset[str]: ...  # noqa: D102
-    @property
-    def libraries(self) -> Mapping[str, str]: ...  # noqa: D102
-
-
-class CameraDetector(Detector, Protocol):
-    """Finds objects in one camera's image."""
-
-    def detect(self, pixels: NDArray[np.uint8]) -> tuple[Detection, ...]:
-        """The objects in an (H, W) grey or (H, W, 3) BGR image, in its pixels."""
-        ...
-
-
-class CloudDetector(Detector, Protocol):
-    """Finds objects in a point cloud."""
-
-    def detect(self, xyz_m: NDArray[np.float32], rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
-        """The objects among (N, 3) points in the LiDAR frame, as boxes in the rig frame."""
-        ...

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox, SolidBox
+from auditor.model.arrays import Floats
 
-Overlaps = NDArray[np.float64]
 
-
-def overlaps(first: Sequence[ImageBox], second: Sequence[ImageBox], reach_px: float = 0.0) -> Overlaps:
+def overlaps(first: Sequence[ImageBox], second: Sequence[ImageBox], reach_px: float = 0.0) -> Floats:
     """(N, M) intersection over union of boxes in two images.
 
     Where the second image is a source camera's, `reach_px` is the largest disparity: each of its boxes is first shifted
@@ -25,7 +23,7 @@ def overlaps(first: Sequence[ImageBox], second: Sequence[ImageBox], reach_px: fl
     return _over_union(np.maximum(width, 0) * np.maximum(height, 0), _area(a), _area(b))
 
 
-def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) -> Overlaps:
+def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) -> Floats:
     """(N, M) intersection over union of the boxes' footprints."""
     common = np.zeros((len(first), len(second)))
     for n, a in enumerate(first):
@@ -41,14 +39,14 @@ def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) ->
 def best_partners(
     first: Sequence[Detection],
     second: Sequence[Detection],
-    *,
-    labels_of_first: frozenset[str] | None,
-    labels_of_second: frozenset[str] | None,
+    labels_of_first: frozenset[str] | None = None,
+    labels_of_second: frozenset[str] | None = None,
     reach_px: float = 0.0,
 ) -> tuple[float, ...]:
     """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
-    Labels are what a detector can name, None where it finds objects of any kind. An object that the other detector
+    Labels are what a detector can name, None where it finds objects of any kind; `reach_px` is the largest disparity
+    where they are of two images. An object that the other detector
     could not have named needs no partner, and is left out.
     """
     agreement = overlaps([one.box for one in first], [one.box for one in second], reach_px)
@@ -59,7 +57,7 @@ def best_partners(
     return tuple(float(value) for one, value, known in best if known is None or one.label in known)
 
 
-def suppressed(scores: NDArray[np.float64], agreement: Overlaps, most: float) -> list[int]:
+def suppressed(scores: Floats, agreement: Floats, most: float) -> list[int]:
     """Non-maximum suppression: the positions that stay, the surest first, none over `most` with a surer one."""
     kept: list[int] = []
     for position in np.argsort(-scores, kind="stable"):
@@ -68,15 +66,15 @@ def suppressed(scores: NDArray[np.float64], agreement: Overlaps, most: float) ->
     return kept
 
 
-def _array(boxes: Sequence[ImageBox]) -> Overlaps:
+def _array(boxes: Sequence[ImageBox]) -> Floats:
     return np.array([(box.left, box.top, box.right, box.bottom) for box in boxes], dtype=np.float64).reshape(-1, 4)
 
 
-def _area(boxes: Overlaps) -> Overlaps:
-    size: Overlaps = np.maximum(boxes[..., 2:] - boxes[..., :2], 0).prod(axis=-1)
+def _area(boxes: Floats) -> Floats:
+    size: Floats = np.maximum(boxes[..., 2:] - boxes[..., :2], 0).prod(axis=-1)
     return size
 
 
-def _over_union(common: Overlaps, first: Overlaps, second: Overlaps) -> Overlaps:
+def _over_union(common: Floats, first: Floats, second: Floats) -> Floats:
     union = first + second - common
     return np.divide(common, union, out=np.zeros(common.shape), where=union > 0)

@@ -1,23 +1,18 @@
-"""The warnings of the calibration check on real drives, and on the same drives with changed geometry.
-
-AUDITOR_TEST_DATA=... python -m tests.benchmarks.calibration_warnings
-"""
+"""Rigs that are wrong, or cameras that are not as their rig says, and the warnings of the calibration check."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from itertools import islice
 
 import cv2
 import numpy as np
 
 from auditor.lab.simulation.vehicles import rotation
-from auditor.measurement import CalibrationCheck, FaultFeatures, measure, use_one_thread
+from auditor.measurement import CalibrationCheck, FaultFeatures, measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
-from tests.benchmarks.real_drives import frames
 
 Case = Callable[[Rig, Frame], tuple[Rig, Frame]]
 
@@ -94,17 +89,3 @@ def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
         check.add(evidence, FaultFeatures().update(evidence))
     return check.warnings()
-
-
-def main() -> None:
-    use_one_thread()
-    for number in ("0009", "0001"):
-        rig, stream = frames(number)
-        some = list(islice(stream, 0, 11, 5))
-        print(f"drive {number}, frames {[frame.number for frame in some]}")
-        for name, case in CASES.items():
-            print(f"  {name:20s} {'; '.join(warnings(case, rig, some)) or '-'}")
-
-
-if __name__ == "__main__":
-    main()
