@@ -21,6 +21,10 @@ from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 
 _CELL_PX = COMMON_VIEW.cell_px
+_STEP = 4
+"""Pixels of a view from one ray to the next that is asked what of a picture is compared."""
+_LOOKED_PX = 32
+"""Width of the cells of a picture in which a compared ray counts for the whole cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,36 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
         rotated = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
         lidar = replace(lidar, rig_SE3_lidar=rotated)
     return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
+
+
+@cache
+def compared_shares(rig: Rig) -> dict[int, float]:
+    """The share of each camera's picture, by its number, that is compared with another camera's.
+
+    Cameras that stand on one line are compared in the view that all of them see whole, others pair by pair in what
+    both see. Cameras that see nothing in common have a share of 0.
+    """
+    if rig.is_rectified:
+        return dict.fromkeys((camera.number for camera in rig.cameras), 1.0)
+    groups = [rig.sensors[-rig.n :]] if rig.shares_view else rig.pairs
+    looked = {camera.number: np.zeros(_cells(camera), dtype=np.bool_) for camera in rig.cameras}
+    for numbers in groups:
+        cameras = [rig.camera(number) for number in numbers]
+        own = rig if rig.shares_view else rig.pair(*numbers)
+        with suppress(RigError):
+            view = common_view(own, widest=not rig.shares_view)
+            places = [recorded_pixels(c, view.view_SO3_rig, view.x[::_STEP], view.y[::_STEP]) for c in own.cameras]
+            seen = np.logical_and.reduce([sees(at, c, _STEP) for at, c in zip(places, own.cameras, strict=True)])
+            for camera, (u, v) in zip(cameras, places, strict=True):
+                looked[camera.number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = (
+                    True
+                )
+    return {number: float(cells.mean()) for number, cells in looked.items()}
+
+
+def _cells(camera: Camera) -> tuple[int, int]:
+    """Rows and columns of the cells of a camera's picture."""
+    return -(-camera.height_px // _LOOKED_PX), -(-camera.width_px // _LOOKED_PX)
 
 
 @cache
