@@ -15,8 +15,9 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
+from auditor.model.settings import MeasureSettings
 from auditor.pipeline import fork_server, workers
-from auditor.pipeline.many import MeasureSettings, find_batch
+from auditor.pipeline.many import find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive

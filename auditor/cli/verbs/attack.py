@@ -64,7 +64,7 @@ _EITHER = ("delayed", "frozen")
 @click.option("--moving", is_flag=True, help="Draw size and place again for every frame.")
 @click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
 @click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
-@options.rig_option
+@options.setting("rig")
 @options.budget_options
 def command(
     source: Path,

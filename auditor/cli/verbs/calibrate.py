@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import judging_options, options
+from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
-from auditor.cli.values import PATH, RATE
+from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.model.settings import MeasureSettings
     from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
-    from auditor.pipeline.many import MeasureSettings
     from auditor.pipeline.measured import Measured
     from auditor.store import Store
 
@@ -44,13 +44,13 @@ class _Frames(click.ParamType[range]):
 @click.command("calibrate", short_help="Thresholds from clean recordings.")
 @click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=PATH)
 @options.store_option
-@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")
-@judging_options.method_option
-@judging_options.strict_option
+@options.setting("r", "The r whose thresholds are shown.")
+@options.setting("method")
+@options.setting("strict")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=PATH, help="Also write the thresholds artefact to this file.")
-@judging_options.recount_option
-@options.measuring_options
+@options.setting("recount")
+@options.measuring_options(*options.MEASURING)
 @format_option
 def command(
     sources: tuple[Path, ...],

@@ -10,7 +10,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, emit, format_option, print_rows, say, shown, write_bytes
-from auditor.cli.values import PATH, RATE
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -125,7 +125,7 @@ def show(calibration: str, store: Path, form: str) -> None:
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
 @options.store_option
-@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r of the thresholds.")
+@options.setting("r", "The r of the thresholds.")
 @format_option
 def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     """Compare two calibrations: recordings, and the thresholds of the checks that count, the largest rise first.

@@ -1,6 +1,5 @@
 """`auditor train-matcher`: a stereo network of one's own, from clean recordings and synthetic streets."""
 
-import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -77,15 +76,9 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random draws.")
 @click.option("--device", default="cpu", show_default=True, help="Where it is trained: cpu, cuda or cuda:1.")
-@options.rig_option
+@options.setting("rig")
 @options.budget_options
-@click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=lambda: len(os.sched_getaffinity(0)),
-    show_default="the number of cores",
-    help="Processes that make samples, and threads that train on the CPU.",
-)
+@options.setting("jobs", "Processes that make samples, and threads that train on the CPU.")
 def command(
     recordings: tuple[Path, ...],
     synthetic: int | None,
