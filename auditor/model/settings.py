@@ -275,7 +275,8 @@ class MeasuringKeywords(TypedDict, total=False):
     verify_content: bool
 
 
-TREE = (Criteria, MeasureSettings)
+class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
+    """The settings of a scan as keywords, for type checkers."""
 
 
 # What is made from them

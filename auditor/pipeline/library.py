@@ -23,6 +23,7 @@ from auditor.model.settings import (
     JudgingKeywords,
     MeasureSettings,
     MeasuringKeywords,
+    ScanKeywords,
     explained,
     made,
     settings_of,
@@ -123,10 +124,6 @@ class Scanned:
         """Sentences about the recording's calibration, its gaps, and the thresholds."""
         measured = self.measured.calibration_warnings if self.measured else ()
         return (*measured, *(warning for one in self.judged for warning in one.warnings))
-
-
-class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
-    """The settings of a scan as keywords, for type checkers."""
 
 
 @explained(MeasureSettings)
