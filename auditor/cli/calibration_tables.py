@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-from auditor.cli.output import answer, emit, print_rows, say
+from auditor.cli.output import answer, check_in_words, emit, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
@@ -41,11 +41,7 @@ def show_robust(made: "MadeCalibration", form: str) -> None:
         f"thresholds {learnt(thresholds.drives)}: at r = {made.asked.r} a finding has a z above {thresholds.limit:.2f}"
     )
     counting = [rows[place] for place in system.counting(frozenset()).tolist()]
-    shown = [
-        {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{other}" for other in row["others"])}
-        for row in counting
-    ]
-    print_rows(shown, _ROBUST_COLUMNS)
+    print_rows([check_in_words(row) for row in counting], _ROBUST_COLUMNS)
     answer(f"the other {len(rows) - len(counting)} are for frames in which a sensor is missing or named: --format csv")
 
 

@@ -46,6 +46,30 @@ def emit(table: "Table", form: str, title: str = "") -> None:
     write_bytes(encode(table, form))
 
 
+def emit_columns(
+    table: "Table",
+    form: str,
+    columns: Sequence[str],
+    nothing: str,
+    expendable: Sequence[str] = (),
+    wrapped: Sequence[str] = (),
+) -> None:
+    """Print rows to stdout in one of FORMATS: as a table some columns; without rows `nothing` on stderr."""
+    from auditor.store.export import rows_of  # noqa: PLC0415 - Arrow is heavy
+
+    if form != "table":
+        emit(table, form)
+    elif rows := rows_of(table):
+        print_rows(rows, columns, expendable=expendable, wrapped=wrapped)
+    else:
+        say(nothing)
+
+
+def check_in_words(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of a sensor check as it is printed: its sensors by their names."""
+    return {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{other}" for other in row["others"])}
+
+
 def write_bytes(data: bytes) -> None:
     """Write to stdout what is for programs."""
     sys.stdout.buffer.write(data)

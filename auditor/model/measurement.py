@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from auditor.model.arrays import Image
 from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, SensorCheck
 from auditor.model.frames import Presence
 from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK, STORED_RESIDUALS
+from auditor.model.verdict import Statistic as Statistic  # noqa: PLC0414 - also its home for who counts
 
 REGION_STEP = REGION_MASK.step_px
 """Width of a pixel of a region's mask in full-resolution pixels."""
@@ -66,13 +66,6 @@ Parts of an evaluation are bound to it: what an earlier version finished is meas
 
 MIN_VALID_PX = DISPARITY_ERROR_SAMPLES.fewest_valid_px
 """Fewer valid pixels than this and a disparity error is not measured."""
-
-
-class Statistic(StrEnum):
-    """Which pixels a disparity error counts: all valid ones, or those with texture in a camera of the triple."""
-
-    PLAIN = "plain"
-    GATED = "gated"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,13 @@ class Method(StrEnum):
     PAPER = "paper"
 
 
+class Statistic(StrEnum):
+    """Which pixels a disparity error counts: all valid ones, or those with texture in a camera of the triple."""
+
+    PLAIN = "plain"
+    GATED = "gated"
+
+
 class VerdictKind(StrEnum):
     """The verdict on one frame."""
 

@@ -8,7 +8,7 @@ from decimal import Decimal
 from functools import lru_cache
 
 from auditor import __version__
-from auditor.errors import SettingError, ThresholdsError
+from auditor.errors import ThresholdsError
 from auditor.identification.algorithm2 import NOT_MEASURED, sensors_where
 from auditor.identification.causes.faults import fault_scores
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
@@ -32,9 +32,10 @@ from auditor.model.calibration import (
 )
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import SensorState
-from auditor.model.measurement import COUNTING_VERSION, Statistic
+from auditor.model.measurement import COUNTING_VERSION
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
+from auditor.model.settings import Criteria
 from auditor.model.verdict import Method, Verdict, VerdictKind
 from auditor.pipeline.clean_frames import frame_statistics, observed_features
 from auditor.store import (
@@ -53,36 +54,6 @@ PRIOR_MATCHER = "sgbm"
 
 SMALLEST_STRICT_R = Decimal("0.0001")
 """`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """How verdicts are to be reached.
-
-    `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve, and thresholds that are the prior
-    alone. `recount` computes the robust method's statistics again from the stored cells. Raises SettingError for what
-    the paper's method does not have.
-    """
-
-    r: Decimal
-    method: Method = Method.ROBUST
-    statistic: Statistic = Statistic.GATED
-    incidents_per_hour: float | None = None
-    transfer: bool = False
-    strict: bool = False
-    recount: bool = False
-
-    def __post_init__(self) -> None:
-        if self.method is Method.ROBUST:
-            return
-        remedy = "leave it away, or judge with --method robust"
-        if self.incidents_per_hour is not None:
-            what = "the paper's method has no limit that incidents per hour could set"
-            raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
-        if self.recount:
-            what = "the paper's method has no statistics that come from cells"
-            raise SettingError(what, where="--recount", remedy=remedy)
 
 
 def system_of(rig: Rig) -> System:

@@ -14,9 +14,9 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import Similarity
+from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.model.verdict import Method
-from auditor.pipeline.judge import Criteria
 from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedure_by
 from auditor.recordings import Location, Origin, located
 from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement

@@ -1,59 +1,50 @@
 """The functions of `import auditor`: the steps of an audit with plain arguments, each a few lines over the rooms.
 
-Keywords have the names, meanings and defaults of the options of the command line. Paths may be text.
+Keywords that are settings have the meanings and defaults of the options of the command line. Paths may be text.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from decimal import Decimal
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Unpack
 
 from auditor import recordings as reading
-from auditor.errors import AuditorError, SettingError, StoreError
+from auditor.errors import AuditorError, StoreError
 from auditor.identification.thresholds import parse_r
 from auditor.measurement import measure as measure_frame
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
-from auditor.model.measurement import Measurement, Statistic
-from auditor.model.pictures import Pictures
+from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
-from auditor.model.verdict import Method
+from auditor.model.settings import (
+    Criteria,
+    JudgingKeywords,
+    MeasureSettings,
+    MeasuringKeywords,
+    ScanKeywords,
+    explained,
+    made,
+    settings_of,
+    unknown_setting,
+)
 from auditor.pipeline.asking import PathLike, opened
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
-from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import (
-    Batch,
-    Judged,
-    JudgeSettings,
-    MeasureSettings,
-    choose_clean,
-    find_batch,
-    limits_by_size,
-    measure_all,
-)
+from auditor.pipeline.many import Batch, Judged, JudgeSettings, choose_clean, find_batch, measure_all
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.scan import Scan
 from auditor.pipeline.side_by_side import judge_side_by_side
-from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
 
-Rate = Decimal | float | str
-"""The designated false-alarm rate r: 0.01, "0.01" or "1%"."""
-Choice = TypeVar("Choice", Method, Statistic)
 Progress = Callable[[object, str, int], None]
 """Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
-
-_USUAL_R = Decimal("0.01")
-"""The r that a calibration's rates by others are kept for."""
 
 
 # Reading and measuring
@@ -135,29 +126,26 @@ class Scanned:
         return (*measured, *(warning for one in self.judged for warning in one.warnings))
 
 
+@explained(MeasureSettings)
 def calibrate(
     sources: PathLike | Iterable[PathLike],
     *,
     store: PathLike = "audit",
     frames: range | None = None,
-    matcher: str = "sgbm",
     network: MatcherOptions = NO_NETWORK,
-    rig: PathLike | None = None,
-    jobs: int | None = None,
-    time_limit: float | None = None,
-    memory_limit: float = MEMORY_MB,
-    measure_again: bool = False,
     on_progress: Progress | None = None,
+    **measuring: Unpack[MeasuringKeywords],
 ) -> Calibrated:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
     They are measured into `store`, which keeps the calibration; the first of a rig kind is in force, later ones are
-    once somebody promotes them. `frames` restricts it to these frame numbers of each.
+    once somebody promotes them. `frames` restricts it to these frame numbers of each. `network` gives several settings
+    of a network at once.
+
     Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
     """
-    paths = _paths(sources)
+    paths, settings = _paths(sources), _measuring(network, measuring)
     folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
     kept = Store.open(folder, create=True)
     with logged(kept.folder):
@@ -165,69 +153,38 @@ def calibrate(
         relate(kept)
         given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(given, stores)
-        made = make(clean, _USUAL_R, frames, jobs=settings.jobs)
+        made = make(clean, Criteria.r, frames, jobs=settings.jobs)
         keep_calibrated(kept, made)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
     return Calibrated(made.calibration, clean.left_out, (*batch.errors, *failed))
 
 
+@explained(Criteria, MeasureSettings)
 def scan(
     recordings: PathLike | Iterable[PathLike],
     *,
     store: PathLike = "audit",
-    calibration: str | None = None,
-    r: Rate = "0.01",
-    method: Method | str = Method.ROBUST,
-    statistic: Statistic | str = Statistic.GATED,
-    incidents_per_hour: float | None = None,
-    transfer: bool = False,
-    strict: bool = False,
-    recount: bool = False,
-    min_coverage: float = 0.99,
-    no_sensors: Iterable[str] = (),
-    matcher: str = "sgbm",
     network: MatcherOptions = NO_NETWORK,
-    rig: PathLike | None = None,
-    jobs: int | None = None,
-    time_limit: float | None = None,
-    memory_limit: float = MEMORY_MB,
-    measure_again: bool = False,
-    verify_content: bool = False,
-    pictures: Pictures | str = Pictures.ALL,
     on_progress: Progress | None = None,
+    **settings: Unpack[ScanKeywords],
 ) -> Iterator[Scanned]:
     """Audit recordings (files, or folders of them) as `auditor scan` does, and yield what became of each.
 
     What could not be measured comes first, as soon as it is known; the others once all are judged, in the order given:
-    recordings may contradict one another. Parameters are named after the options of the command.
-
-    `calibration` is an id of the store's, the beginning of one, or a file; None takes the one in force that fits, or
-    the prior where none does. `jobs` recordings (None: as many as cores) are measured at a time, each in a process of
-    its own that may take `memory_limit` MB and `time_limit` seconds. What the store has measured already is not
-    measured again, unless `measure_again`; then the earlier measurement goes, with its judgements.
-
-    `no_sensors` names topics that are neither cameras nor LiDARs, so that it does not matter that they cannot be read.
+    recordings may contradict one another. What the store has measured already is not measured again, unless
+    `measure_again`. `network` gives several settings of a network at once.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
+    judging = {name: value for name, value in settings.items() if name in settings_of(Criteria)}
+    measuring = {name: value for name, value in settings.items() if name not in judging}
+    if unknown := measuring.keys() - settings_of(MeasureSettings).keys():
+        raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
     folder = Path(store)
-    judging = judge_settings(
-        folder,
-        calibration,
-        r,
-        method,
-        statistic,
-        incidents_per_hour,
-        transfer=transfer,
-        strict=strict,
-        recount=recount,
-        min_coverage=min_coverage,
-        no_sensors=no_sensors,
-    )
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
-    settings = replace(settings, pictures=Pictures(pictures), verify_content=verify_content)
-    return _scan(find_batch(_paths(recordings), folder, settings), folder, judging, on_progress or _silent)
+    chosen = judge_settings(folder, criteria(judging))
+    batch = find_batch(_paths(recordings), folder, _measuring(network, measuring))
+    return _scan(batch, folder, chosen, on_progress or _silent)
 
 
 def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
@@ -244,98 +201,43 @@ def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progr
         yield Scanned(str(one.recording), one, tuple(judged[known] for known in one.measurement_ids))
 
 
+@explained(Criteria)
 def judge(
-    store: Store | PathLike = "audit",
-    *,
-    calibration: str | None = None,
-    r: Rate = "0.01",
-    method: Method | str = Method.ROBUST,
-    statistic: Statistic | str = Statistic.GATED,
-    incidents_per_hour: float | None = None,
-    transfer: bool = False,
-    strict: bool = False,
-    recount: bool = False,
-    min_coverage: float = 0.99,
-    no_sensors: Iterable[str] = (),
-    jobs: int | None = None,
+    store: Store | PathLike = "audit", *, jobs: int | None = None, **judging: Unpack[JudgingKeywords]
 ) -> Iterator[Judged]:
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
 
     The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
+
     Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
     nothing has been measured.
     """
-    kept = opened(store)
-    measurements = kept.ids("measurements")
+    return judge_store(opened(store), criteria(judging), jobs)
+
+
+def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Iterator[Judged]:
+    """Judge every measurement of a store again, as `judge`."""
+    measurements = store.ids("measurements")
     if not measurements:
-        raise StoreError("nothing has been measured", where=kept.folder, remedy="measure recordings with auditor scan")
-    settings = judge_settings(
-        kept.folder,
-        calibration,
-        r,
-        method,
-        statistic,
-        incidents_per_hour,
-        transfer=transfer,
-        strict=strict,
-        recount=recount,
-        min_coverage=min_coverage,
-        no_sensors=no_sensors,
-    )
-    return judge_side_by_side(kept, measurements, settings, jobs)
+        raise StoreError("nothing has been measured", where=store.folder, remedy="measure recordings with auditor scan")
+    return judge_side_by_side(store, measurements, judge_settings(store.folder, judging), jobs)
 
 
-def judge_settings(
-    store: Path,
-    calibration: str | None = None,
-    r: Rate = "0.01",
-    method: Method | str = Method.ROBUST,
-    statistic: Statistic | str = Statistic.GATED,
-    incidents_per_hour: float | None = None,
-    *,
-    transfer: bool = False,
-    strict: bool = False,
-    recount: bool = False,
-    min_coverage: float = 0.99,
-    no_sensors: Iterable[str] = (),
-) -> JudgeSettings:
-    """The settings of a call. Raises SettingError, and ThresholdsError for an unknown calibration."""
-    criteria = Criteria(
-        parse_r(str(r)),
-        _one_of(Method, method),
-        _one_of(Statistic, statistic),
-        incidents_per_hour,
-        transfer=transfer,
-        strict=strict,
-        recount=recount,
-    )
-    thresholds = named_calibration(store, calibration)
-    return JudgeSettings(criteria, thresholds, min_coverage, no_sensors=frozenset(no_sensors))
+def judge_settings(store: Path, judging: Criteria) -> JudgeSettings:
+    """The criteria with the calibration that they name. Raises ThresholdsError for an unknown one."""
+    return JudgeSettings(judging, named_calibration(store, judging.calibration))
 
 
-def _one_of(kind: type[Choice], value: str) -> Choice:
-    try:
-        return kind(value)
-    except ValueError:
-        known = ", ".join(kind)
-        raise SettingError(
-            f"there is no {kind.__name__.lower()} {value!r}", where="judging", remedy=f"use one of: {known}"
-        ) from None
+def criteria(given: Mapping[str, object]) -> Criteria:
+    """The criteria that have these values; r may be text, as 1%. Raises SettingError."""
+    r = given.get("r")
+    return made(Criteria, {**given, "r": None if r is None else parse_r(str(r))})
 
 
-def _settings(
-    matcher: str,
-    network: MatcherOptions,
-    rig: PathLike | None,
-    jobs: int | None,
-    time_limit: float | None,
-    memory_limit: float,
-    *,
-    again: bool,
-) -> MeasureSettings:
-    limits = limits_by_size(time_limit, memory_limit)
-    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits, again=again)
-    return settings if jobs is None else replace(settings, jobs=jobs)
+def _measuring(network: MatcherOptions, given: Mapping[str, object]) -> MeasureSettings:
+    """The settings that have these values; those of a network may come as one. Raises SettingError."""
+    of_network = {name: value for name, value in vars(network).items() if name in settings_of(MeasureSettings)}
+    return made(MeasureSettings, {**of_network, **given})
 
 
 def _paths(sources: PathLike | Iterable[PathLike]) -> list[Path]:

@@ -2,17 +2,16 @@
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError
-from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
+from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
-from auditor.model.pictures import Pictures
+from auditor.model.settings import Criteria, MeasureSettings, settings_of
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import (
-    Criteria,
     counted_earlier,
     fitting_calibration,
     judge_measurement,
@@ -23,7 +22,7 @@ from auditor.pipeline.judge import (
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import MIN_COVERAGE, frames_not_audited, reading_of
+from auditor.pipeline.reading import frames_not_audited, reading_of
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
@@ -59,40 +58,30 @@ def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = M
     return limits
 
 
-def _unknown_origin(_: Path) -> Origin:
-    return Origin()
+def network_of(settings: MeasureSettings) -> MatcherOptions:
+    """What the matcher of some settings is told, if it is a network."""
+    told = {one.name for one in fields(MatcherOptions)} & settings_of(MeasureSettings).keys()
+    return MatcherOptions(**{name: getattr(settings, name) for name in told})
 
 
-@dataclass(frozen=True)
-class MeasureSettings:
-    """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
-
-    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
-    what the store has, `verify_content` reads also files that are as they were when the store read them.
-    `pictures` are those that the store keeps.
-    """
-
-    matcher: str = "sgbm"
-    network: MatcherOptions = NO_NETWORK
-    rig: Path | None = None
-    origin_of: Callable[[Path], Origin] = _unknown_origin
-    limits: LimitsOf = field(default_factory=limits_by_size)
-    jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
-    again: bool = False
-    pictures: Pictures = Pictures.ALL
-    verify_content: bool = False
+def _origin(settings: MeasureSettings, path: Path) -> Origin:
+    """Where the recording at a path comes from: as given, else as its path says."""
+    given = Origin(settings.vehicle, drive=settings.drive, weather=settings.weather)
+    pattern = settings.path_pattern
+    return given.over(Origin.of_path(path, pattern)) if pattern else given
 
 
 @dataclass(frozen=True)
 class Batch:
     """Recordings to be measured into a store, None where there are none, and an error for each path that holds none.
 
-    `notes` are files of text beside recordings, which are none.
+    `limits` are those of each recording. `notes` are files of text beside recordings, which are none.
     """
 
     tasks: tuple[MeasureTask, ...]
     errors: tuple[RecordingError, ...]
     settings: MeasureSettings
+    limits: LimitsOf
     store: Store | None = None
     notes: tuple[Path, ...] = ()
 
@@ -102,20 +91,23 @@ class Batch:
         return len(self.tasks) <= MOST_KNOWN
 
 
-def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) -> Batch:
+def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, limits: LimitsOf | None = None) -> Batch:
     """Find the recordings at some paths, in the order given; make the store where there are any.
 
-    Raises SettingError for an unknown matcher or an origin that cannot be read, RigError for a rig file that cannot be
-    read, and StoreError: these are errors of the whole command, not of each recording.
+    `limits` take the place of those of the settings. Raises SettingError for an unknown matcher or an origin that
+    cannot be read, RigError for a rig file that cannot be read, and StoreError: these are errors of the whole command,
+    not of each recording.
     """
-    find_matcher(settings.matcher, settings.network)
+    network = network_of(settings)
+    find_matcher(settings.matcher, network)
     if settings.rig:
         check_rig_file(settings.rig)
+    limits = limits or limits_by_size(settings.time_limit, settings.memory_limit)
     found = find_recordings(paths)
     if not found.recordings:
-        return Batch((), found.errors, settings, notes=found.notes)
+        return Batch((), found.errors, settings, limits, notes=found.notes)
     kept = Store.open(store, create=True)
-    network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
+    network, jobs = share_threads(network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
         MeasureTask(
             location,
@@ -123,13 +115,13 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
             settings.matcher,
             network,
             settings.rig,
-            settings.origin_of(location.first),
-            again=settings.again,
+            _origin(settings, location.first),
+            again=settings.measure_again,
             pictures=settings.pictures,
         )
         for location in found.recordings
     )
-    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs), kept, found.notes)
+    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes)
 
 
 def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
@@ -147,8 +139,8 @@ def measure_all(
     What was measured before comes first, unread where its files are as they were then. `on_progress` is called with the
     recording, what is being done, and the number of frames done.
     """
-    limits, unknown = batch.settings.limits, []
-    known = KnownFiles(batch.tasks, batch.store, read_again=batch.settings.again or batch.settings.verify_content)
+    settings, unknown = batch.settings, []
+    known = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
     for task in batch.tasks:
         found = known.measured(task)
         if found is None:
@@ -156,7 +148,7 @@ def measure_all(
         else:
             yield Outcome(task, found)
     outcomes = run_all(
-        measure_recording, unknown, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
+        measure_recording, unknown, settings.jobs, on_progress, lambda task: batch.limits(task.recording)
     )
     for outcome in outcomes:
         error = outcome.error.located(outcome.item) if outcome.error is not None else None
@@ -248,19 +240,12 @@ def _found(judgement: StoredJudgement | None) -> str:
 @dataclass(frozen=True)
 class JudgeSettings:
     """How measurements are judged. Without a `calibration` each is judged by the one in force that fits it, or by the
-    prior where none does.
-
-    With `only_stale`, what these settings would judge as it is judged already keeps its verdicts. Below
-    `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
-    sensor, a recording counts as not fully audited. `no_sensors` are the names of topics that a person declares to be
-    neither cameras nor LiDARs: that they cannot be read counts for nothing.
+    prior where none does. With `only_stale`, what would be judged as it is judged already keeps its verdicts.
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
-    min_coverage: float = MIN_COVERAGE
     only_stale: bool = False
-    no_sensors: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -308,8 +293,8 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, settings = recording.name, self._settings
-        reading = reading_of(stored, settings.min_coverage, settings.no_sensors)
+        name = recording.name
+        reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
@@ -326,7 +311,7 @@ class Judge:
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_not_audited(stored, judgement, settings.min_coverage),
+            *frames_not_audited(stored, judgement, criteria.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (

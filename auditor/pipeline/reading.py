@@ -13,12 +13,10 @@ from auditor.model.coverage import (
     unread_line,
 )
 from auditor.model.frames import TopicBalance
+from auditor.model.settings import Criteria
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
 from auditor.store import StoredJudgement, StoredMeasurement
-
-MIN_COVERAGE = 0.99
-"""Share of messages, of time and of frames below which a recording counts as not fully audited."""
 
 _MOST_DAMAGE = 3  # pieces of damage in one remark
 
@@ -49,7 +47,7 @@ def judge_reading(
     coverage: Sequence[TopicCoverage] | None,
     balance: Sequence[TopicBalance],
     damage: Sequence[str],
-    min_coverage: float = MIN_COVERAGE,
+    min_coverage: float = Criteria.min_coverage,
     no_sensors: Collection[str] = (),
 ) -> Reading:
     """Judge what was read of a recording with one rig; `coverage` is None where it was not kept.
@@ -72,7 +70,7 @@ def judge_reading(
 
 
 def reading_of(
-    measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE, no_sensors: Collection[str] = ()
+    measurement: StoredMeasurement, min_coverage: float = Criteria.min_coverage, no_sensors: Collection[str] = ()
 ) -> Reading:
     """Whether the recording of a measurement was read whole."""
     frames = FrameCount(measurement.measured, measurement.skipped)

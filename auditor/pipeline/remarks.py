@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
-from auditor.pipeline.judge import Criteria, resolves_incidents
+from auditor.model.settings import Criteria
+from auditor.pipeline.judge import resolves_incidents
 from auditor.store import RecordingRecord, Store, StoredJudgement, rows_of, run_sql
 
 

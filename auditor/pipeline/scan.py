@@ -82,7 +82,7 @@ class Scan:
         if (packed := pack_where_many(store)).files:
             yield f"{self._folder}: {packed.files} small files are {packed.packs} now, as by auditor store compact"
         found = [one.measurement_id for one in self.judged if one.found and (self.batch.shows_known or one.fresh)]
-        how = self.batch.settings
-        for pictured in picture_incidents(store, found, how.pictures, how.limits, how.jobs) if found else ():
+        how, limits = self.batch.settings, self.batch.limits
+        for pictured in picture_incidents(store, found, how.pictures, limits, how.jobs) if found else ():
             if pictured.remark:
                 yield f"{pictured.recording}: {pictured.remark}"

@@ -21,10 +21,11 @@ from traceback import extract_tb
 from typing import Any, Generic, TypeVar
 
 from auditor.errors import AuditorError, LimitError
+from auditor.model.settings import MeasureSettings
 from auditor.pipeline.fork_server import Worker, fork
 from auditor.store.log import Run, adopt, current_runs
 
-MEMORY_MB = 4096
+MEMORY_MB = MeasureSettings.memory_limit
 """Memory that one task may take by default."""
 
 SILENT_S = 600.0

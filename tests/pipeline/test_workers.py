@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import LimitError, RecordingError
+from auditor.model.settings import MeasureSettings
 from auditor.pipeline import fork_server, workers
-from auditor.pipeline.many import MeasureSettings, find_batch
+from auditor.pipeline.many import find_batch
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
 from tests.making.small_drives import THREE_CAMERAS, write_drive

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -64,23 +64,14 @@ _EITHER = ("delayed", "frozen")
 @click.option("--moving", is_flag=True, help="Draw size and place again for every frame.")
 @click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
 @click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
-@options.rig_option
+@options.setting("rig")
 @options.budget_options
 def command(
     source: Path,
     target: Path,
-    sensors: tuple[int, ...],
-    kind: str | None,
-    size: float | None,
-    pattern: Path | None,
-    strength: str,
-    seed: int,
-    from_s: float | None,
-    to_s: float | None,
     rig: Path | None,
     limits: "LimitsOf",
-    *,
-    moving: bool,
+    **wanted: Any,  # noqa: ANN401 - handed on to _Wanted, which declares them
 ) -> None:
     """Write a compromised copy: a Gaussian facula on a camera, a bogus wall into the LiDAR's point cloud.
 
@@ -97,10 +88,10 @@ def command(
     from auditor.pipeline.workers import run_within  # noqa: PLC0415 - keeps --help quick
     from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
 
-    _check_span(from_s, to_s)
-    wanted = _Wanted(sensors, kind, size, pattern, strength, seed, moving, from_s, to_s)
+    told = _Wanted(**wanted)
+    _check_span(told.from_s, told.to_s)
     with no_remains(target):
-        run_within(limits(source), _attack, source, target, rig, wanted)
+        run_within(limits(source), _attack, source, target, rig, told)
     answer(target)
 
 

@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import judging_options, options
+from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
-from auditor.cli.values import PATH, RATE
+from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.model.settings import MeasureSettings
     from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
-    from auditor.pipeline.many import MeasureSettings
-    from auditor.pipeline.measured import Measured
+    from auditor.pipeline.many import CleanMeasurements
+    from auditor.pipeline.scan import Scan
     from auditor.store import Store
 
 
@@ -44,13 +45,13 @@ class _Frames(click.ParamType[range]):
 @click.command("calibrate", short_help="Thresholds from clean recordings.")
 @click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=PATH)
 @options.store_option
-@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")
-@judging_options.method_option
-@judging_options.strict_option
+@options.setting("r", "The r whose thresholds are shown.")
+@options.setting("method")
+@options.setting("strict")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=PATH, help="Also write the thresholds artefact to this file.")
-@judging_options.recount_option
-@options.measuring_options
+@options.setting("recount")
+@options.measuring_options(*options.MEASURING)
 @format_option
 def command(
     sources: tuple[Path, ...],
@@ -85,10 +86,7 @@ def command(
     The first calibration of a rig kind is in force: scans judge by it. Later ones are candidates, until auditor
     calibration promote puts one in force.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
-    from auditor.cli.summary import show_measuring  # noqa: PLC0415
-    from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415
+    from auditor.cli.output_files import check_thresholds  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
@@ -97,44 +95,64 @@ def command(
     if out:
         check_thresholds(out)
     tally = Tally()
-    stores = [path for path in sources if Store.is_at(path)]
-    recordings = [path for path in sources if path not in stores]
-    opened = [Store.open(path) for path in stores]
-    batch = find_batch(recordings, store, measuring) if recordings else None
-    with logged(store) if (batch and batch.tasks) or Store.is_at(store) else nullcontext():
-        measured: list[Measured] = []
-        given: list[tuple[Store, str]] = []
-        if batch is not None:
-            scan = Scan(batch, store)
-            show_measuring(scan, tally)
-            measured, given = scan.measured, [(Store.open(store), known) for known in scan.measurement_ids]
-        if Store.is_at(store):
-            _tell_relations(Store.open(store), {one.recording_id for one in measured}, tally)
+    recordings = [path for path in sources if not Store.is_at(path)]
+    opened = [Store.open(path) for path in sources if path not in recordings]
+    scan = Scan(find_batch(recordings, store, measuring), store) if recordings else None
+    with logged(store) if (scan and scan.batch.tasks) or Store.is_at(store) else nullcontext():
+        given = _measured(scan, store, tally)
         clean = choose_clean(given, opened)
         for reason in clean.left_out:
             say(reason)
-        groups = by_kind(clean)
-        if out and len(groups) > 1:
-            raise SettingError(
-                f"these recordings have {len(groups)} rig kinds or procedures, and a file holds one calibration",
-                where="--out",
-                remedy="leave it out, and write each with auditor calibration export",
-            )
-        every = [make(one, r, frames, recount=recount, jobs=measuring.jobs) for one in groups]
+        every = _made(clean, r, frames, recount=recount, jobs=measuring.jobs, one_file=out is not None)
         for made in every:
             _check_rate(made, method, strict=strict)
         kept = Store.open(store, create=True)
-        known = [keep_calibrated(kept, made) for made in every]
+        versions = [keep_calibrated(kept, made) for made in every]
         if out:
             write_calibration(every[0].calibration, out)
-    for made, of_kind in zip(every, known, strict=True):
-        if method == "robust":
-            show_robust(made, form)
-        else:
-            show_paper(made.calibration, kept, r, form)
-        show_left_out(of_kind, r, form)
-        _say_in_force(of_kind, store)
+    for made, version in zip(every, versions, strict=True):
+        _show(made, version, kept, method, r, form)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
+
+
+def _measured(scan: "Scan | None", store: Path, tally: Tally) -> "list[tuple[Store, str]]":
+    """The measurements of a scan, once all is measured and related to what the store has."""
+    from auditor.cli.summary import show_measuring  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store  # noqa: PLC0415
+
+    if scan is not None:
+        show_measuring(scan, tally)
+    if Store.is_at(store):
+        _tell_relations(Store.open(store), {one.recording_id for one in scan.measured} if scan else set(), tally)
+    return [(Store.open(store), measurement) for measurement in scan.measurement_ids] if scan else []
+
+
+def _made(
+    clean: "CleanMeasurements", r: Decimal, frames: range | None, *, recount: bool, jobs: int, one_file: bool
+) -> "list[MadeCalibration]":
+    """A calibration of each rig kind and procedure. Raises SettingError for several that are to be `one_file`."""
+    from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415 - keeps --help quick
+
+    groups = by_kind(clean)
+    if one_file and len(groups) > 1:
+        raise SettingError(
+            f"these recordings have {len(groups)} rig kinds or procedures, and a file holds one calibration",
+            where="--out",
+            remedy="leave it out, and write each with auditor calibration export",
+        )
+    return [make(group, r, frames, recount=recount, jobs=jobs) for group in groups]
+
+
+def _show(made: "MadeCalibration", version: "Kept", store: "Store", method: str, r: Decimal, form: str) -> None:
+    """Print the thresholds of a calibration, how it judges what it has not seen, and whether it is in force."""
+    from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
+
+    if method == "robust":
+        show_robust(made, form)
+    else:
+        show_paper(made.calibration, store, r, form)
+    show_left_out(version, r, form)
+    _say_in_force(version, store.folder)
 
 
 def _say_in_force(made: "Kept", store: Path) -> None:

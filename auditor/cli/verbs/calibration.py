@@ -9,14 +9,23 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
-from auditor.cli.output import answer, emit, format_option, print_rows, say, shown, write_bytes
-from auditor.cli.values import PATH, RATE
+from auditor.cli.output import (
+    answer,
+    check_in_words,
+    emit,
+    emit_columns,
+    format_option,
+    print_rows,
+    say,
+    shown,
+    write_bytes,
+)
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from decimal import Decimal
 
     from auditor.store import Store
-    from auditor.store.versions.history import History
 
 _BRIEF = 12
 _LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
@@ -95,6 +104,7 @@ def show(calibration: str, store: Path, form: str) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
     from auditor.store.export import as_json  # noqa: PLC0415
+    from auditor.store.versions.history import histories  # noqa: PLC0415
     from auditor.store.versions.records import read_version  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -104,7 +114,7 @@ def show(calibration: str, store: Path, form: str) -> None:
     made = {name: getattr(version, name) for name in _MADE} if version else {}
     used = [vars(one) for one in version.recordings] if version else []
     conditions = [vars(one) for one in version.conditions] if version else []
-    moves = [vars(move) for one in _histories(kept) for move in one.moves if move.calibration_id == known]
+    moves = [vars(move) for one in histories(kept) for move in one.moves if move.calibration_id == known]
     if form == "json":
         write_bytes(as_json({**row, **made, "moves": moves, "used": used, "conditions": conditions}))
         return
@@ -125,7 +135,7 @@ def show(calibration: str, store: Path, form: str) -> None:
 @click.argument("first", metavar="A")
 @click.argument("second", metavar="B")
 @options.store_option
-@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r of the thresholds.")
+@options.setting("r", "The r of the thresholds.")
 @format_option
 def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     """Compare two calibrations: recordings, and the thresholds of the checks that count, the largest rise first.
@@ -157,16 +167,12 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     if form != "table":
         emit(table_of(rows), form)
         return
-    gone, new = sorted(set(a.recordings) - set(b.recordings)), sorted(set(b.recordings) - set(a.recordings))
-    names = {one.recording_id: one.name for one in kept.recordings()}
     answer(f"A {a.calibration_id}: {len(a.recordings)} recordings; B {b.calibration_id}: {len(b.recordings)}")
-    for what, some in (("only in A", gone), ("only in B", new)):
-        if some:
-            answer(f"{what}: {', '.join(shown(names.get(one, one[:_BRIEF])) for one in some)}")
-    shown_rows = [
-        {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{one}" for one in row["others"])} for row in rows
-    ]
-    print_rows(shown_rows, _DIFF_COLUMNS, f"Thresholds at r = {r}, by the checks that count")
+    names = {one.recording_id: one.name for one in kept.recordings()}
+    for where, only in (("A", set(a.recordings) - set(b.recordings)), ("B", set(b.recordings) - set(a.recordings))):
+        if only:
+            answer(f"only in {where}: {', '.join(shown(names.get(one, one[:_BRIEF])) for one in sorted(only))}")
+    print_rows([check_in_words(row) for row in rows], _DIFF_COLUMNS, f"Thresholds at r = {r}, by the checks that count")
 
 
 @command.command("promote", short_help="Put a calibration in force.")
@@ -240,15 +246,11 @@ def quarantine(store: Path, form: str) -> None:
     They are not learnt from, whatever later thresholds say of them, until somebody says that they are clean (auditor
     label NAME --clean), or what was attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
 
-    found = run_query(Store.open(store), "quarantined", {})
-    if form != "table":
-        emit(found, form)
-    elif rows := rows_of(found):
-        print_rows(rows, _WAITING_COLUMNS, expendable=("kind", "since"), wrapped=("reason",))
-    else:
-        say("no recording waits for a person")
+    waiting = run_query(Store.open(store), "quarantined", {})
+    nothing = "no recording waits for a person"
+    emit_columns(waiting, form, _WAITING_COLUMNS, nothing, expendable=("kind", "since"), wrapped=("reason",))
 
 
 @command.command("verify", short_help="Check that calibrations are what they say.")
@@ -307,33 +309,21 @@ def _named(store: "Store", beginning: str) -> str:
     return calibration_called(store, beginning)
 
 
-def _histories(store: "Store") -> "list[History]":
-    from auditor.store.versions.history import histories  # noqa: PLC0415 - keeps --help quick
-
-    return histories(store)
-
-
 def _brief(calibration_id: str | None) -> str | None:
     return calibration_id and calibration_id[:_BRIEF]
 
 
 def _used(one: Mapping[str, Any]) -> dict[str, object]:
     return {
+        **one,
         "recording": one["name"],
-        "vehicle": one["vehicle"],
-        "day": one["day"],
         "in": one["included"],
-        "frames": one["frames"],
         "findings": one["findings_by_others"],
         "look at": "yes" if one["look_at"] else None,
-        "reason": one["reason"],
     }
 
 
 def _condition(one: Mapping[str, Any]) -> dict[str, object]:
     """A condition as it is printed: without a share where there are too few windows to say anything."""
-    said = ("share", "low", "high") if one["enough"] else ()
-    return {
-        **{name: one[name] for name in ("condition", "value", "drives", "windows")},
-        "raised": one["raised_windows"],
-    } | {name: one[name] if name in said else None for name in ("share", "low", "high")}
+    shares = {name: one[name] if one["enough"] else None for name in ("share", "low", "high")}
+    return {**one, "raised": one["raised_windows"], **shares}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import judging_options, options
+from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
@@ -35,13 +35,12 @@ _MADE = re.compile(
 )
 """What a demo makes beside its recordings: the store and its pages."""
 _MOST_NAMED = 3
-_USUAL_R = Decimal("0.01")
 
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
 @click.argument("folder", type=PATH, default=Path("auditor-demo"))
-@judging_options.method_option
-@options.jobs_option
+@options.setting("method")
+@options.setting("jobs")
 def command(folder: Path, method: str, jobs: int) -> int:
     """Make a small fleet, attack three of its drives, audit them all, and write their pages.
 
@@ -56,14 +55,13 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.lab.demo import fleet  # noqa: PLC0415
     from auditor.model.pictures import Pictures  # noqa: PLC0415
+    from auditor.model.settings import Criteria, MeasureSettings  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
     from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.judge import Criteria  # noqa: PLC0415
     from auditor.pipeline.many import (  # noqa: PLC0415
         CleanMeasurements,
         JudgeSettings,
-        MeasureSettings,
         find_batch,
         judge_all,
     )
@@ -78,22 +76,24 @@ def command(folder: Path, method: str, jobs: int) -> int:
     store = folder / "audit"
     of_clean, tally = Tally(), Tally()
     _record((*clean, *suspected), jobs)
-    measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
+    measuring, unlimited = MeasureSettings(jobs=jobs), lambda _: Limits()
     kept = Store.open(store, create=True)
     with logged(store):
-        batches = (find_batch([take.file for take in takes], store, measuring) for takes in (clean, suspected))
+        batches = (
+            find_batch([take.file for take in takes], store, measuring, unlimited) for takes in (clean, suspected)
+        )
         learnt, scan = (Scan(batch, store) for batch in batches)
         show_measuring(learnt, of_clean)
         given = tuple((kept, known) for known in learnt.measurement_ids)
-        made = make(CleanMeasurements(given, ()), _USUAL_R, jobs=jobs)
+        made = make(CleanMeasurements(given, ()), Criteria.r, jobs=jobs)
         keep_calibrated(kept, made, made_by="demo")
         show_measuring(scan, tally)
-        r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
-        judging = JudgeSettings(Criteria(r, Method(method), strict=True), made.calibration, min_coverage=1)
+        r = Criteria.r if Method(method) is Method.ROBUST else Decimal(0)
+        judging = JudgeSettings(Criteria(r, Method(method), strict=True, min_coverage=1), made.calibration)
         deque(judge_all(kept, learnt.measurement_ids, judging), maxlen=0)  # else the pages would call them not judged
         judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
         found = [one.measurement_id for one in judged if one.found]
-        for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, measuring.limits, jobs):
+        for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, unlimited, jobs):
             if pictured.remark:
                 say(f"{pictured.recording}: {pictured.remark}")
         show_audit(kept, "table", tally, {one.recording_id for one in scan.measured})

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
     from auditor.lab.evaluation import Evaluated, Source, Task
     from auditor.measurement.disparity.matchers import MatcherOptions
+    from auditor.model.settings import MeasureSettings
     from auditor.pipeline.many import LimitsOf
-    from auditor.pipeline.workers import Progress
+    from auditor.pipeline.workers import Outcome, Progress
+    from auditor.recordings import Location
 
 SomeTask = TypeVar("SomeTask", bound="Task")
 
@@ -68,10 +70,7 @@ _FIRST_STREET = 1000
     "its style and condition, a recording is a family of its own.",
 )
 @options.store_option
-@options.matcher_options
-@options.rig_option
-@options.budget_options
-@options.jobs_option
+@options.measuring_options(*options.MATCHER, "rig", *options.BUDGET, "jobs")
 @format_option
 def command(
     recordings: tuple[Path, ...],
@@ -84,11 +83,7 @@ def command(
     labels: Path | None,
     leave_out: str | None,
     store: Path,
-    matcher: str,
-    network: "MatcherOptions",
-    rig: Path | None,
-    limits: "LimitsOf",
-    jobs: int,
+    measuring: "MeasureSettings",
     form: str,
 ) -> int:
     """Attack clean recordings in memory, measure every attack, and print how often it was detected and named.
@@ -106,50 +101,37 @@ def command(
     evaluation_objects says how often objects that sensors see do not match. Evaluations with several matchers in one
     store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.lab.evaluation import (  # noqa: PLC0415 - heavy
-        EvaluateTask,
-        Recorded,
-        Street,
-        Task,
-        evaluate_source,
-        experiments_of,
-        judge_cases,
-        keep_missed,
-    )
-    from auditor.lab.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
+    from auditor.lab.evaluation import experiments_of, judge_cases, keep_missed  # noqa: PLC0415 - heavy
+    from auditor.lab.evaluation.object_baseline import check_detectors  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
-    from auditor.pipeline.many import share_threads  # noqa: PLC0415
+    from auditor.pipeline.many import limits_by_size, network_of, share_threads  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store, run_query  # noqa: PLC0415
 
     if not recordings and synthetic is None:
         raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
     experiments_of(patterns)  # patterns that cannot be read, too, are the command's error
-    find_matcher(matcher, network)  # an unknown one is the command's error, not each recording's
+    network = network_of(measuring)
+    find_matcher(measuring.matcher, network)  # an unknown one is the command's error, not each recording's
     check_detectors(detectors, labels)
-    found = find_recordings(recordings)
-    for error in found.errors:
+    inputs = find_recordings(recordings)
+    for error in inputs.errors:
         say(f"auditor: {error}")
-    sources: list[Source] = [Recorded(path, rig) for path in found.recordings]
-    sources += [Street(_FIRST_STREET + number, _STREET_FRAMES) for number in range(synthetic or 0)]
+    sources = _sources(inputs.recordings, measuring.rig, synthetic or 0)
     if not sources:
         return Exit.FAILED
     kept = Store.open(store, create=True)
-    network, jobs = share_threads(network, jobs)
-    shares = -(-jobs // len(sources))  # few recordings are shared among all processes
-    how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
-    tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
+    network, jobs = share_threads(network, measuring.jobs)
+    run = _Run(jobs, limits_by_size(measuring.time_limit, measuring.memory_limit))
+    tasks = _tasks(sources, store, measuring.matcher, network, seed, draws, attack_every, jobs)
+    old = 0
     with logged(store):
-        measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
-        of_recordings: dict[str, Source] = {}
-        done = _evaluate_all(evaluate_source, measured, jobs, limits, of_recordings)
+        run.attacks(tasks, patterns)
         if detectors:
-            found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
-            done &= _evaluate_all(evaluate_objects, found_by, jobs, limits, of_recordings)
-        old = 0
+            run.objects(tasks, detectors, labels)
         if kept.ids("evaluations"):
             old = judge_cases(kept)
-            keep_missed(kept, of_recordings, patterns, jobs, limits)
+            keep_missed(kept, run.source_of, patterns, jobs, run.limits)
     if old:
         say(
             f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
@@ -157,29 +139,72 @@ def command(
         )
     if kept.ids("evaluations"):
         emit(run_query(kept, "evaluation_summary", {"left_out": leave_out or "all"}), form)
-    return Exit.CLEAN if done and not found.errors else Exit.FAILED
+    return Exit.CLEAN if run.complete and not inputs.errors else Exit.FAILED
 
 
-def _evaluate_all(
-    evaluate: "Callable[[SomeTask, Progress], Evaluated]",
-    tasks: "Sequence[SomeTask]",
+def _sources(recordings: "Sequence[Location]", rig: Path | None, streets: int) -> "list[Source]":
+    """The recordings, and so many synthetic streets."""
+    from auditor.lab.evaluation import Recorded, Street  # noqa: PLC0415 - heavy
+
+    synthetic = [Street(_FIRST_STREET + number, _STREET_FRAMES) for number in range(streets)]
+    return [*(Recorded(path, rig) for path in recordings), *synthetic]
+
+
+def _tasks(
+    sources: "Sequence[Source]",
+    store: Path,
+    matcher: str,
+    network: "MatcherOptions",
+    seed: int,
+    draws: int,
+    attack_every: int,
     jobs: int,
-    limits: "LimitsOf",
-    read: "dict[str, Source]",
-) -> bool:
-    """Measure all, and put into `read` the source of each recording; False where something could not be."""
-    from auditor.pipeline.workers import run_all  # noqa: PLC0415
+) -> "list[Task]":
+    """The shares of all sources: few recordings are shared among all processes."""
+    from auditor.lab.evaluation import Task  # noqa: PLC0415 - heavy
 
-    done = True
-    with progress(len(tasks), "evaluating") as (advanced, finished):
-        for outcome in run_all(evaluate, tasks, jobs, advanced, lambda task: limits(task.source.path)):
-            if outcome.result is not None:
-                read |= dict.fromkeys(outcome.result.recordings, outcome.item.source)
-            if outcome.error is not None:
-                finished(f"auditor: {outcome.error.located(outcome.item)}")
-                done = False
-            elif outcome.result is not None and outcome.result.fresh:
-                finished(f"{outcome.item}: {outcome.result.frames} frames, {outcome.result.cases} cases measured")
-            else:
-                finished(f"{outcome.item}: measured before")
-    return done
+    shares = -(-jobs // len(sources))
+    how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
+    return [how(source, store, share=share) for source in sources for share in range(shares)]
+
+
+class _Run:
+    """An evaluation that runs: the source of each recording that was read, and whether all could be measured."""
+
+    def __init__(self, jobs: int, limits: "LimitsOf") -> None:
+        self._jobs, self.limits = jobs, limits
+        self.source_of: dict[str, Source] = {}
+        self.complete = True
+
+    def attacks(self, tasks: "Sequence[Task]", patterns: tuple[Path, ...]) -> None:
+        """Measure the attacks on some shares."""
+        from auditor.lab.evaluation import EvaluateTask, evaluate_source  # noqa: PLC0415 - heavy
+
+        self._measure(evaluate_source, [EvaluateTask(**vars(task), patterns=patterns) for task in tasks])
+
+    def objects(self, tasks: "Sequence[Task]", detectors: tuple[str, ...], labels: Path | None) -> None:
+        """Compare objects in some shares."""
+        from auditor.lab.evaluation.object_baseline import ObjectTask, evaluate_objects  # noqa: PLC0415 - heavy
+
+        self._measure(
+            evaluate_objects, [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
+        )
+
+    def _measure(self, evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]") -> None:
+        from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
+
+        with progress(len(tasks), "evaluating") as (advanced, finished):
+            for outcome in run_all(evaluate, tasks, self._jobs, advanced, lambda task: self.limits(task.source.path)):
+                if outcome.result is not None:
+                    self.source_of |= dict.fromkeys(outcome.result.recordings, outcome.item.source)
+                self.complete &= outcome.error is None
+                finished(_said(outcome))
+
+
+def _said(outcome: "Outcome[SomeTask, Evaluated]") -> str:
+    """What became of a share."""
+    if outcome.error is not None:
+        return f"auditor: {outcome.error.located(outcome.item)}"
+    if outcome.result is not None and outcome.result.fresh:
+        return f"{outcome.item}: {outcome.result.frames} frames, {outcome.result.cases} cases measured"
+    return f"{outcome.item}: measured before"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auditor.cli import options
-from auditor.cli.judging_options import no_sensor_option
 from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
@@ -23,8 +22,8 @@ _MOST_TOPICS_SHOWN = 200
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
-@options.rig_option
-@no_sensor_option
+@options.setting("rig")
+@options.setting("no_sensors")
 @options.budget_options
 @click.option("--write-rig", type=PATH, help="Write the rig to this rig.toml, to be corrected.")
 @click.option(

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.judging_options import no_sensor_option
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
-from auditor.cli.values import PATH, RATE
+from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
-    from auditor.pipeline.many import MeasureSettings
+    from auditor.model.settings import MeasureSettings
     from auditor.pipeline.scan import Scan
     from auditor.store import Store
     from auditor.store.versions.decisions import Failure, Refresh
@@ -25,11 +24,11 @@ if TYPE_CHECKING:
 @click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=PATH)
 @options.store_option
 @click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
-@click.option("-r", "r", type=RATE, default="0.01", show_default=True, help="The r that recordings are judged at.")
+@options.setting("r", "The r that recordings are judged at.")
 @click.option("--metrics", type=PATH, help="Also write metrics for Prometheus to this file.")
 @click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
-@no_sensor_option
-@options.measuring_options
+@options.setting("no_sensors")
+@options.measuring_options(*options.MEASURING)
 def command(
     sources: tuple[Path, ...],
     store: Path,

@@ -8,7 +8,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.logged import logged
-from auditor.cli.output import answer, emit, format_option, print_rows, say
+from auditor.cli.output import answer, emit_columns, format_option
 
 if TYPE_CHECKING:
     from auditor.store import Store
@@ -73,14 +73,7 @@ def _review(store: "Store", beginning: str, verdict: str, reason: str, until: da
 
 
 def _show(store: "Store", form: str) -> None:
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import run_query  # noqa: PLC0415 - keeps --help quick
 
-    found = run_query(store, "review_history", {})
-    if form != "table":
-        emit(found, form)
-    elif rows := rows_of(found):
-        print_rows(
-            [{column: row[column] for column in _COLUMNS} for row in rows], _COLUMNS, wrapped=("reason", "sensors")
-        )
-    else:
-        say(f"{store.folder}: nobody has reviewed an incident")
+    nothing = f"{store.folder}: nobody has reviewed an incident"
+    emit_columns(run_query(store, "review_history", {}), form, _COLUMNS, nothing, wrapped=("reason", "sensors"))

@@ -1,32 +1,32 @@
 """`auditor scan`: the main job."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import judging_options, options
+from auditor.cli import options
 from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
-    from auditor.pipeline.many import MeasureSettings
+    from auditor.model.settings import Criteria, MeasureSettings
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
 @options.recordings_argument
 @options.store_option
-@judging_options.judging_options
+@options.judging_options(*options.JUDGING)
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
-@options.measuring_options
+@options.measuring_options(*options.MEASURING)
 @format_option
 def command(
     recordings: tuple[Path, ...],
     store: Path,
+    judging: "Criteria",
     measuring: "MeasureSettings",
     *,
     measure_only: bool,
     form: str,
-    **judging: Any,  # noqa: ANN401 - handed on to judge_settings, which declares them
 ) -> int:
     """Audit recordings: measure every frame, judge it, and name the attacked sensors.
 
@@ -48,7 +48,7 @@ def command(
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
 
-    settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
+    settings = judge_settings(store, judging)  # a wrong calibration is refused before hours of measuring
     batch = find_batch(recordings, store, measuring)
     scan, tally = Scan(batch, store), Tally()
     with scan.logged():

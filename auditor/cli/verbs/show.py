@@ -23,7 +23,7 @@ _COLUMNS = ("sensor", "name", "topic", "state", "skew_ms", "data", "damaged")
 @click.argument("recording", type=PATH)
 @click.argument("frame", type=click.IntRange(min=0))
 @options.store_option
-@options.rig_option
+@options.setting("rig")
 @options.budget_options
 @click.option("--into", type=PATH, help="Write its pictures into this new folder, as PNG files.")
 def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: "LimitsOf", into: Path | None) -> int:

@@ -1,6 +1,5 @@
 """`auditor train-matcher`: a stereo network of one's own, from clean recordings and synthetic streets."""
 
-import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -77,15 +76,9 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random draws.")
 @click.option("--device", default="cpu", show_default=True, help="Where it is trained: cpu, cuda or cuda:1.")
-@options.rig_option
+@options.setting("rig")
 @options.budget_options
-@click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=lambda: len(os.sched_getaffinity(0)),
-    show_default="the number of cores",
-    help="Processes that make samples, and threads that train on the CPU.",
-)
+@options.setting("jobs", "Processes that make samples, and threads that train on the CPU.")
 def command(
     recordings: tuple[Path, ...],
     synthetic: int | None,
@@ -110,35 +103,21 @@ def command(
     It is trained on a pair of cameras a frame, in grey. After interruptions the same command goes on where it was. The
     curve shows the share of pixels over 3 px on validation streets and recordings, beside that of sgbm.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.lab.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, train_on, training_set  # noqa: PLC0415
+    from auditor.lab.training import CURVE, WEIGHTS, train_on, training_set  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - heavy
-    from auditor.recordings import find_recordings  # noqa: PLC0415
 
-    if not recordings and synthetic is None:
-        raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
-    if not validate and synthetic is None:
-        raise SettingError(
-            "nothing to validate the network on", where="train-matcher", remedy="give --validate, or --synthetic"
-        )
+    _check_sources(recordings, validate, synthetic)
     training = psmnet_module("psmnet", "auditor.lab.training")
     chosen = training.TrainingSettings(
         **settings, step=1 if full_resolution else 2, precision=training.best_precision(settings["device"])
     )
     training.check_settings(chosen)  # before samples are made, which takes long
-    found = [find_recordings(paths) for paths in (recordings, validate)]
-    for error in (error for one in found for error in one.errors):
-        raise error
-    samples = out / "samples"
-
-    def tasks(paths: "Sequence[Location]", first_street: int, streets: int) -> "list[SampleTask]":
-        sources: list[SampleSource] = [Recorded(path, rig) for path in paths]
-        sources += [Street(first_street + number, _STREET_SAMPLES) for number in range(streets)]
-        return [SampleTask(source, samples, frames) for source in sources]
-
+    located = [_located(paths) for paths in (recordings, validate)]
     left_out_streets = -(-synthetic // _LEFT_OUT_SHARE) if synthetic else 0
-    for_training = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
-    made = _make([*for_training, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs, limits)
-    training_samples = training_set(made[: len(for_training)], made[len(for_training) :])
+    for_training = _tasks(located[0], rig, range(_FIRST_STREET, _FIRST_STREET + (synthetic or 0)), out, frames)
+    for_validation = _tasks(located[1], rig, range(_FIRST_LEFT_OUT, _FIRST_LEFT_OUT + left_out_streets), out, frames)
+    samples = _make([*for_training, *for_validation], jobs, limits)
+    training_samples = training_set(samples[: len(for_training)], samples[len(for_training) :])
     validated = ", ".join(f"{len(files)} of {kind}" for kind, files in training_samples.validation.items())
     say(f"{len(training_samples.training)} samples to train on; validated on {validated}")
 
@@ -152,6 +131,39 @@ def command(
     say(f"the curve is in {out / CURVE}; use the network with")
     answer(f"auditor scan RECORDING... --matcher psmnet --weights {shlex.quote(str(out / WEIGHTS))}")
     return Exit.CLEAN
+
+
+def _check_sources(recordings: Sequence[Path], validate: Sequence[Path], synthetic: int | None) -> None:
+    """Raises SettingError where there is nothing to train on, or to validate on."""
+    if synthetic is not None:
+        return
+    if not recordings:
+        raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
+    if not validate:
+        raise SettingError(
+            "nothing to validate the network on", where="train-matcher", remedy="give --validate, or --synthetic"
+        )
+
+
+def _located(paths: Sequence[Path]) -> "tuple[Location, ...]":
+    """The recordings at some paths. Raises RecordingError where one is none."""
+    from auditor.recordings import find_recordings  # noqa: PLC0415 - keeps --help quick
+
+    inputs = find_recordings(paths)
+    for error in inputs.errors:
+        raise error
+    return inputs.recordings
+
+
+def _tasks(
+    recordings: "Sequence[Location]", rig: Path | None, streets: range, out: Path, frames: int
+) -> "list[SampleTask]":
+    """The samples to be made of some recordings, and of the streets of these numbers."""
+    from auditor.lab.training import Recorded, SampleTask, Street  # noqa: PLC0415 - heavy
+
+    sources: list[SampleSource] = [Recorded(path, rig) for path in recordings]
+    sources += [Street(number, _STREET_SAMPLES) for number in streets]
+    return [SampleTask(source, out / "samples", frames) for source in sources]
 
 
 def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[Made]":

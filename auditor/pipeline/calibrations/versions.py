@@ -17,10 +17,10 @@ from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
+from auditor.model.settings import Criteria
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
 from auditor.store import (
     RecordingRecord,

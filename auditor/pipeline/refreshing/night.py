@@ -7,8 +7,8 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.errors import AuditorError
+from auditor.model.settings import Criteria
 from auditor.pipeline.calibrations.versions import extent_of, version_of
-from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import JudgeSettings
 from auditor.pipeline.measure import rigs_through
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
@@ -46,7 +46,7 @@ def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tupl
     """What was never judged, and how a night judges it: what is found is on the incident page from then on."""
     known = store.current_judgements()
     new = [one for one in store.ids("measurements") if one not in known]
-    return JudgeSettings(Criteria(r), no_sensors=frozenset(no_sensors)), new
+    return JudgeSettings(Criteria(r, no_sensors=tuple(no_sensors))), new
 
 
 def refresh(

@@ -1,0 +1,383 @@
+"""The settings of judging and of measuring. Each is declared once: a field with its type, unit, default and help text.
+
+The options of the command line, the variables of the environment, the keys of the settings file, the keywords of
+`import auditor` and the table in docs/settings.md are made from these fields.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from decimal import Decimal
+from difflib import get_close_matches
+from enum import StrEnum
+from inspect import Parameter, Signature, cleandoc, signature
+from pathlib import Path
+from textwrap import fill
+from types import NoneType
+from typing import Any, TypedDict, TypeVar, get_args, get_origin
+
+from auditor.errors import SettingError
+from auditor.model.pictures import Pictures
+from auditor.model.verdict import Method, Statistic
+
+Settings = TypeVar("Settings", "Criteria", "MeasureSettings")
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+_SETTING = "setting"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a field of settings has beside its name, type and default.
+
+    `flag` is the name of its option, where that is not the field's. `metavar` stands for its value in help texts.
+    Numbers have a `unit`, and lie between `least` and `most`; `above_least` leaves `least` itself out. Texts are one
+    of `choices`, where there are any. `default_in_words` stands in help texts for a default that is computed.
+    """
+
+    help: str
+    flag: str | None = None
+    metavar: str | None = None
+    unit: str | None = None
+    least: float | None = None
+    most: float | None = None
+    above_least: bool = False
+    choices: tuple[str, ...] = ()
+    default_in_words: str | None = None
+
+
+def _about(text: str, **more: Any) -> dict[str, Setting]:  # noqa: ANN401 - parts of a Setting
+    """The metadata of a field with this help text."""
+    return {_SETTING: Setting(text, **more)}
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+# Judging
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """How verdicts are to be reached, and from when on a recording counts as fully audited.
+
+    Raises SettingError for what the paper's method does not have.
+    """
+
+    r: Decimal = field(
+        default=Decimal("0.01"),
+        metadata=_about(
+            "Designated false-alarm rate, as 0.01 or 1%: of a frame, or with --method paper of each E.",
+            unit="share",
+            least=0,
+            most=1,
+        ),
+    )
+    method: Method = field(
+        default=Method.ROBUST,
+        metadata=_about("Nine checks and joint identification, or disparity errors and Algorithm 2."),
+    )
+    statistic: Statistic = field(
+        default=Statistic.GATED,
+        metadata=_about(
+            "With --method paper: count pixels with texture only, or all (the paper's E).",
+            choices=(Statistic.GATED, Statistic.PLAIN),
+        ),
+    )
+    incidents_per_hour: float | None = field(
+        default=None,
+        metadata=_about(
+            "With --method robust: false incidents an hour to aim at on clean drives.  [default: 1]",
+            metavar="NUMBER",
+            unit="1/h",
+            least=0,
+        ),
+    )
+    transfer: bool = field(
+        default=False, metadata=_about("Accept thresholds of another rig kind; the verdicts will say so.")
+    )
+    strict: bool = field(
+        default=False,
+        metadata=_about(
+            "Refuse thresholds that are the prior alone and r < 0.0001; with --method paper r < 1/N, which N clean "
+            "samples cannot resolve."
+        ),
+    )
+    recount: bool = field(
+        default=False, metadata=_about("Compute statistics again from the stored cells, in today's windows.")
+    )
+    calibration: str | None = field(
+        default=None,
+        metadata=_about(
+            "Thresholds to judge by.  [default: the one in force that fits, or the prior]", metavar="ID|FILE"
+        ),
+    )
+    min_coverage: float = field(
+        default=0.99,
+        metadata=_about(
+            "Share of frames, messages and time below which a recording counts as not fully audited.",
+            unit="share",
+            least=0,
+            most=1,
+        ),
+    )
+    no_sensors: tuple[str, ...] = field(
+        default=(),
+        metadata=_about(
+            "A topic that is neither camera nor LiDAR, though it cannot be read: a recording counts as fully audited "
+            "without it, and says so. May be repeated.",
+            flag="no-sensor",
+            metavar="TOPIC",
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        if self.method is Method.ROBUST:
+            return
+        remedy = "leave it away, or judge with --method robust"
+        if self.incidents_per_hour is not None:
+            what = "the paper's method has no limit that incidents per hour could set"
+            raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
+        if self.recount:
+            what = "the paper's method has no statistics that come from cells"
+            raise SettingError(what, where="--recount", remedy=remedy)
+
+
+class JudgingKeywords(TypedDict, total=False):
+    """The fields of `Criteria` as keywords, for type checkers."""
+
+    r: Decimal | float | str
+    method: Method | str
+    statistic: Statistic | str
+    incidents_per_hour: float | None
+    transfer: bool
+    strict: bool
+    recount: bool
+    calibration: str | None
+    min_coverage: float
+    no_sensors: Iterable[str]
+
+
+# Measuring
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """How recordings are measured: `jobs` at a time, each in a process of its own within its limits."""
+
+    matcher: str = field(
+        default="sgbm",
+        metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE."),
+    )
+    weights: Path | None = field(default=None, metadata=_about("Checkpoint of psmnet."))
+    align_corners: bool | None = field(
+        default=None,
+        metadata=_about("Upsampling convention that psmnet's weights were trained with; needed where they do not say."),
+    )
+    max_disparity: int | None = field(
+        default=None, metadata=_about("Largest disparity that psmnet finds.", unit="px", least=16)
+    )
+    device: str = field(default="cpu", metadata=_about("Where a network runs: cpu, cuda or cuda:1."))
+    precision: str = field(
+        default="fp32", metadata=_about("Arithmetic of psmnet on a GPU.", choices=("fp32", "tf32", "fp16", "bf16"))
+    )
+    compiled: bool = field(
+        default=False,
+        metadata=_about("Compile psmnet for the GPU first: about a minute, for long recordings.", flag="compile"),
+    )
+    rig: Path | None = field(
+        default=None,
+        metadata=_about("A rig.toml, or Kalibr's camchain.yaml, in place of the recording's own calibration."),
+    )
+    vehicle: str | None = field(default=None, metadata=_about("Name of the vehicle that made these recordings."))
+    weather: str | None = field(
+        default=None, metadata=_about("Weather that they were made in, in your own words: rain, snow, fog.")
+    )
+    drive: str | None = field(
+        default=None,
+        metadata=_about(
+            "Name of the drive that these recordings are parts of.  [default: those that follow each other]"
+        ),
+    )
+    path_pattern: str | None = field(
+        default=None,
+        metadata=_about("What the paths say, such as '{vehicle}/{date}/{drive}_*.mcap'.", metavar="PATTERN"),
+    )
+    time_limit: float | None = field(
+        default=None,
+        metadata=_about(
+            "Time that one recording may take.  [default: any, while it makes progress: within ten minutes, and 0.1 s "
+            "a MB of it]",
+            metavar="SECONDS",
+            unit="s",
+            least=0,
+            above_least=True,
+        ),
+    )
+    memory_limit: float = field(
+        default=4096,
+        metadata=_about(
+            "Memory that one recording may take before it is given up.",
+            metavar="MB",
+            unit="MB",
+            least=0,
+            above_least=True,
+        ),
+    )
+    jobs: int = field(
+        default_factory=_cores,
+        metadata=_about(
+            "Recordings that are worked on at the same time.", least=1, default_in_words="the number of cores"
+        ),
+    )
+    pictures: Pictures = field(
+        default=Pictures.ALL,
+        metadata=_about(
+            "Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is "
+            "unusually large), or all; of these the strongest of each second, at most 60 a recording, small and grey. "
+            "But for none, each incident gets those that show it besides: all cameras at full resolution, and the "
+            "cloud."
+        ),
+    )
+    measure_again: bool = field(
+        default=False,
+        metadata=_about("Measure also what the store has; the earlier measurement goes, with its judgements."),
+    )
+    verify_content: bool = field(
+        default=False,
+        metadata=_about("Read also files whose path, size, times and inode are those of when the store read them."),
+    )
+
+
+class MeasuringKeywords(TypedDict, total=False):
+    """The fields of `MeasureSettings` as keywords, for type checkers."""
+
+    matcher: str
+    weights: str | Path | None
+    align_corners: bool | None
+    max_disparity: int | None
+    device: str
+    precision: str
+    compiled: bool
+    rig: str | Path | None
+    vehicle: str | None
+    weather: str | None
+    drive: str | None
+    path_pattern: str | None
+    time_limit: float | None
+    memory_limit: float
+    jobs: int | None
+    pictures: Pictures | str
+    measure_again: bool
+    verify_content: bool
+
+
+class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
+    """The settings of a scan as keywords, for type checkers."""
+
+
+# What is made from them
+
+
+def settings_of(*kinds: type) -> dict[str, Field[Any]]:
+    """The fields of some settings by their names."""
+    return {one.name: one for kind in kinds for one in fields(kind)}
+
+
+def about(setting: Field[Any]) -> Setting:
+    """What a field of settings has beside its name, type and default."""
+    found: Setting = setting.metadata[_SETTING]
+    return found
+
+
+def value_type(setting: Field[Any]) -> type:
+    """The type of a field's values: of `Path | None` it is Path, of `tuple[str, ...]` tuple."""
+    if get_origin(setting.type) is tuple:
+        return tuple
+    [kind] = [one for one in get_args(setting.type) or (setting.type,) if one is not NoneType]
+    assert isinstance(kind, type), "settings are annotated with classes"
+    return kind
+
+
+def choices(setting: Field[Any]) -> tuple[str, ...]:
+    """The texts that a field takes; none where it takes any."""
+    kind = value_type(setting)
+    return about(setting).choices or (tuple(kind) if issubclass(kind, StrEnum) else ())
+
+
+def default(setting: Field[Any]) -> Any:  # noqa: ANN401 - of any type
+    """The default of a field, computed where it depends on the machine."""
+    return setting.default_factory() if setting.default_factory is not MISSING else setting.default
+
+
+def made(kind: type[Settings], given: Mapping[str, object]) -> Settings:
+    """The settings that have these values; None stands for a default.
+
+    Raises SettingError for a name that is no setting, and for a value that a setting does not take.
+    """
+    by_name = settings_of(kind)
+    for name in given.keys() - by_name.keys():
+        raise unknown_setting(name, by_name)
+    values: dict[str, Any] = {
+        name: _converted(by_name[name], value) for name, value in given.items() if value is not None
+    }
+    return kind(**values)
+
+
+def unknown_setting(name: str, names: Iterable[str]) -> SettingError:
+    """The error for a name that is no setting, with the nearest one."""
+    nearest = get_close_matches(name, names, 1)
+    remedy = f"did you mean {nearest[0]!r}?" if nearest else f"use some of: {', '.join(names)}"
+    return SettingError(f"there is no setting {name!r}", where="settings", remedy=remedy)
+
+
+def _converted(setting: Field[Any], value: object) -> object:
+    """A value as the type of its field."""
+    kind, taken = value_type(setting), choices(setting)
+    if taken and value not in taken:
+        raise SettingError(
+            f"there is no {setting.name} {value!r}", where="settings", remedy=f"use one of: {', '.join(taken)}"
+        )
+    if kind in (int, float, Decimal):
+        _refuse_out_of_range(setting, value)
+    converts = kind in (float, Path, tuple) or issubclass(kind, StrEnum)
+    converted: object = kind(value) if converts else value
+    return converted
+
+
+def _refuse_out_of_range(setting: Field[Any], number: Any) -> None:  # noqa: ANN401 - of any type of number
+    """Raises SettingError for a number that is none, or out of the range of its setting."""
+    limits = about(setting)
+    least = -math.inf if limits.least is None else limits.least
+    most = math.inf if limits.most is None else limits.most
+    if not (math.isfinite(number) and least <= number <= most) or (limits.above_least and number == least):
+        raise SettingError(
+            f"{setting.name} cannot be {number!r}", where="settings", remedy="auditor scan --help says what it may be"
+        )
+
+
+def explained(*kinds: type) -> Callable[[Function], Function]:
+    """A decorator: the settings that a function takes as keywords stand in its signature and in its docstring."""
+
+    def explain(function: Function) -> Function:
+        own = [one for one in signature(function).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+        named = settings_of(*kinds).values()
+        keywords = [
+            Parameter(one.name, Parameter.KEYWORD_ONLY, default=_shown_default(one), annotation=one.type)
+            for one in named
+        ]
+        answers = signature(function).return_annotation
+        function.__signature__ = Signature([*own, *keywords], return_annotation=answers)  # type: ignore[attr-defined]
+        texts = [f"{one.name}\n    {fill(about(one).help, 110, subsequent_indent='    ')}" for one in named]
+        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Settings", "--------", *texts])
+        return function
+
+    return explain
+
+
+def _shown_default(setting: Field[Any]) -> object:
+    """The default of a setting in a signature: None stands for one that depends on the machine."""
+    return None if setting.default is MISSING else setting.default
