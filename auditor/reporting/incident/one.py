@@ -8,7 +8,8 @@ from typing import Any
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.audits import audit_of, outline
 from auditor.reporting.incident.drawing import Drawing
-from auditor.reporting.incident.examples import Example, ShownExample, data_uri, examples_of, kept_examples
+from auditor.reporting.incident.examples import Example, ShownExample, examples_of, kept_examples
+from auditor.reporting.incident.incident import Incident
 from auditor.reporting.incident.loading import incident_parts, page_of
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.sketch import Track, sketch, track_of
@@ -27,8 +28,8 @@ class OneIncident:
 
     `row` is that of the view `incidents`, `reviews` are those of the view `incident_reviews`, the last first.
     `versions` say how the calibrations were made, by their ids, where that is known. `neighbours` are other incidents
-    of these recordings. `shown` are the frames that show it, the strongest first; `place` is a sketch of the drive as a
-    data URI, empty where no poses were recorded. `former` is the name that the page has from before the incident grew.
+    of these recordings. `shown` are the frames that show it, the strongest first; `sketch` is an SVG image of
+    the drive, empty where no poses were recorded. `former` is the name that the page has from before the incident grew.
     """
 
     row: Mapping[str, Any]
@@ -37,7 +38,7 @@ class OneIncident:
     versions: Mapping[str, CalibrationVersion]
     neighbours: tuple[Mapping[str, Any], ...]
     shown: tuple[ShownExample, ...] = ()
-    place: str = ""
+    sketch: str = ""
     former: str = ""
 
 
@@ -78,21 +79,17 @@ class Incidents:
                 if one is not row and any(part["measurement_id"] in places for part in one["parts"])
             ),
             shown,
-            self._place(row),
+            self._sketch(row),
         )
 
     def examples(self, row: Mapping[str, Any]) -> tuple[Example, ...]:
         """The frames that show the incident of a row."""
         return self._examples.get(row["incident_id"], ())
 
-    def _place(self, row: Mapping[str, Any]) -> str:
-        strongest = row["strongest_measurement_id"] or row["measurement_id"]
-        [part] = [one for one in row["parts"] if one["measurement_id"] == strongest]
-        track = self._track(strongest)
-        if track is None:
-            return ""
-        drawn = sketch(track, part["first_frame"], part["last_frame"])
-        return data_uri("svg", drawn.encode())
+    def _sketch(self, row: Mapping[str, Any]) -> str:
+        incident = Incident(self._store, row)
+        track = self._track(incident.measurement_id)
+        return sketch(track, incident.part["first_frame"], incident.part["last_frame"]) if track is not None else ""
 
     def _read_track(self, measurement_id: str) -> Track | None:
         return track_of(self._store, measurement_id)
