@@ -22,7 +22,7 @@ from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.incident import Incident
-from auditor.reporting.incident.one import Incidents, OneIncident
+from auditor.reporting.incident.loading import Incidents, OneIncident
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.templates import fill
 from auditor.store import Store

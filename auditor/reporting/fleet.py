@@ -11,7 +11,7 @@ import auditor
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
-from auditor.reporting.incident.one import Incidents, OneIncident
+from auditor.reporting.incident.loading import Incidents, OneIncident
 from auditor.reporting.incident.page import Clock
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
 from auditor.reporting.numbers import FILTERS, count

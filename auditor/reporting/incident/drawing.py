@@ -17,7 +17,8 @@ from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.incident.scores import sensor_scores
-from auditor.reporting.incident.timeline import Curve, Measured, Timeline
+from auditor.reporting.incident.timeline import Measured, Timeline
+from auditor.reporting.plots import Series
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import FrameErrors
@@ -76,7 +77,7 @@ def _measured(
 ) -> Measured:
     """What a judgement compared with its thresholds, frame by frame; nothing of those before there was a limit."""
     if by.method != Method.ROBUST:
-        curves = [Curve("E", line.triple, line.theta) for line in by.thresholds]
+        curves = [Series("E", line.triple, (), line.theta) for line in by.thresholds]
         return Measured(errors.frames, errors.E[:, : len(curves)], curves)
     if by.limit is None:
         return Measured(errors.frames, np.zeros((len(errors.frames), 0)), [])
@@ -88,7 +89,7 @@ def _measured(
     checks = rig_sensor_checks(audit.rig)[: len(z) // max(len(numbers), 1)]
     missing = [absent.get(number, frozenset()) for number in numbers.tolist()]
     values = sensor_scores(z.reshape(len(numbers), len(checks)), checks, audit.rig.sensors, missing)
-    return Measured(numbers, values, [Curve("S", (sensor,), by.limit, "limit") for sensor in audit.rig.sensors])
+    return Measured(numbers, values, [Series("S", (sensor,), (), by.limit, "limit") for sensor in audit.rig.sensors])
 
 
 def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:

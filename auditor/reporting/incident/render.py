@@ -4,8 +4,7 @@ from pathlib import Path
 
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.examples import data_uri
-from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
-from auditor.reporting.incident.one import Incidents, OneIncident
+from auditor.reporting.incident.loading import MOST_SECTIONS, Incidents, OneIncident, load_page
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.numbers import FILTERS, count
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
