@@ -22,6 +22,7 @@ from auditor.errors import SettingError
 from auditor.recordings.recording import load_json
 from auditor.safety.budget import CASE
 from auditor.safety.zips import UnsafeZipError, check_tiled, opened
+from auditor.store.files import hash_stream
 from auditor.store.log.signatures import signs
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 _MOST_MANIFEST_BYTES = 16 * 2**20
 _BESIDE = frozenset({MANIFEST, ENVELOPE, SUMS})
-_BLOCK = 1 << 20
 _REMEDY = "ask whoever wrote it for their zip, or for the folder"
 
 
@@ -153,11 +153,8 @@ def _small(files: _Files, name: str) -> bytes:
 
 
 def _hash(files: _Files, name: str) -> str:
-    digest = hashlib.sha256()
     with files.open(name) as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
+        return hash_stream(file)[1]
 
 
 class _Folder:

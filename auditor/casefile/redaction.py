@@ -48,9 +48,10 @@ _SHORTEST = 3
 
 @dataclass(frozen=True)
 class Redaction:
-    """The names and paths that a case leaves out wherever they stand in text."""
+    """The names and paths that a case leaves out wherever they stand in text; one that is not `on` leaves all in."""
 
-    secrets: tuple[str, ...]
+    secrets: tuple[str, ...] = ()
+    on: bool = True
 
     @classmethod
     def of_store(cls, store: Store) -> "Redaction":
@@ -74,7 +75,7 @@ class Redaction:
 
     def cell(self, column: str, text: str) -> str:
         """A text of a column or field."""
-        return LEFT_OUT if column in _NAMED and text else self.text(text)
+        return LEFT_OUT if self.on and column in _NAMED and text else self.text(text)
 
     def value(self, value: Any, name: str = "") -> Any:  # noqa: ANN401 - of any type, and of the same
         """A value in which every text is changed: of data classes, lists, tuples and dictionaries, all the way down."""
@@ -90,6 +91,9 @@ class Redaction:
             changed = {one.name: self.value(getattr(value, one.name), one.name) for one in fields(value) if one.init}
             return replace(value, **changed)
         return value
+
+
+NO_REDACTION = Redaction(on=False)
 
 
 def _names_of(rig: Rig) -> Iterable[str]:

@@ -3,19 +3,16 @@
 import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import auditor
-from auditor.casefile.folder import write_file
-from auditor.casefile.incident import CaseIncident
-from auditor.casefile.redaction import Redaction
+from auditor.casefile.case import Case, in_words
+from auditor.reporting.incident.incident import Incident
 from auditor.store.export import as_json, encode, with_texts
 from auditor.store.queries import run_sqls
 
 _BY_NAMES = frozenset({"poses", "calibrations"})
 """Tables that say where or by which recordings: a redacted case has none of them."""
-
 
 _CLOCKS = {
     "utc": "",
@@ -24,19 +21,20 @@ _CLOCKS = {
 }
 
 
-def write_rows(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
+def write_rows(case: Case) -> None:
     """Write each table of the incident as rows/NAME.parquet and rows/NAME.csv. Raises OSError and StoreError."""
-    wanted = {name: sql for name, sql in _tables(incident).items() if redaction is None or name not in _BY_NAMES}
-    for name, table in run_sqls(incident.store, wanted).items():
-        left = table if redaction is None else with_texts(table, redaction.cell)
+    left_out = _BY_NAMES if case.redaction.on else ()
+    wanted = {name: sql for name, sql in _tables(case).items() if name not in left_out}
+    for name, table in run_sqls(case.incident.store, wanted).items():
+        redacted = with_texts(table, case.redaction.cell) if case.redaction.on else table
         for form in ("parquet", "csv"):
-            write_file(folder / "rows" / f"{name}.{form}", encode(left, form))
+            case.write(f"rows/{name}.{form}", encode(redacted, form))
 
 
-def _tables(incident: CaseIncident) -> dict[str, str]:
+def _tables(case: Case) -> dict[str, str]:
     """SQL for each table: rows of the views of that name."""
-    parts, within = incident.row["parts"], incident.where("stamp_ns")
-    own = f"incident_id = '{incident.incident_id}'"
+    parts, within = case.incident.row["parts"], case.where("stamp_ns")
+    own = f"incident_id = '{case.incident.incident_id}'"
     near = f"SEMI JOIN (FROM verdicts WHERE {within}) AS near USING (measurement_id, frame)"
     recordings, measurements, judgements = (
         ", ".join(f"'{part[column]}'" for part in parts)
@@ -58,20 +56,19 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
     }
 
 
-def ticket(incident: CaseIncident, remarks: tuple[str, ...], redaction: Redaction | None) -> dict[str, Any]:
-    """What a ticket says of the incident: one flat object with a title."""
-    said = _ticket(incident, remarks)
+def write_ticket(case: Case, remarks: tuple[str, ...]) -> str:
+    """Write ticket.json, one flat object; gives its title. Raises OSError."""
+    incident = case.incident
+    sensors = " + ".join(f"S_{sensor}" for sensor in incident.attacked)
+    what = f"{sensors} attacked" if sensors else f"{incident.row['kind']} finding"
     # a name too short to be searched for is left out before it is part of a sentence
-    described = redaction.value(said) if redaction is not None else said
-    return {"title": f"{_what(incident)} for {said['seconds']:.1f} s in {described['name']}", **described}
+    described = case.redaction.value(_ticket(incident, remarks))
+    title = f"{what} for {incident.row['seconds']:.1f} s in {described['name']}"
+    case.write("ticket.json", as_json({"title": title, **described}))
+    return title
 
 
-def _what(incident: CaseIncident) -> str:
-    sensors = [f"S_{sensor}" for sensor in incident.attacked]
-    return f"{' + '.join(sensors)} attacked" if sensors else f"{incident.row['kind']} finding"
-
-
-def _ticket(incident: CaseIncident, remarks: tuple[str, ...]) -> dict[str, Any]:
+def _ticket(incident: Incident, remarks: tuple[str, ...]) -> dict[str, Any]:
     row, recording = incident.row, incident.recording
     return {
         "incident_id": incident.incident_id,
@@ -102,28 +99,23 @@ def _ticket(incident: CaseIncident, remarks: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def write_ticket(described: dict[str, Any], folder: Path) -> None:
-    """Write ticket.json. Raises OSError."""
-    write_file(folder / "ticket.json", as_json(described))
-
-
-def write_timeline(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
+def write_timeline(case: Case) -> None:
     """Write timeline.jsonl as Timesketch imports it: a line for the beginning, each frame and the end. Raises OSError.
 
     Stamps count from 1970 there also where the recording's clock does not, and the line says so.
     """
-    lines = (json.dumps(redaction.value(line) if redaction else line) for line in _timeline(incident))
-    write_file(folder / "timeline.jsonl", "".join(f"{line}\n" for line in lines).encode())
+    lines = (json.dumps(case.redaction.value(line)) for line in _timeline(case))
+    case.write("timeline.jsonl", "".join(f"{line}\n" for line in lines).encode())
 
 
-def _timeline(incident: CaseIncident) -> Iterator[dict[str, Any]]:
-    row = incident.row
+def _timeline(case: Case) -> Iterator[dict[str, Any]]:
+    incident, row = case.incident, case.incident.row
     clock = _CLOCKS[incident.recording.clock]
     same = {"incident_id": incident.incident_id, "name": incident.recording.name, "data_type": "auditor:incident"}
-    what = " + ".join(incident.called(sensor) for sensor in incident.attacked) or "no sensor named"
+    what = " + ".join(map(in_words, incident.attacked)) or "no sensor named"
     first = f"incident begins: {row['kind']}, {what}; {row['evidence'] or 'no evidence in words'}"
     yield {**_at(incident.part["from_ns"], first, f"Incident begins{clock}"), **same}
-    for frame in incident.frames:
+    for frame in case.frames:
         if frame["in_incident"]:
             gap = "" if frame["gap"] is None else f", gap {frame['gap']:.2f}"
             message = f"frame {frame['frame']}: {frame['kind']}, {what}{gap}"

@@ -7,13 +7,12 @@ the images with overlays and the damaged points are protobuf, which Rerun draws 
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from auditor.casefile.case import Case, in_words
 from auditor.casefile.foxglove import SCHEMAS
-from auditor.casefile.incident import CaseIncident
 from auditor.model.arrays import Points
 from auditor.model.measurement import Region
 from auditor.model.optics.geometry import quaternion_from_rotation
@@ -23,7 +22,9 @@ from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_IMAGE, POINT
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import McapFile, mcap_file
 from auditor.recordings.writers.protobuf import FLOAT32, descriptors, protobuf
+from auditor.reporting.incident.incident import Incident
 
+SIDECAR = "findings.mcap"
 PREFIX = "/auditor"
 _WARNING, _ERROR = 3, 4  # levels of foxglove.Log
 _LINE_LOOP = 2  # a type of foxglove.PointsAnnotation
@@ -41,7 +42,6 @@ class SidecarFrame:
     `overlays` are pictures of cameras, JPEG; `damaged_m` (N, 3) are damaged points in the LiDAR's frame.
     """
 
-    frame: int
     stamp_ns: int
     log_time_ns: int
     message: str
@@ -51,24 +51,20 @@ class SidecarFrame:
     damaged_m: Points | None = None
 
 
-def write_sidecar(
-    incident: CaseIncident, path: Path, frames: Iterable[SidecarFrame], frame_ids: Mapping[int, str], words: str
-) -> int:
-    """Write the messages of frames, in their order, and give the number of messages.
+def write_sidecar(case: Case, frames: Iterable[SidecarFrame], frame_ids: Mapping[int, str]) -> None:
+    """Write the messages of frames, in their order.
 
-    `frame_ids` are those of the sensors in the recording, `words` the evidence. Raises RecordingError.
+    `frame_ids` are those of the sensors in the recording. Raises RecordingError.
     """
-    with mcap_file(path, profile="", compression="zstd") as file:
+    incident = case.incident
+    with mcap_file(case.folder / SIDECAR, profile="", compression="zstd") as file:
         writer = _Writer(file)
-        first = True
-        for frame in frames:
-            if first:
+        for number, frame in enumerate(frames):
+            if number == 0:
                 writer.json("event", "foxglove.Event", frame.log_time_ns, _event(incident))
-                writer.json("log", "foxglove.Log", frame.log_time_ns, _log(frame, words, _WARNING))
-                first = False
+                writer.json("log", "foxglove.Log", frame.log_time_ns, _log(frame, case.evidence, _WARNING))
             _write_frame(incident, writer, frame, frame_ids)
         file.add_metadata({"incident_id": incident.incident_id, "source": incident.recording.recording_id})
-    return writer.messages
 
 
 class _Writer:
@@ -76,7 +72,6 @@ class _Writer:
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
-        self.messages = 0
 
     def json(self, topic: str, schema: str, log_time_ns: int, message: Mapping[str, Any]) -> None:
         """A message of Foxglove's in JSON."""
@@ -90,16 +85,15 @@ class _Writer:
 
     def _write(self, topic: Topic, definition: Definition, log_time_ns: int, data: bytes) -> None:
         self._file.write(topic, definition, log_time_ns, data)
-        self.messages += 1
 
 
-def _write_frame(incident: CaseIncident, writer: _Writer, frame: SidecarFrame, frame_ids: Mapping[int, str]) -> None:
+def _write_frame(incident: Incident, writer: _Writer, frame: SidecarFrame, frame_ids: Mapping[int, str]) -> None:
     at = frame.log_time_ns
     if frame.in_incident:
         writer.json("log", "foxglove.Log", at, _log(frame, frame.message, _ERROR))
     for view in sorted({region.view for region in frame.regions}):
         of_view = [region for region in frame.regions if region.view == view]
-        writer.json(f"S_{view}/annotations", "foxglove.ImageAnnotations", at, _annotations(incident, frame, of_view))
+        writer.json(f"S_{view}/annotations", "foxglove.ImageAnnotations", at, _annotations(frame, of_view))
     for region in frame.regions:
         if region.sensor == LIDAR and region.solid is not None:
             scene = _scene(frame, region, incident, frame_ids[LIDAR])
@@ -138,7 +132,7 @@ def _cloud(points_m: Points, stamp_ns: int, frame_id: str) -> dict[str, Any]:
     }
 
 
-def _event(incident: CaseIncident) -> dict[str, Any]:
+def _event(incident: Incident) -> dict[str, Any]:
     row = incident.row
     pairs = {
         "incident_id": incident.incident_id,
@@ -164,7 +158,7 @@ def _log(frame: SidecarFrame, message: str, level: int) -> dict[str, Any]:
     }
 
 
-def _annotations(incident: CaseIncident, frame: SidecarFrame, regions: list[Region]) -> dict[str, Any]:
+def _annotations(frame: SidecarFrame, regions: list[Region]) -> dict[str, Any]:
     at = _time(frame.stamp_ns)
     points, texts = [], []
     for region in regions:
@@ -185,7 +179,7 @@ def _annotations(incident: CaseIncident, frame: SidecarFrame, regions: list[Regi
             {
                 "timestamp": at,
                 "position": {"x": left, "y": top},
-                "text": f"{incident.called(region.sensor)}: {100 * region.share:.0f} % damaged",
+                "text": f"{in_words(region.sensor)}: {100 * region.share:.0f} % damaged",
                 "font_size": 14.0,
                 "text_color": {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0},
                 "background_color": _RED,
@@ -194,7 +188,7 @@ def _annotations(incident: CaseIncident, frame: SidecarFrame, regions: list[Regi
     return {"circles": [], "points": points, "texts": texts}
 
 
-def _scene(frame: SidecarFrame, region: Region, incident: CaseIncident, frame_id: str) -> dict[str, Any]:
+def _scene(frame: SidecarFrame, region: Region, incident: Incident, frame_id: str) -> dict[str, Any]:
     """A box around the damaged points; Foxglove's cubes are turned by a quaternion in the frame of the LiDAR."""
     assert region.solid is not None
     x, y, z = region.solid.centre_m
@@ -220,7 +214,7 @@ def _scene(frame: SidecarFrame, region: Region, incident: CaseIncident, frame_id
     return {"deletions": [], "entities": [entity]}
 
 
-def _orientation(region: Region, incident: CaseIncident) -> dict[str, float]:
+def _orientation(region: Region, incident: Incident) -> dict[str, float]:
     """The quaternion from the box's own axes (width, height, depth) to the LiDAR's."""
     assert region.solid is not None
     assert incident.rig.lidar is not None

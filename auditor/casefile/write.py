@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import auditor
-from auditor.casefile.folder import new_file, new_folder, write_file
-from auditor.casefile.incident import CaseIncident
+from auditor.casefile.case import Case
+from auditor.casefile.folder import new_file, new_folder
 from auditor.casefile.manifest import files_of, write_manifest
-from auditor.casefile.recorded import RecordedTask, words_of, write_kept, write_recorded
-from auditor.casefile.redaction import LEFT_OUT, Redaction
-from auditor.casefile.rows import ticket, write_rows, write_ticket, write_timeline
+from auditor.casefile.recorded import write_kept, write_recorded
+from auditor.casefile.redaction import LEFT_OUT, NO_REDACTION, Redaction
+from auditor.casefile.rows import write_rows, write_ticket, write_timeline
 from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import LimitsOf, limits_by_size
 from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
-from auditor.reporting.incident.one import Incidents, OneIncident
+from auditor.reporting.incident.incident import Incident
+from auditor.reporting.incident.loading import Incidents, OneIncident
 from auditor.reporting.incident.render import render_one
-from auditor.reporting.sketch import sketch, track_of
 from auditor.reporting.templates import fill
 from auditor.store import Store
 from auditor.store.log import heads
@@ -32,6 +32,8 @@ from auditor.store.reviews import incident_called
 
 INDEX = "index.html"
 """The first page of a case."""
+
+_PLACE = "place.svg"
 
 SECONDS = 2.0
 """Before and after the incident so much belongs to a case."""
@@ -48,7 +50,7 @@ class CaseSettings:
 
 
 @dataclass(frozen=True)
-class Case:
+class WrittenCase:
     """A case that was written: its incident, how many files it has, and sentences on what it lacks."""
 
     incident_id: str
@@ -56,26 +58,7 @@ class Case:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class CasePage:
-    """What the page shows; `words` is the evidence, `remarks` what the case lacks, `shown` its pictures."""
-
-    title: str
-    auditor_version: str
-    incident_id: str
-    words: str
-    remarks: tuple[str, ...]
-    shown: tuple[ShownExample, ...]
-    has_place: bool
-    files: tuple[str, ...]
-
-
-def render_case(page: CasePage) -> str:
-    """The page as HTML. All of its text is escaped; it refers to files of its folder alone."""
-    return fill("case.html", {"page": page})
-
-
-def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings) -> Case:
+def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings) -> WrittenCase:
     """Write the incident whose id begins so into a new folder, whole or not at all.
 
     Raises StoreError where no or several incidents begin so, and SettingError where the folder exists or cannot be
@@ -83,27 +66,25 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
     """
     # a redacted page has no pictures of its own: those in the folder are blurred
     incidents = Incidents(store, Pictures.NONE if settings.redact else Pictures.INCIDENTS)
-    incident = CaseIncident(store, incident_called(store, incidents.rows, beginning), settings.seconds)
-    redaction = Redaction.of_store(store) if settings.redact else None
+    incident = Incident(store, incident_called(store, incidents.rows, beginning))
+    redaction = Redaction.of_store(store) if settings.redact else NO_REDACTION
     with new_folder(into) as folder:
-        remarks = _of_several(incident) + _write_recorded(incident, folder, settings, redaction)
-        write_rows(incident, folder, redaction)
-        described = ticket(incident, remarks, redaction)
-        write_ticket(described, folder)
-        write_timeline(incident, folder, redaction)
-        track = track_of(store, incident.measurement_id) if redaction is None else None
-        if track is not None:
-            place = sketch(track, incident.part["first_frame"], incident.part["last_frame"])
-            write_file(folder / "place.svg", place.encode())
-        shown = _shown(incident, folder, redaction)
-        page = incidents.one(incident.row, () if redaction else shown or None)
-        page = _redacted(page, redaction, shown) if redaction else page
-        write_file(folder / "page.html", render_one(page, index=INDEX, beside=True).encode())
-        words = words_of(incident, redaction)
-        write_file(folder / INDEX, _index(incident, folder, described["title"], words, remarks, shown).encode())
-        write_manifest(folder, _predicate(incident, remarks, settings, redaction), settings.key)
+        case = Case(incident, settings.seconds, folder, redaction)
+        remarks = _of_several(incident) + _write_recorded(case, settings.limits)
+        write_rows(case)
+        title = write_ticket(case, remarks)
+        write_timeline(case)
+        shown = _shown(case)
+        page = incidents.one(incident.row, () if redaction.on else shown or None)
+        if redaction.on:
+            page = _redacted(page, redaction, shown)
+        if page.sketch:
+            case.write(_PLACE, page.sketch.encode())
+        case.write("page.html", render_one(page, index=INDEX, beside=True).encode())
+        case.write(INDEX, _index(case, title, remarks, shown).encode())
+        write_manifest(folder, _predicate(case, remarks), settings.key)
         files = len(files_of(folder))
-    return Case(incident.incident_id, files, remarks)
+    return WrittenCase(incident.incident_id, files, remarks)
 
 
 def write_zip(folder: Path, target: Path) -> None:
@@ -113,24 +94,19 @@ def write_zip(folder: Path, target: Path) -> None:
             archive.write(folder / name, f"{folder.name}/{name}")
 
 
-def _write_recorded(
-    incident: CaseIncident, folder: Path, settings: CaseSettings, redaction: Redaction | None
-) -> tuple[str, ...]:
+def _write_recorded(case: Case, limits: LimitsOf) -> tuple[str, ...]:
     """Write what needs the recording, or say in one sentence why it is not there."""
     try:
-        where = location_of(incident.recording)
-        task = RecordedTask(str(where), incident.store.folder, incident.row, incident.seconds, folder, redaction)
-        return run_within(settings.limits(where), write_recorded, task)
+        where = location_of(case.incident.recording)
+        return run_within(limits(where), write_recorded, where, case)
     except AuditorError as error:
-        for half in folder.iterdir():
+        for half in case.folder.iterdir():
             shutil.rmtree(half) if half.is_dir() else half.unlink()
-        pictures = write_kept(incident, folder, redaction)
-        instead = "; the pictures are those that the store keeps" if pictures else " and no pictures"
-        reason = redaction.text(error.what) if redaction else error.what
-        return (f"no clip{instead}: {reason}",)
+        instead = "; the pictures are those that the store keeps" if write_kept(case) else " and no pictures"
+        return (f"no clip{instead}: {case.redaction.text(error.what)}",)
 
 
-def _of_several(incident: CaseIncident) -> tuple[str, ...]:
+def _of_several(incident: Incident) -> tuple[str, ...]:
     parts = len(incident.row["parts"])
     if parts == 1:
         return ()
@@ -139,55 +115,48 @@ def _of_several(incident: CaseIncident) -> tuple[str, ...]:
 
 def _redacted(page: OneIncident, redaction: Redaction, shown: tuple[ShownExample, ...]) -> OneIncident:
     """The page without names, and without what reviewers wrote; its pictures are blurred already."""
-    reviews = tuple({**one, "reason": LEFT_OUT} for one in page.reviews)
-    changed: OneIncident = redaction.value(replace(page, reviews=reviews, place=""))
+    reviews = tuple({**review, "reason": LEFT_OUT} for review in page.reviews)
+    changed: OneIncident = redaction.value(replace(page, reviews=reviews, sketch=""))
     return replace(changed, shown=shown)
 
 
-def _shown(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> tuple[ShownExample, ...]:
+def _shown(case: Case) -> tuple[ShownExample, ...]:
     """The pictures of the case, by the frames that they are of."""
-    shown = []
-    for one in incident.examples:
-        beginning = f"{incident.place_of(one.measurement_id, str(one.frame))}_S"
+    shown, redacted = [], case.redaction.on
+    for example in case.incident.examples:
+        beginning = f"{case.place_of(example.measurement_id, str(example.frame))}_S"
         pictures = []
-        for path in (folder / "pictures").glob(f"{beginning}*"):
+        for path in (case.folder / "pictures").glob(f"{beginning}*"):
             sensor, content, _ = path.name.removeprefix(beginning).split(".")
-            address = f"pictures/{path.name}"
-            pictures.append(ShownPicture(address, int(sensor), Content(content), blurred=redaction is not None))
+            pictures.append(ShownPicture(f"pictures/{path.name}", int(sensor), Content(content), blurred=redacted))
         if pictures:
-            example = replace(one, name=LEFT_OUT) if redaction else one
-            shown.append(ShownExample(example, in_order(pictures)))
+            named = replace(example, name=LEFT_OUT) if redacted else example
+            shown.append(ShownExample(named, in_order(pictures)))
     return tuple(shown)
 
 
-def _index(
-    incident: CaseIncident,
-    folder: Path,
-    title: str,
-    words: str,
-    remarks: tuple[str, ...],
-    shown: tuple[ShownExample, ...],
-) -> str:
-    return render_case(
-        CasePage(
-            title,
-            auditor.__version__,
-            incident.incident_id,
-            words=words,
-            remarks=remarks,
-            shown=shown,
-            has_place=(folder / "place.svg").is_file(),
-            files=tuple(files_of(folder)),
-        )
+def _index(case: Case, title: str, remarks: tuple[str, ...], shown: tuple[ShownExample, ...]) -> str:
+    """The first page as HTML. All of its text is escaped; it refers to files of its folder alone."""
+    return fill(
+        "case.html",
+        {
+            "title": title,
+            "auditor_version": auditor.__version__,
+            "incident_id": case.incident.incident_id,
+            "words": case.evidence,
+            "remarks": remarks,
+            "shown": shown,
+            "has_place": (case.folder / _PLACE).is_file(),
+            "files": files_of(case.folder),
+        },
     )
 
 
-def _predicate(
-    incident: CaseIncident, remarks: tuple[str, ...], settings: CaseSettings, redaction: Redaction | None
-) -> Mapping[str, Any]:
+def _predicate(case: Case, remarks: tuple[str, ...]) -> Mapping[str, Any]:
     """What the manifest says of the case: what made it, of which store and recording, and by which calibration."""
+    incident = case.incident
     judgement = incident.store.current_judgements()[incident.measurement_id]
-    known = {name: head.sha256 for name, head in heads(incident.store.folder).items()}
+    store_heads = {name: head.sha256 for name, head in heads(incident.store.folder).items()}
     return {
         "tool": {"name": "auditor", "version": auditor.__version__},
         "made_at": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -199,8 +168,8 @@ def _predicate(
         "method": judgement.method,
         "r": str(judgement.r),
         # the name of a chain begins with that of the machine that wrote it
-        "store_heads": sorted(known.values()) if redaction is not None else known,
-        "seconds_around": settings.seconds,
-        "redacted": redaction is not None,
+        "store_heads": sorted(store_heads.values()) if case.redaction.on else store_heads,
+        "seconds_around": case.seconds,
+        "redacted": case.redaction.on,
         "lacks": list(remarks),
     }

@@ -25,23 +25,19 @@ class Plot:
 
 
 def render_drift_page(found: FleetDrift, store: Store, *, out: Path) -> Path:
-    """Write the page of a fleet's drift; answer `out`. Raises StoreError where it cannot be written."""
-    return store.write_page(out, render(found, store))
+    """Write the page of a fleet's drift; answer `out`. Raises StoreError where it cannot be written.
 
-
-def render(found: FleetDrift, store: Store) -> str:
-    """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    return fill(
-        "drift.html",
-        {
-            "found": found,
-            "plots": [_plot(one) for one in found.named[:_MOST_PLOTS]],
-            "headline": _headline(found),
-            "auditor_version": __version__,
-            "store": str(store.folder),
-            "size": (_WIDTH_PX, _HEIGHT_PX, _LEFT_PX),
-        },
-    )
+    All of its text is escaped; it refers to nothing outside itself.
+    """
+    values = {
+        "found": found,
+        "plots": [_plot(one) for one in found.named[:_MOST_PLOTS]],
+        "headline": _headline(found),
+        "auditor_version": __version__,
+        "store": str(store.folder),
+        "size": (_WIDTH_PX, _HEIGHT_PX, _LEFT_PX),
+    }
+    return store.write_page(out, fill("drift.html", values))
 
 
 def _headline(found: FleetDrift) -> str:

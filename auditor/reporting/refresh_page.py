@@ -20,23 +20,19 @@ _OF_ONE = {
 
 
 def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
-    """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
-    return store.write_page(out, render(refresh, store))
+    """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written.
 
-
-def render(refresh: Refresh, store: Store) -> str:
-    """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    return fill(
-        "refresh.html",
-        {
-            "refresh": refresh,
-            "auditor_version": __version__,
-            "at": f"{refresh.at:%Y-%m-%d %H:%M} UTC",
-            "headline": _headline(refresh),
-            "store": str(store.folder),
-            "next_steps": lambda one: next_steps(one, store.folder),
-        },
-    )
+    All of its text is escaped; it refers to nothing outside itself.
+    """
+    values = {
+        "refresh": refresh,
+        "auditor_version": __version__,
+        "at": f"{refresh.at:%Y-%m-%d %H:%M} UTC",
+        "headline": _headline(refresh),
+        "store": str(store.folder),
+        "next_steps": lambda decision: next_steps(decision, store.folder),
+    }
+    return store.write_page(out, fill("refresh.html", values))
 
 
 def _headline(refresh: Refresh) -> str:

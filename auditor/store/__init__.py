@@ -11,11 +11,10 @@ from auditor.store.calibrations import (
     writing_calibration,
 )
 from auditor.store.connection import Connection, plain_connection
-from auditor.store.describing import Description, describe, list_views
 from auditor.store.export import rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
 from auditor.store.pictures import Picture
-from auditor.store.queries import list_queries, query, run_query, run_sql, run_sqls
+from auditor.store.queries import Description, describe, list_queries, list_views, query, run_query, run_sql, run_sqls
 from auditor.store.records import (
     FrameErrors,
     FrameStatistics,

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO
 
 from auditor.errors import StoreError
 
@@ -150,7 +150,7 @@ def part_file(target: Path) -> Iterator[PartFile]:
         part.discard()
 
 
-def hash_stream(file: BinaryIO) -> tuple[int, str]:
+def hash_stream(file: IO[bytes]) -> tuple[int, str]:
     """Size and sha256 of what a file holds from its place on. Raises OSError."""
     digest, size = hashlib.sha256(), 0
     while block := file.read(_BLOCK):

@@ -1,8 +1,9 @@
-"""Questions to a store: the queries that come with auditor, and the user's own SQL in a sandbox."""
+"""Questions to a store: the queries that come with auditor, what they are, and the user's own SQL in a sandbox."""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 
@@ -12,8 +13,10 @@ import pyarrow as pa
 from auditor.errors import QueryError
 from auditor.store.connection import SHUT, asking, connected, in_one_line, needed_by, raise_damage
 from auditor.store.sandbox.limits import SqlLimits
-from auditor.store.sql_files import SqlFile, Value, bind, queries, views
+from auditor.store.schema import Column
+from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
+from auditor.store.views.comments import described_column
 
 _BATCH_ROWS = 100_000
 _REMEDY = "auditor query lists the views"
@@ -174,3 +177,37 @@ def _kind(statement: duckdb.Statement) -> str:
 def _nearest(name: str, known: Sequence[str]) -> str:
     near = get_close_matches(name, known, 1)
     return f"did you mean {near[0]}? auditor query lists all" if near else f"the queries are {', '.join(known)}"
+
+
+@dataclass(frozen=True)
+class Description:
+    """One view or query (`what`): its sentences, its parameters where it is a query, and its columns."""
+
+    name: str
+    what: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    columns: tuple[Column, ...]
+
+
+def describe(name: str) -> Description:
+    """Describe a query or a view. Raises QueryError where there is none of this name."""
+    if name in queries():
+        return _described(queries()[name], "query")
+    if name in views():
+        return _described(views()[name], "view")
+    names = ", ".join([*(query.name for query in list_queries()), *views()])
+    raise QueryError("there is no such query or view", where=name, remedy=f"there are {names}")
+
+
+def list_views() -> list[SqlFile]:
+    """All views, by name."""
+    return list(views().values())
+
+
+def _described(file: SqlFile, what: str) -> Description:
+    with asking(None, file.sql) as connection:
+        answer = connection.sql(file.sql, params={parameter.name: None for parameter in file.parameters})
+        types = dict(zip(answer.columns, map(str, answer.types), strict=True))
+    columns = tuple(described_column(file, column, kind) for column, kind in types.items())
+    return Description(file.name, what, file.text, file.parameters, columns)

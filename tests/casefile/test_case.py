@@ -10,10 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.casefile import write as writing
-from auditor.casefile.folder import write_file
-from auditor.casefile.incident import CaseIncident
+from auditor.casefile.case import Case
+from auditor.casefile.redaction import NO_REDACTION
 from auditor.casefile.write import CaseSettings, write_case
 from auditor.errors import AuditorError, SettingError, StoreError
+from auditor.reporting.incident.incident import Incident
 from tests.making.case_stores import FRAMES, NAMES, VEHICLE, AttackedStore
 
 
@@ -94,11 +95,11 @@ def test_without_its_recording_a_case_says_what_it_lacks(attacked: AttackedStore
 
 
 def test_a_changed_recording_gives_no_clip(attacked: AttackedStore, tmp_path: Path) -> None:
-    incident = CaseIncident(attacked.store, attacked.row(2), 0.3)
+    case = Case(Incident(attacked.store, attacked.row(2)), 0.3, tmp_path, NO_REDACTION)
     kept = attacked.recordings[2].read_bytes()
     attacked.recordings[2].write_bytes(kept[:-1] + b"?")
     try:
-        [remark] = writing._write_recorded(incident, tmp_path, CaseSettings(), None)
+        [remark] = writing._write_recorded(case, CaseSettings().limits)
     finally:
         attacked.recordings[2].write_bytes(kept)
     assert "the recording is not what was measured" in remark
@@ -108,8 +109,8 @@ def test_a_changed_recording_gives_no_clip(attacked: AttackedStore, tmp_path: Pa
 def test_a_case_is_written_whole_or_not_at_all(
     attacked: AttackedStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def some(_: object, folder: Path, *__: object) -> tuple[str, ...]:
-        write_file(folder / "pictures" / "1_S1.colour.jpg", b"")
+    def some(case: Case, *_: object) -> tuple[str, ...]:
+        case.write("pictures/1_S1.colour.jpg", b"")
         return ()
 
     def full(*_: object) -> None:

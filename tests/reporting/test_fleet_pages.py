@@ -8,10 +8,9 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
-from auditor.reporting import render_fleet_report, render_incident_page
-from auditor.reporting.fleet import loading, render
-from auditor.reporting.fleet.page import FleetPage
-from auditor.reporting.incident.one import Incidents
+from auditor.reporting import fleet, render_fleet_report, render_incident_page
+from auditor.reporting.fleet import open_words
+from auditor.reporting.incident.loading import Incidents
 from auditor.store.queries import run_query
 from auditor.store.reviews import ReviewVerdict, review_incident
 from auditor.store.store import Store
@@ -113,9 +112,8 @@ def test_one_page_of_one_incident_refers_to_nothing_outside(many, tmp_path):
 
 
 def test_a_large_store_is_bounded_and_says_what_it_left_out_and_how_to_see_it(many, tmp_path, monkeypatch):
-    monkeypatch.setattr(render, "MOST_INCIDENTS", 1)
     for name in ("MOST_INCIDENTS", "MOST_REASONS", "MOST_VEHICLES"):
-        monkeypatch.setattr(loading, name, 1)
+        monkeypatch.setattr(fleet, name, 1)
     words = read(render_fleet_report(many, out=tmp_path)).words.replace("\u00a0", " ")
     assert "1 further incident left out: auditor query incidents has all" in words
     assert "1 further reason left out: auditor query not_audited has all" in words
@@ -169,5 +167,4 @@ def test_pages_of_hostile_text_open_without_a_console_message_or_a_request(pages
     [(2, 0, "2 incidents"), (2, 1, "1 incident and 1 alert"), (3, 3, "3 alerts"), (1500, 0, "1\u2009500 incidents")],
 )
 def test_the_headline_counts_alerts_beside_incidents(incidents: int, alerts: int, words: str) -> None:
-    page = FleetPage("", "", "", (), (), 0, (), 0, (), 0, (), incidents, 0, alerts)
-    assert page.open_words.replace("\u00a0", " ") == words
+    assert open_words(incidents - alerts, alerts).replace("\u00a0", " ") == words

@@ -8,8 +8,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from auditor.store.describing import list_views
-from auditor.store.queries import list_queries
+from auditor.store.queries import list_queries, list_views
 from auditor.store.schema import TABLES, table_schema
 from auditor.store.sql_files import Parameter
 

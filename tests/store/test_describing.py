@@ -3,8 +3,7 @@ import re
 import pytest
 
 from auditor.errors import QueryError
-from auditor.store.describing import describe, list_views
-from auditor.store.queries import list_queries
+from auditor.store.queries import describe, list_queries, list_views
 from auditor.store.sql_files import bind
 from tests.store.store_page import PAGE, written_anew
 

@@ -16,8 +16,7 @@ from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.verdict import Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
-from auditor.store.describing import describe
-from auditor.store.queries import run_query, run_sql
+from auditor.store.queries import describe, run_query, run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
     NOON,

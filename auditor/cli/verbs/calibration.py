@@ -147,7 +147,7 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     A rise is how many standard deviations of A the threshold of B lies higher: attacks of that size more are missed.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.identification.prior import statistic_at  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.calibrations.comparing import steps_between  # noqa: PLC0415
+    from auditor.pipeline.calibrations.versions import steps_between  # noqa: PLC0415
     from auditor.store import Store, table_of  # noqa: PLC0415
 
     kept = Store.open(store)

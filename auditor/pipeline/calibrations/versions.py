@@ -1,4 +1,4 @@
-"""Versions of calibrations over their life: kept when they are made, put in force, rolled back, checked."""
+"""Versions of calibrations over their life: kept when they are made, compared, put in force, rolled back, checked."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from auditor import __version__
-from auditor.errors import AuditorError, SettingError
-from auditor.identification.cross_validation import LeftOut, clean_hours
+from auditor.errors import AuditorError, SettingError, ThresholdsError
+from auditor.identification.cross_validation import LeftOut, clean_hours, thresholds_of
 from auditor.identification.parameters import judging_digest
+from auditor.identification.refreshing.gate import Step, steps
+from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
@@ -282,6 +284,27 @@ def remade(store: Store, calibration_id: str) -> bool:
     """Whether all that a calibration was made of is in the store, so that `problems_of` makes it again."""
     version = read_version(store, calibration_id)
     return version is not None and all(store.has_measurement(one.measurement_id) for one in version.included)
+
+
+def steps_between(a: Calibration, b: Calibration, r: Decimal) -> list[Step]:
+    """The steps of the checks that count, the largest rise first. Raises ThresholdsError where rig kinds differ."""
+    if not a.rig_kind.matches(b.rig_kind):
+        raise ThresholdsError(
+            f"they are of two rig kinds: {a.rig_kind}, and {b.rig_kind}",
+            where=f"calibrations {a.calibration_id[:12]} and {b.calibration_id[:12]}",
+            remedy="compare two of one rig kind",
+        )
+    system = system_of_calibration(a)
+    return steps(thresholds_of(a.clean, system, r), thresholds_of(b.clean, system, r), system)
+
+
+def system_of_calibration(calibration: Calibration) -> System:
+    """What the frames of a calibration's rig kind are judged by: its own sensor checks and triples."""
+    kind = calibration.rig_kind
+    sensors = tuple(range(0 if kind.lidar else 1, len(kind.sizes_px) + 1))
+    checks = dict.fromkeys(check for one in calibration.clean for check in one.statistics)
+    triples = dict.fromkeys(triple for one in calibration.clean for _, triple in one.errors)
+    return System(tuple(checks), tuple(triples), sensors)
 
 
 def _resolves(samples: Mapping[tuple[Statistic, Triple], int]) -> float | None:

@@ -1,30 +1,44 @@
 """What a page draws of one recording: coverage of its sensors, verdicts over time, incidents with their pictures."""
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import SensorState
-from auditor.model.measurement import Statistic
+from auditor.model.measurement import REGION_STEP, Region, Statistic
 from auditor.model.pictures import Pictures
+from auditor.model.rig import LIDAR
 from auditor.model.verdict import Method
 from auditor.reporting.incident.audits import Audit, mapping
-from auditor.reporting.incident.images import incident_views
-from auditor.reporting.incident.page import IncidentPart, RecordingPart, SensorLine, Truth
+from auditor.reporting.incident.examples import data_uri
+from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.incident.scores import sensor_scores
-from auditor.reporting.incident.timeline import Curve, Measured, Timeline
+from auditor.reporting.incident.timeline import Measured, Timeline
+from auditor.reporting.plots import Series
 from auditor.store.export import rows_of
-from auditor.store.queries import run_query
+from auditor.store.queries import run_query, run_sql
 from auditor.store.records import FrameErrors
 from auditor.store.store import Store
-from auditor.store.tables import read_rows, read_table
+from auditor.store.tables import read_rows
 
-COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
+_COVERAGE = """
+    SELECT
+        sensor,
+        count(*) FILTER (state = 'present') AS present,
+        count(*) FILTER (state = 'missing') AS missing,
+        count(*) FILTER (state = 'damaged') AS damaged,
+        median(saturated_share) AS saturated_share,
+        median(textureless_share) AS textureless_share,
+        median(unmatched_share) AS unmatched_share,
+        median(returns) AS returns
+    FROM sensors
+    WHERE measurement_id = '{}'
+    GROUP BY sensor
+"""
 
 
 class Drawing:
@@ -36,7 +50,7 @@ class Drawing:
         statistic = (audit.judgement and audit.judgement.statistic) or Statistic.GATED
         self._errors = store.load_errors(self._measurement_id, statistic)
         truths = _truths(store, audit)
-        part = replace(part, sensors=_coverage(store, audit, self._errors, part.sensors), truths=truths)
+        part = replace(part, sensors=_coverage(store, audit, part.sensors), truths=truths)
         self._timeline = None
         if audit.judgement is not None and len(self._errors.frames):
             frames = rows_of(run_query(store, "report_frames", {"measurement": self._measurement_id}))
@@ -63,7 +77,7 @@ def _measured(
 ) -> Measured:
     """What a judgement compared with its thresholds, frame by frame; nothing of those before there was a limit."""
     if by.method != Method.ROBUST:
-        curves = [Curve("E", line.triple, line.theta) for line in by.thresholds]
+        curves = [Series("E", line.triple, (), line.theta) for line in by.thresholds]
         return Measured(errors.frames, errors.E[:, : len(curves)], curves)
     if by.limit is None:
         return Measured(errors.frames, np.zeros((len(errors.frames), 0)), [])
@@ -75,7 +89,7 @@ def _measured(
     checks = rig_sensor_checks(audit.rig)[: len(z) // max(len(numbers), 1)]
     missing = [absent.get(number, frozenset()) for number in numbers.tolist()]
     values = sensor_scores(z.reshape(len(numbers), len(checks)), checks, audit.rig.sensors, missing)
-    return Measured(numbers, values, [Curve("S", (sensor,), by.limit, "limit") for sensor in audit.rig.sensors])
+    return Measured(numbers, values, [Series("S", (sensor,), (), by.limit, "limit") for sensor in audit.rig.sensors])
 
 
 def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:
@@ -96,30 +110,70 @@ def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:
     )
 
 
-def _coverage(store: Store, audit: Audit, errors: FrameErrors, sensors: Sequence[SensorLine]) -> tuple[SensorLine, ...]:
+def _coverage(store: Store, audit: Audit, sensors: Sequence[SensorLine]) -> tuple[SensorLine, ...]:
     """Count the states of each sensor and take the medians of its coverage."""
-    path = store.source("frames", audit.measurement.measurement_id)
-    table = read_table("frames", path, ["skipped", *COVERAGE])
-    table = table.filter(table["skipped"].is_null())
-    medians: dict[str, list[float | None]] = {}
-    for name in COVERAGE:
-        values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-        medians[name] = [_median(column) for column in values.astype(np.float64).reshape(len(table), len(sensors)).T]
-    return tuple(
-        replace(
-            sensor,
-            present=int((errors.states[:, place] == SensorState.PRESENT).sum()),
-            missing=int((errors.states[:, place] == SensorState.MISSING).sum()),
-            damaged=int((errors.states[:, place] == SensorState.DAMAGED).sum()),
-            saturated_share=medians["saturated_share"][place],
-            textureless_share=medians["textureless_share"][place],
-            unmatched_share=medians["unmatched_share"][place],
-            returns=medians["returns"][place],
-        )
-        for place, sensor in enumerate(sensors)
+    rows = rows_of(run_sql(store, _COVERAGE.format(audit.measurement.measurement_id)))
+    of_sensors = {row.pop("sensor"): row for row in rows}
+    return tuple(replace(sensor, **of_sensors.get(sensor.number, {})) for sensor in sensors)
+
+
+def incident_views(
+    store: Store,
+    measurement_id: str,
+    errors: FrameErrors,
+    incident: IncidentPart,
+    pictures: Pictures = Pictures.INCIDENTS,
+) -> tuple[View, ...]:
+    """The pictured frames of an incident: all, the strongest alone (`incidents`), or none.
+
+    Of each frame the reference view with inconsistent pixels comes first, then the named ones. Where no camera is
+    named, every other camera is shown, and the reference view itself where there is none. What an attacked sensor lost
+    is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
+    """
+    inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
+    pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
+    if not len(pictured) or pictures == Pictures.NONE:
+        return ()
+    if pictures == Pictures.INCIDENTS:
+        pictured = pictured[[np.argmax(np.nansum(errors.E[pictured], axis=1))]]
+    frames = map(int, errors.frames[pictured])
+    return tuple(view for frame in frames for view in _frame_views(store, measurement_id, frame, incident))
+
+
+def _frame_views(store: Store, measurement_id: str, frame: int, incident: IncidentPart) -> tuple[View, ...]:
+    picture = store.picture(measurement_id, frame)
+    if picture is None or picture.reference not in picture.views:
+        return ()
+    images = {sensor: data_uri("jpg", jpeg) for sensor, jpeg in picture.views.items()}
+    identified = [sensor for sensor in incident.attacked if sensor in images]
+    others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
+    damaged = [r for r in store.load_regions(measurement_id, picture.frame) if r.sensor in incident.attacked]
+    if any(region.sensor == LIDAR for region in damaged) and picture.reference not in identified:
+        identified.append(picture.reference)
+    mask = data_uri("png", picture.mask_png)
+    return (
+        View(picture.reference, picture.frame, images[picture.reference], mask),
+        *(
+            View(sensor, picture.frame, images[sensor], portions=tuple(map(_portion, _lying_in(damaged, sensor))))
+            for sensor in identified or others or [picture.reference]
+        ),
     )
 
 
-def _median(values: NDArray[np.float64]) -> float | None:
-    known = values[~np.isnan(values)]
-    return float(np.median(known)) if len(known) else None
+def _lying_in(regions: list[Region], view: int) -> list[Region]:
+    return [region for region in regions if region.view == view]
+
+
+def _portion(region: Region) -> DamagedPortion:
+    # A PNG tells its width and height after its signature and the head of its first chunk.
+    width, height = struct.unpack(">II", region.mask[16:24])
+    return DamagedPortion(
+        sensor=region.sensor,
+        width_px=width * REGION_STEP,
+        height_px=height * REGION_STEP,
+        mask=data_uri("png", region.mask),
+        box_px=region.box_px,
+        share=region.share,
+        points=region.points,
+        solid=region.solid,
+    )

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from auditor.model.pictures import Pictures
-from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
-from auditor.reporting.incident.one import Incidents, OneIncident
+from auditor.reporting.incident.examples import data_uri
+from auditor.reporting.incident.loading import MOST_SECTIONS, Incidents, OneIncident, load_page
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.numbers import FILTERS, count
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
@@ -66,6 +66,7 @@ def render_one(one: OneIncident, *, index: str | None = None, beside: bool = Fal
         {
             "one": one,
             "title": f"Incident {one.row['incident_id'][:12]}: {what}",
+            "place": data_uri("svg", one.sketch.encode()) if one.sketch else "",
             "index": index,
             "beside": beside,
             "left": LEFT_PX,

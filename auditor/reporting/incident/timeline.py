@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,25 +24,17 @@ MOST_CHARTS = 8
 """Sensors that an incident draws: those whose z exceeds the limit in most of its frames."""
 
 
-class Curve(NamedTuple):
-    """What is drawn over time, and its theta, which is called `mark`: E of a triple, or the largest z of a sensor."""
-
-    name: str
-    indices: tuple[int, ...]
-    theta: float | None
-    mark: str = "θ"
-
-
 @dataclass(frozen=True, eq=False)
 class Measured:
     """What a judgement compared with its thresholds: disparity errors E by triple, or the largest z by sensor.
 
-    `values` are (F, C), one column a curve, NaN where not measured; `frames` the (F,) frame numbers.
+    `values` are (F, C), one column a curve, NaN where not measured; `frames` the (F,) frame numbers. `curves` are
+    without values.
     """
 
     frames: NDArray[np.int64]
     values: NDArray[np.float64]
-    curves: Sequence[Curve]
+    curves: Sequence[Series]
 
 
 class Timeline:
@@ -106,14 +98,14 @@ class Timeline:
             self._stamps_ns[part],
             origin_ns=self._part.clock.origin_ns,
             series=[
-                Series(curve.name, curve.indices, _known(self._values[part, place]), curve.theta, curve.mark)
+                replace(curve, values=_or_none(self._values[part, place]))
                 for place, curve in self._charted(self._around(incident, 0))
             ],
             rows=[*self._rows(part), *self._state_rows(part)],
             shaded=[(incident.from_ns, incident.to_ns)],
         )
 
-    def _charted(self, during: slice) -> list[tuple[int, Curve]]:
+    def _charted(self, during: slice) -> list[tuple[int, Series]]:
         """All triples; by the robust method all sensors, or of many those above the limit in most frames."""
         curves = list(enumerate(self._curves))
         if not self._robust or len(curves) <= MOST_CHARTS:
@@ -155,7 +147,7 @@ class Timeline:
         ]
 
 
-def _known(values: NDArray[np.float64]) -> list[float | None]:
+def _or_none(values: NDArray[np.float64]) -> list[float | None]:
     return [None if np.isnan(value) else value for value in values.tolist()]
 
 
