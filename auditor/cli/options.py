@@ -24,8 +24,8 @@ DEFAULT_STORE = Path("audit")
 _SETTINGS = settings_of(Criteria, MeasureSettings)
 
 JUDGING = (
-    *("method", "r", "incidents_per_hour", "statistic", "calibration", "transfer", "strict", "min_coverage"),
-    "no_sensors",
+    *("method", "r", "incidents_per_hour", "statistic", "calibration", "transfer", "strict"),
+    *("min_coverage", "min_view", "no_sensors"),
 )
 """What scans and judges are told of judging, in the order of their help."""
 

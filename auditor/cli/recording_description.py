@@ -7,11 +7,12 @@ from typing import Any
 from auditor.cli.capabilities import capabilities, short_pairs
 from auditor.errors import RigError
 from auditor.model.coverage import TopicCoverage, declared, unread_line
-from auditor.model.optics.common_view import common_view
+from auditor.model.optics.common_view import common_view, compared_shares
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
+from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.pipeline.measure import FirstFrames, RigDoubts, first_frames_of, rigs_through
-from auditor.pipeline.reading import FrameCount, Reading, judge_reading
+from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared
 from auditor.recordings import (
     Health,
     Location,
@@ -59,7 +60,9 @@ def describe(
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         damage = [str(piece) for piece in recording.damage]
-        readings = [_reading(one, seen, damage, no_sensors) for one, seen in zip(health, first, strict=True)]
+        readings = [
+            _reading(rig, one, seen, damage, no_sensors) for rig, one, seen in zip(rigs, health, first, strict=True)
+        ]
         coverage = declared(_coverage(recording, surveyed, rigs, health), no_sensors)
         return {
             "recording": storable(str(where)),
@@ -98,11 +101,13 @@ def _doubts(doubts: RigDoubts) -> dict[str, Any]:
     return {"calibration_warnings": list(doubts.calibration_warnings), "withheld": doubts.withheld or None}
 
 
-def _reading(health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
+def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
     """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them."""
     balance = [sensor.balance for sensor in health.sensors.values()]
     frames = FrameCount(health.frames, health.skipped)
     reading = judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
+    if narrow := tuple(views_not_compared(rig, Criteria.min_view)):
+        reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading
     dark = f"in none of {first.measured} frames at its beginning could three sensors be compared: too little texture"
@@ -140,6 +145,7 @@ def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> 
 def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     leftmost = rig.cameras[-1]
     view = None if rig.is_rectified else common_view(rig)
+    compared = compared_shares(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
         sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
@@ -149,6 +155,7 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
             "name": camera.name,
             "topic": camera.topic,
             "size_px": _size(camera),
+            "compared_share": compared[camera.number],
             "focal_px": camera.focal_px,
             "baseline_m": rig.baseline_m(camera.number, leftmost.number) if camera is not leftmost else None,
             "reference": camera.number in rig.references,

@@ -124,6 +124,16 @@ class Criteria:
             most=1,
         ),
     )
+    min_view: float = field(
+        default=0.5,
+        metadata=_about(
+            "Share of a camera's picture that other cameras are compared with, below which it was not looked at: a "
+            "recording then counts as not fully audited.",
+            unit="share",
+            least=0,
+            most=1,
+        ),
+    )
     no_sensors: tuple[str, ...] = field(
         default=(),
         metadata=_about(
@@ -158,6 +168,7 @@ class JudgingKeywords(TypedDict, total=False):
     recount: bool
     calibration: str | None
     min_coverage: float
+    min_view: float
     no_sensors: Iterable[str]
 
 

@@ -22,7 +22,7 @@ from auditor.pipeline.judge import (
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import frames_not_audited, reading_of
+from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
@@ -312,6 +312,7 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
+            *views_not_compared(store.rig(stored.rig_id), criteria.min_view),
             *conflicts_of(store, recording),
         )
         warnings = (

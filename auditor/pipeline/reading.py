@@ -13,6 +13,8 @@ from auditor.model.coverage import (
     unread_line,
 )
 from auditor.model.frames import TopicBalance
+from auditor.model.optics.common_view import compared_shares
+from auditor.model.rig import Rig
 from auditor.model.settings import Criteria
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
@@ -76,6 +78,16 @@ def reading_of(
     frames = FrameCount(measurement.measured, measurement.skipped)
     damage = measurement.damage
     return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
+
+
+def views_not_compared(rig: Rig, min_view: float) -> Iterator[str]:
+    """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`."""
+    for number, share in compared_shares(rig).items():
+        if share < min_view:
+            yield (
+                f"S_{number} {rig.name(number)}: {100 * share:.0f} % of its picture is compared with another "
+                f"camera's, and {100 * min_view:.0f} % are asked for (--min-view)"
+            )
 
 
 def frames_not_audited(

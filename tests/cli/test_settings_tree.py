@@ -37,6 +37,7 @@ EXAMPLES = {
     "recount": (True, True),
     "calibration": ("4be19a40", "4be19a40"),
     "min_coverage": ("0.5", 0.5),
+    "min_view": ("0.25", 0.25),
     "no_sensors": (["/radar"], ("/radar",)),
     "matcher": ("sgbm-full", "sgbm-full"),
     "weights": ("net.safetensors", Path("net.safetensors")),
