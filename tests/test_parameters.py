@@ -170,6 +170,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
+    "model/settings.py": (
+        (0.99, 4096, 16, 110),
+        "defaults and ranges of settings, which users choose and docs/settings.md lists; columns of a docstring",
+    ),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": (
         (
