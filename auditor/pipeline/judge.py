@@ -242,7 +242,8 @@ def _portions_beside(store: Store, beside: Mapping[str, Calibration | None], cri
 def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> tuple[str, ...]:
     """The other measurements of a measurement's recording whose rigs follow one another, and its own, in time.
 
-    They were measured in the same way, by rigs of the same sensors under the same numbers.
+    They were measured in the same way, by rigs of the same sensors under the same numbers. One whose verdicts are
+    withheld is none: what cannot be judged is no evidence for what can.
     """
     stored = store.measurement(measurement)
     topics = _topics(store.rig(stored.rig_id))
@@ -252,7 +253,7 @@ def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> 
     return tuple(
         one
         for one, other in others.items()
-        if other.procedure == stored.procedure and _topics(store.rig(other.rig_id)) == topics
+        if not other.withheld and other.procedure == stored.procedure and _topics(store.rig(other.rig_id)) == topics
     )
 
 
