@@ -9,7 +9,7 @@ the prior does where there are none. So a lasting attack on some sensors never b
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -26,10 +26,14 @@ from auditor.model.rig import LIDAR
 
 
 class OwnLevel(NamedTuple):
-    """The level of a check in the drive that is judged, and how many independent frames its values are worth."""
+    """The level of a check in the drive that is judged, and how many independent frames its values are worth.
+
+    `quarter` is what its quietest quarter of frames does not exceed.
+    """
 
     level: float
     worth: float
+    quarter: float = -inf
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
     measured = values[~np.isnan(values)]
     if not measured.size:
         return None
-    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(measured))
+    quarter = float(np.quantile(measured, DRIVE_LEVEL.quiet_share))
+    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(measured), quarter)
 
 
 def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> Group | None:
@@ -133,13 +138,18 @@ def of_drive(
 
     Its level shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
     since its later scenes may differ as drives do. A level that lies farther above the group than clean drives do, or
-    without a group above the mean, says nothing: the deviation is then that of the group, or that between drives.
-    What lies `limit` deviations above the mean, a finding, is never farther away than without the drive's frames.
+    without a group above the mean, says nothing. Then the quietest quarter of the frames says it, if theirs does not:
+    most of the drive may be attacked. Else the deviation is that of the group, or that between drives. What lies
+    `limit` deviations above the mean, a finding, is never farther away than without the drive's frames.
     """
     if own is None or limit <= 0:
         return usual
     offset, spread = (0.0, usual.between / tail) if group is None else (group.offset, group.spread)
-    if own.level - usual.mean - offset > DRIVE_LEVEL.farthest * spread:
+    farthest = usual.mean + offset + DRIVE_LEVEL.farthest * spread
+    if own.level > farthest:
+        quiet = own.quarter + DRIVE_LEVEL.quiet_below * usual.within / tail
+        own = OwnLevel(quiet, max(DRIVE_LEVEL.quiet_share * own.worth, 1.0))
+    if not -inf < own.level <= farthest:
         if group is None:
             return usual
         of_group = sqrt(usual.within**2 + (tail * DRIVE_LEVEL.of_median * spread) ** 2)

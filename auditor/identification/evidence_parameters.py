@@ -97,6 +97,12 @@ class DriveLevel:
         2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
     )
     of_median: float = parameter(1.2, unit="times the deviation, by a group's median of few cameras", source=_BESIDE)
+    quiet_share: float = parameter(
+        0.25, unit="share of the frames that say a level where all do not", source="attacks of half a drive"
+    )
+    quiet_below: float = parameter(
+        0.67, unit="deviations within drives that they lie below the mean", source="quartile of a normal distribution"
+    )
 
 
 @dataclass(frozen=True)

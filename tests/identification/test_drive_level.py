@@ -27,6 +27,13 @@ def test_a_level_far_above_the_group_is_that_of_the_group():
     assert own.deviation == pytest.approx(np.hypot(0.3, 1.2 * 0.2))
 
 
+def test_where_half_of_a_drive_is_attacked_its_quietest_quarter_says_what_it_is_like():
+    half = OwnLevel(-0.4, 20.0, quarter=-2.3)
+    own = of_drive(USUAL, half, LIMIT, group=Group(0.0, 0.2))
+    assert own.mean == pytest.approx(-2.3 + 0.67 * 0.3, abs=0.05)
+    assert own.deviation < of_drive(USUAL, half._replace(quarter=0.2), LIMIT, group=Group(0.0, 0.2)).deviation
+
+
 def test_a_level_that_no_clean_drive_has_says_nothing_where_there_is_no_group():
     assert of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT) == USUAL
 
