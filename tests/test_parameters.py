@@ -149,7 +149,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
     "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/optics/common_view.py": ((3,), "dimensions"),
+    "model/optics/common_view.py": ((3, 4, 32), "dimensions; rays and cells that tell a share of a picture"),
     "model/optics/geometry.py": (
         (
             3,
@@ -171,7 +171,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
     "model/settings.py": (
-        (0.99, 4096, 16, 110),
+        (0.99, 0.5, 4096, 16, 110),
         "defaults and ranges of settings, which users choose and docs/settings.md lists; columns of a docstring",
     ),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
