@@ -17,7 +17,15 @@ from auditor.recordings.rigs.cameras import View, find_views, sensor_name
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.ordering import AT_ONE_PLACE, MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.rigs.ordering import (
+    AT_ONE_PLACE,
+    MAX_SQUINT,
+    MIN_BASELINE_M,
+    Placed,
+    grouped,
+    grouped_alike,
+    place,
+)
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
@@ -25,6 +33,7 @@ MIN_SENSORS = 3
 
 IDENTIFYING = 4
 """The least number of sensors that identify an attacked one; three can only detect an attack."""
+_SAME_WAY = "looking the same way"
 
 
 class FoundRigs(NamedTuple):
@@ -123,7 +132,7 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
     if len(cameras) + (lidar is not None) < MIN_SENSORS or len(cameras) < 2:
         beside = f"the LiDAR {lidar.name}" if lidar else "no LiDAR"
         names = ", ".join(camera.name for camera in cameras)
-        reasons.append(f"{len(cameras)} camera{'s' * (len(cameras) > 1)} looking the same way ({names}) with {beside}")
+        reasons.append(f"{len(cameras)} camera{'s' * (len(cameras) > 1)} {_SAME_WAY} ({names}) with {beside}")
         return None
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
@@ -298,10 +307,13 @@ def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
         yield "there is no camera info for any of the images"
     if not survey.clouds:
         yield "there is no LiDAR"
-    if survey.other_parts:
+    if survey.other_parts and not (survey.camera_infos and survey.transforms):
         yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
     yield from _unreadable(survey)
     yield from reasons[:12]
+    if any(_SAME_WAY in reason for reason in reasons):
+        degrees = round(np.degrees(MAX_SQUINT))
+        yield f"two cameras within {degrees} degrees of each other with a LiDAR, or three cameras, can be compared"
 
 
 def _unreadable(survey: Survey) -> Iterator[str]:
