@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
-_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r")
+_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r", "by")
 _EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
@@ -133,7 +133,7 @@ def show_audit(
         every = recording_ids is None
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
-        rows = rows_of(summary)
+        rows = _with_provenance(rows_of(summary), judged or ())
         measurements = {row["measurement_id"] for row in rows}
         incidents = _with_excuses(answers["incidents"], measurements) if "incidents" in answers else []
         earlier = {one.measurement_id: one.judgement for one in judged or () if one.found and one.judgement is not None}
@@ -149,6 +149,21 @@ def show_audit(
         answer(closing_line(tally))
     elif form == "json":
         _show_json(rows, incidents, tally)
+
+
+def _with_provenance(rows: "Sequence[Mapping[str, Any]]", judged: "Sequence[Judged]") -> list[dict[str, Any]]:
+    """The rows with what each was judged `by`: as `judged` says, else the prior or what was learnt."""
+    by = {result.measurement_id: result.by for result in judged}
+    return [{**row, "by": by.get(row["measurement_id"]) or _provenance(row["calibration_id"])} for row in rows]
+
+
+def _provenance(calibration_id: str | None) -> str | None:
+    from auditor.model.calibration import PRIOR  # noqa: PLC0415 - keeps --help quick
+    from auditor.model.verdict import JudgedBy  # noqa: PLC0415
+
+    if calibration_id is None:
+        return None
+    return JudgedBy.PRIOR if calibration_id == PRIOR else JudgedBy.LEARNT
 
 
 def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> list[dict[str, Any]]:
@@ -273,6 +288,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",
         "sensors": _first([_named(one) for one in row["attacked_sets"]]) or None,
         "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
+        "by": row["by"],
     }
 
 

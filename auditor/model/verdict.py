@@ -9,6 +9,14 @@ JUDGING_VERSION = 17
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
+class JudgedBy(StrEnum):
+    """What a measurement is judged by: the prior, the other recordings of its batch, or a calibration."""
+
+    PRIOR = "prior"
+    BATCH = "batch"
+    LEARNT = "learnt"
+
+
 class Method(StrEnum):
     """How verdicts are reached: by nine checks and joint identification, or as the paper does."""
 

@@ -30,6 +30,7 @@ from auditor.model.settings import (
     unknown_setting,
 )
 from auditor.pipeline.asking import PathLike, opened
+from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
@@ -37,7 +38,6 @@ from auditor.pipeline.many import Batch, Judged, JudgeSettings, choose_clean, fi
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.scan import Scan
-from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
 from auditor.store.log import logged
@@ -220,7 +220,7 @@ def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Ite
     measurements = store.ids("measurements")
     if not measurements:
         raise StoreError("nothing has been measured", where=store.folder, remedy="measure recordings with auditor scan")
-    return judge_side_by_side(store, measurements, judge_settings(store.folder, judging), jobs)
+    return judge_batch(store, measurements, judge_settings(store.folder, judging), jobs)
 
 
 def judge_settings(store: Path, judging: Criteria) -> JudgeSettings:

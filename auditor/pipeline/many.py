@@ -1,8 +1,8 @@
 """Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from auditor.errors import AuditorError, LimitError, RecordingError, RigError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.settings import Criteria, MeasureSettings, settings_of
-from auditor.model.verdict import Method
+from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
     counted_earlier,
     fitting_calibration,
@@ -239,13 +239,16 @@ def _found(judgement: StoredJudgement | None) -> str:
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """How measurements are judged. Without a `calibration` each is judged by the one in force that fits it, or by the
-    prior where none does. With `only_stale`, what would be judged as it is judged already keeps its verdicts.
+    """How measurements are judged. Without a `calibration` each is judged by the one in force that fits it, else by
+    that of other recordings of its batch, or by the prior. With `only_stale`, what would be judged as it is judged
+    already keeps its verdicts. `by_batch` are the ids of calibrations of other recordings, which the store keeps, by
+    measurement (`pipeline/calibrations/batch.py`).
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
     only_stale: bool = False
+    by_batch: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -254,7 +257,7 @@ class Judged:
 
     `fresh` is False where the judgement is an earlier one, which was kept. `recording` is the name of its recording.
     `complete` is False where something was not audited: `gaps` say what. `warnings` are sentences for people, those of
-    the gaps among them.
+    the gaps among them. `by` is what it was judged by; None where it was not.
     """
 
     recording: str
@@ -265,6 +268,7 @@ class Judged:
     complete: bool = False
     gaps: tuple[str, ...] = ()
     fresh: bool = True
+    by: JudgedBy | None = None
 
     @property
     def found(self) -> bool:
@@ -282,6 +286,7 @@ class Judge:
         self._known = known
         self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
         self._current = store.current_judgements()
+        self._batch_calibrations = {one: store.calibration(one) for one in sorted(set(settings.by_batch.values()))}
         self._usual = UsualRigs(store)
         self._recordings: dict[str, RecordingRecord] = {}
         if many:  # at once: that takes far less than one by one
@@ -299,7 +304,7 @@ class Judge:
         try:
             refuse_earlier_counting(store, measurement)
             fitting = self._fitting(measurement)
-            calibration = fitting or prior_for(store, measurement, criteria)
+            calibration = fitting or self._unfitted(measurement)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             beside = rigs_in_turn(store, recording, measurement) if criteria.method is Method.ROBUST else ()
@@ -315,8 +320,10 @@ class Judge:
             *views_not_compared(store.rig(stored.rig_id), criteria.min_view),
             *conflicts_of(store, recording),
         )
+        unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
+        by = JudgedBy.LEARNT if fitting is not None else unfitted
         warnings = (
-            *unresolved(judgement, calibration, criteria),
+            *unresolved(judgement, calibration, criteria, by),
             *([_PROVISIONAL] if calibration.calibration_id in self._provisional else []),
             *marked(judgement, calibration),
             *gaps,
@@ -333,6 +340,7 @@ class Judge:
             complete=not missing,
             gaps=missing,
             fresh=judgement is not earlier,
+            by=by,
         )
 
     @cached_property
@@ -344,10 +352,17 @@ class Judge:
         """The calibration that a measurement is judged by; None where there is none."""
         return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
 
+    def _unfitted(self, measurement: str) -> Calibration | None:
+        """What a measurement that no calibration fits is judged by: other recordings of its batch, or the prior."""
+        calibration_id = self._settings.by_batch.get(measurement)
+        if calibration_id is not None:
+            return self._batch_calibrations[calibration_id]
+        return prior_for(self._store, measurement, self._settings.criteria)
+
     def _judged(self, measurement: str, calibration: Calibration, beside: Sequence[str]) -> StoredJudgement:
         """Judge a measurement, and let the evidence of those beside it go on into it."""
         store, criteria = self._store, self._settings.criteria
-        others = {one: self._fitting(one) or prior_for(store, one, criteria) for one in beside}
+        others = {one: self._fitting(one) or self._unfitted(one) for one in beside}
         return judge_measurement(store, measurement, calibration, criteria, self._current, others)
 
     def _kept(self, measurement: str, calibration: Calibration, beside: Sequence[str]) -> StoredJudgement | None:

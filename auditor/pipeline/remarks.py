@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
+from auditor.model.verdict import JudgedBy
 from auditor.pipeline.judge import resolves_incidents
 from auditor.store import RecordingRecord, Store, StoredJudgement, rows_of, run_sql
 
@@ -34,8 +35,11 @@ def as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[
         yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
 
 
-def unresolved(judgement: StoredJudgement, calibration: Calibration, criteria: Criteria) -> Iterator[str]:
+def unresolved(judgement: StoredJudgement, calibration: Calibration, criteria: Criteria, by: JudgedBy) -> Iterator[str]:
     """What the clean frames were too few for."""
+    if by is JudgedBy.BATCH:
+        others = f"{len(calibration.recordings)} other recordings of this batch"
+        yield f"judged by {others} that show nothing: provisional; calibrate on clean drives"
     if judgement.drives == 0:
         yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
     if not judgement.resolvable:

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from auditor.errors import AuditorError
+from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.ledger import keep_ledger
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, judge_all, measure_all
 from auditor.pipeline.measured import Measured, MeasureTask
@@ -67,9 +68,14 @@ class Scan:
         yield from map(str, relate(self.store) if self.store is not None and self._results else ())
 
     def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[Judged]:
-        """Judge what was measured, or `only` these measurements; verdicts that would be the same are kept."""
-        ids = self.measurement_ids if only is None else only
-        for one in judge_all(self.store, ids, replace(settings, only_stale=True)) if self.store and ids else ():
+        """Judge what was measured, by each other where nothing fits, or `only` these measurements one by one; verdicts
+        that would be the same are kept.
+        """
+        store, judging = self.store, replace(settings, only_stale=True)
+        ids = self.measurement_ids if only is None else list(only)
+        if store is None or not ids:
+            return
+        for one in judge_batch(store, ids, judging) if only is None else judge_all(store, ids, judging):
             self.judged.append(one)
             yield one
 

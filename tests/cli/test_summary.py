@@ -44,14 +44,16 @@ def test_mixed_verdicts_are_shown_as_such_and_suspects_too(store, capfd):
     summary.show_audit(store, "table", Tally())
     head, row, *_ = table(capfd.readouterr().out)
     assert head == [
-        "recording", "frames", "audited", "clean", "attacked", "unidentified", "suspect", "sensors", "r"
+        "recording", "frames", "audited", "clean", "attacked", "unidentified", "suspect", "sensors", "r", "by"
     ]  # fmt: skip
-    assert row == ["a.mcap", "10", "100.0 %", "2", "6", "1", "1", "S_2 (4), S_1 (2)", "0.01*"]
+    assert row == ["a.mcap", "10", "100.0 %", "2", "6", "1", "1", "S_2 (4), S_1 (2)", "0.01*", "learnt"]
 
 
 def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(store, capfd):
     sets = [{"attacked": one, "frames": frames} for one, frames in (([2], 37), ([0, 2], 3), ([1], 2), ([0], 1))]
-    row = dict.fromkeys(("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r"))
+    row = dict.fromkeys(
+        ("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
+    )
     row |= {"audited_share": None, "resolvable": None, "attacked_sets": sets[:2]}
     assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
     row["attacked_sets"] = sets

@@ -1,0 +1,224 @@
+"""Recordings of a batch that no calibration fits, judged by each other.
+
+All are judged by the prior first. Those that show nothing are provisionally clean drives: calibrations are made of
+them, and each recording is judged again by one that holds no frame of it.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from auditor.errors import ThresholdsError
+from auditor.model.calibration import PRIOR, Calibration
+from auditor.model.settings import Criteria
+from auditor.model.verdict import Method
+from auditor.pipeline.calibrations.making import by_kind, make
+from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
+from auditor.pipeline.known import FEW, is_as_now
+from auditor.pipeline.many import CleanMeasurements, Judged, JudgeSettings, attacked_by_labels, held_by
+from auditor.pipeline.reading import frames_not_audited
+from auditor.pipeline.remarks import conflicts_of
+from auditor.pipeline.side_by_side import judge_side_by_side
+from auditor.store import Store, StoredJudgement
+from auditor.store.log import logged
+from auditor.store.versions.history import calibrations_in_force
+
+FEWEST_RECORDINGS = 4
+"""Recordings of one rig kind and procedure that are judged by each other; of fewer each is judged by the prior."""
+
+FEWEST_CLEAN = 3
+"""Of these so many must show nothing, so that each of them is judged by two others at least."""
+
+MOST_GROUPS = 5
+"""Groups of provisionally clean recordings; each is judged by a calibration of the other groups."""
+
+
+def judge_batch(
+    store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int | None = 1
+) -> Iterator[Judged]:
+    """Judge measurements of a store; those that no calibration fits are judged by each other where they are enough.
+
+    Parameters
+    ----------
+    store : Store
+        Holds the measurements, and keeps the calibrations and judgements that are made.
+    measurements : sequence of str
+        The ids of a batch's measurements.
+    settings : JudgeSettings
+        A named calibration, the paper's method and `strict` leave each measurement judged on its own.
+    jobs : int or None
+        Processes at a time; None stands for as many as there are cores. The passes follow one another.
+
+    Returns
+    -------
+    iterator of Judged
+        What became of each measurement, in the order given.
+
+    Raises
+    ------
+    StoreError
+        Where the store does not have a measurement.
+    """
+    kinds = kinds_without_calibration(store, measurements, settings)
+    if not kinds:
+        return judge_side_by_side(store, measurements, settings, jobs)
+    return _judge_twice(store, measurements, settings, kinds, jobs)
+
+
+def kinds_without_calibration(
+    store: Store, measurements: Sequence[str], settings: JudgeSettings
+) -> list[tuple[str, ...]]:
+    """Return the measurements that no calibration fits, by rig kind and procedure: those with enough recordings.
+
+    What is withheld, was counted earlier, or is not for the prior is none of them.
+    """
+    criteria = settings.criteria
+    alone = settings.calibration is not None or criteria.method is not Method.ROBUST or criteria.strict
+    if alone or len(measurements) < FEWEST_RECORDINGS:
+        return []
+    if len(measurements) > FEW:
+        store.measurements()  # at once: one by one takes far longer
+    in_force = calibrations_in_force(store)
+    unfitted = tuple(
+        (store, measurement)
+        for measurement in dict.fromkeys(measurements)
+        if not store.measurement(measurement).withheld
+        and not counted_earlier(store, measurement)
+        and prior_for(store, measurement, criteria) is not None
+        and fitting_calibration(store, measurement, in_force) is None
+    )
+    kinds = (tuple(measurement for _, measurement in kind.chosen) for kind in by_kind(CleanMeasurements(unfitted, ())))
+    return [kind for kind in kinds if len({drive_of(store, each) for each in kind}) >= FEWEST_RECORDINGS]
+
+
+def drive_of(store: Store, measurement: str) -> str:
+    """Return the id of the recording that holds every frame of a measurement: its own, or a later one."""
+    recording = store.recording(store.measurement(measurement).recording_id)
+    while recording.superseded_by is not None and store.has_recording(recording.superseded_by):
+        recording = store.recording(recording.superseded_by)
+    return recording.recording_id
+
+
+def calibrations_of_others(
+    store: Store, measurements: Sequence[str], clean: Collection[str], criteria: Criteria, jobs: int = 1
+) -> dict[str, Calibration]:
+    """Make the calibrations by which recordings of one rig kind and procedure judge each other.
+
+    Parameters
+    ----------
+    store : Store
+        Holds the measurements.
+    measurements : sequence of str
+        The ids of those that are to be judged.
+    clean : collection of str
+        Those of them whose recordings are provisionally clean, and teach.
+    criteria : Criteria
+        Its r and `recount` are those of the calibrations.
+    jobs : int
+        Processes that read many measurements.
+
+    Returns
+    -------
+    dict of str to Calibration
+        By measurement a calibration of the other groups, or of all where it is not in a group; none where fewer than
+        FEWEST_CLEAN recordings are clean, and where what the others measured gives no calibration that fits.
+    """
+    drives = {measurement: drive_of(store, measurement) for measurement in measurements}
+    teachers = [measurement for measurement in measurements if measurement in clean]
+    clean_drives = list(dict.fromkeys(drives[teacher] for teacher in teachers))
+    if len(clean_drives) < FEWEST_CLEAN:
+        return {}
+    count = min(MOST_GROUPS, len(clean_drives))
+    groups = {drive: place * count // len(clean_drives) for place, drive in enumerate(clean_drives)}
+    calibrations: dict[int | None, Calibration] = {}
+    for group in dict.fromkeys(groups.get(drive) for drive in drives.values()):
+        others = tuple((store, teacher) for teacher in teachers if groups[drives[teacher]] != group)
+        try:
+            made = make(CleanMeasurements(others, ()), criteria.r, recount=criteria.recount, jobs=jobs)
+        except ThresholdsError:  # nothing was measured, or the teachers' kinds differ more than from the first one's
+            continue
+        calibrations[group] = made.calibration
+    by_measurement = ((measurement, calibrations.get(groups.get(drive))) for measurement, drive in drives.items())
+    return {
+        measurement: calibration
+        for measurement, calibration in by_measurement
+        if calibration is not None and fitting_calibration(store, measurement, [calibration]) is not None
+    }
+
+
+def _judge_twice(
+    store: Store,
+    measurements: Sequence[str],
+    settings: JudgeSettings,
+    kinds: Sequence[Sequence[str]],
+    jobs: int | None,
+) -> Iterator[Judged]:
+    """Judge all by what is learnt or the prior, then those of some kinds by each other."""
+    with logged(store.folder):
+        by_prior = _kept_by_prior(store, kinds, settings) if settings.only_stale else {}
+        distinct = list(dict.fromkeys(measurements))
+        first = [measurement for measurement in distinct if measurement not in by_prior]
+        judged = {result.measurement_id: result for result in judge_side_by_side(store, first, settings, jobs)}
+        verdicts = {each: result.judgement for each, result in judged.items() if result.judgement is not None}
+        by_batch = _batch_calibrations(store, kinds, {**by_prior, **verdicts}, settings.criteria, jobs or 1)
+        again = [measurement for measurement in distinct if measurement in by_prior or measurement in by_batch]
+        second = replace(settings, by_batch=by_batch)
+        judged.update((result.measurement_id, result) for result in judge_side_by_side(store, again, second, jobs))
+        yield from (judged[measurement] for measurement in measurements)
+
+
+def _kept_by_prior(store: Store, kinds: Sequence[Sequence[str]], settings: JudgeSettings) -> dict[str, StoredJudgement]:
+    """Return the judgements by the prior that the store has, and that judging again would give, by measurement."""
+    asked = {measurement for kind in kinds for measurement in kind}
+    stored: dict[str, StoredJudgement] = {}
+    for judgement in store.judgements():
+        measurement = judgement.measurement_id
+        if measurement not in asked or judgement.calibration_id != PRIOR:
+            continue
+        recording = store.recording(store.measurement(measurement).recording_id)
+        prior = prior_for(store, measurement, settings.criteria)
+        beside = rigs_in_turn(store, recording, measurement)
+        if prior is not None and is_as_now(judgement, store, prior, settings.criteria, beside):
+            stored[measurement] = judgement
+    return stored
+
+
+def _batch_calibrations(
+    store: Store,
+    kinds: Sequence[Sequence[str]],
+    verdicts: Mapping[str, StoredJudgement],
+    criteria: Criteria,
+    jobs: int,
+) -> dict[str, str]:
+    """Keep the calibrations that the recordings of each kind are judged by; return their ids by measurement."""
+    with_findings = {
+        store.measurement(measurement).recording_id for measurement, verdict in verdicts.items() if verdict.found
+    }
+    by_batch: dict[str, str] = {}
+    for kind in kinds:
+        judged = [measurement for measurement in kind if measurement in verdicts]
+        recordings = {store.measurement(measurement).recording_id for measurement in judged}
+        clean = {
+            measurement
+            for measurement in judged
+            if store.measurement(measurement).recording_id not in with_findings
+            and _may_teach(store, verdicts[measurement], recordings, criteria)
+        }
+        for measurement, calibration in calibrations_of_others(store, judged, clean, criteria, jobs).items():
+            store.keep_calibration(calibration)
+            by_batch[measurement] = calibration.calibration_id
+    return by_batch
+
+
+def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[str], criteria: Criteria) -> bool:
+    """Whether a measurement has frames, all audited, that no label and no other recording speak against.
+
+    Such another one is of the `recordings` and holds every frame of its recording, or has other data at its stamps.
+    """
+    measurement = store.measurement(verdict.measurement_id)
+    recording = store.recording(measurement.recording_id)
+    return measurement.measured > 0 and not (
+        any(frames_not_audited(measurement, verdict, criteria.min_coverage))
+        or attacked_by_labels(store, measurement.measurement_id)
+        or held_by(store, recording, among=recordings)
+        or conflicts_of(store, recording)
+    )
