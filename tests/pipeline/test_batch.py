@@ -12,7 +12,13 @@ from auditor.model.calibration import PRIOR
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline import side_by_side
-from auditor.pipeline.calibrations.batch import FEWEST_CLEAN, MOST_GROUPS, calibrations_of_others, judge_batch
+from auditor.pipeline.calibrations.batch import (
+    FEWEST_CLEAN,
+    MOST_GROUPS,
+    calibrations_of_others,
+    drives_of,
+    judge_batch,
+)
 from auditor.pipeline.library import judge_store
 from auditor.pipeline.many import Judged, JudgeSettings
 from auditor.store import Store
@@ -229,3 +235,11 @@ def test_several_processes_judge_alike(store, fleet, monkeypatch) -> None:
     assert provenance(together) == provenance(alone)
     calibration_ids = [{n: one.judgement.calibration_id for n, one in r.items()} for r in (alone, together)]
     assert calibration_ids[0] == calibration_ids[1]
+
+
+def test_recordings_that_follow_one_another_are_one_drive_and_do_not_judge_each_other(store) -> None:
+    for number, name in enumerate(CLEAN):  # 3.6 s apart
+        add_drive(store, name, seed=number, day=0)
+    apart = drives_of(store, store.ids("measurements"))
+    assert len(set(apart.values())) == 1
+    assert set(provenance(judged(store)).values()) == {JudgedBy.PRIOR}

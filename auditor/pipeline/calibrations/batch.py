@@ -18,12 +18,12 @@ from auditor.pipeline.many import CleanMeasurements, Judged, JudgeSettings, atta
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.side_by_side import judge_side_by_side
-from auditor.store import Store, StoredJudgement
+from auditor.store import Store, StoredJudgement, rows_of, run_sql
 from auditor.store.log import logged
 from auditor.store.versions.history import calibrations_in_force
 
 FEWEST_RECORDINGS = 4
-"""Recordings of one rig kind and procedure that are judged by each other; of fewer each is judged by the prior."""
+"""Drives of one rig kind and procedure that are judged by each other; of fewer each is judged by the prior."""
 
 FEWEST_CLEAN = 3
 """Of these so many must show nothing, so that each of them is judged by two others at least."""
@@ -86,11 +86,24 @@ def kinds_without_calibration(
         and prior_for(store, measurement, criteria) is not None
         and fitting_calibration(store, measurement, in_force) is None
     )
-    kinds = (tuple(measurement for _, measurement in kind.chosen) for kind in by_kind(CleanMeasurements(unfitted, ())))
-    return [kind for kind in kinds if len({drive_of(store, each) for each in kind}) >= FEWEST_RECORDINGS]
+    kinds = [tuple(measurement for _, measurement in kind.chosen) for kind in by_kind(CleanMeasurements(unfitted, ()))]
+    if not any(len(kind) >= FEWEST_RECORDINGS for kind in kinds):
+        return []
+    drives = drives_of(store, [measurement for kind in kinds for measurement in kind])
+    return [kind for kind in kinds if len({drives[measurement] for measurement in kind}) >= FEWEST_RECORDINGS]
 
 
-def drive_of(store: Store, measurement: str) -> str:
+def drives_of(store: Store, measurements: Collection[str]) -> dict[str, str]:
+    """Return by measurement the drive that it is of: recordings that follow one another are one, and know one road.
+
+    A recording whose frames a later one holds is of the drive of that.
+    """
+    rows = rows_of(run_sql(store, "SELECT recording_id, drive_id FROM recordings"))
+    drives = {row["recording_id"]: row["drive_id"] for row in rows}
+    return {measurement: drives[_whole(store, measurement)] for measurement in measurements}
+
+
+def _whole(store: Store, measurement: str) -> str:
     """Return the id of the recording that holds every frame of a measurement: its own, or a later one."""
     recording = store.recording(store.measurement(measurement).recording_id)
     while recording.superseded_by is not None and store.has_recording(recording.superseded_by):
@@ -122,7 +135,7 @@ def calibrations_of_others(
         By measurement a calibration of the other groups, or of all where it is not in a group; none where fewer than
         FEWEST_CLEAN recordings are clean, and where what the others measured gives no calibration that fits.
     """
-    drives = {measurement: drive_of(store, measurement) for measurement in measurements}
+    drives = drives_of(store, measurements)
     teachers = [measurement for measurement in measurements if measurement in clean]
     clean_drives = list(dict.fromkeys(drives[teacher] for teacher in teachers))
     if len(clean_drives) < FEWEST_CLEAN:
