@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
 _RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r", "by")
-_EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
+_EXPENDABLE = ("date", "r", "by", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
 _ID_SHOWN = 8
