@@ -229,11 +229,19 @@ def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[F
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
     for values in columns:
-        stretches = np.sort(sliding_window_view(values, W)[first], axis=1)  # NaN last
-        measured = np.count_nonzero(~np.isnan(stretches), axis=1)
-        stretches, last = stretches[measured > 0], measured[measured > 0] - 1
-        at = np.arange(len(last))
-        yield np.asarray((stretches[at, last // 2] + stretches[at, (last + 1) // 2]) / 2)
+        medians, measured = measured_medians(sliding_window_view(values, W)[first])
+        yield medians[measured > 0]
+
+
+def measured_medians(values: Floats) -> tuple[Floats, Integers]:
+    """The medians along the last axis of what was measured, NaN where nothing was, and how many values that were."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    measured = np.count_nonzero(~np.isnan(ordered), axis=-1)
+    lower, upper = (
+        np.take_along_axis(ordered, place[..., None], axis=-1)[..., 0]
+        for place in (np.maximum(measured - 1, 0) // 2, measured // 2)
+    )
+    return np.asarray((lower + upper) / 2), np.asarray(measured)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

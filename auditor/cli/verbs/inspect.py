@@ -170,11 +170,6 @@ def _frames(rig: dict[str, Any]) -> str:
     return "; ".join([f"{rig['frames']} frames, one each {rig['period_ms']:.0f} ms", *lost, *jumps])
 
 
-def _cameras(rig: dict[str, Any]) -> list[tuple[int, dict[str, Any]]]:
-    """The cameras of a rig by their numbers."""
-    return [(int(one["sensor"].removeprefix("S_")), one) for one in rig["sensors"] if "compared_share" in one]
-
-
 def _geometry(rig: dict[str, Any]) -> Iterator[str]:
     if rig["rectified_to"]:
         size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
@@ -184,7 +179,8 @@ def _geometry(rig: dict[str, Any]) -> Iterator[str]:
             yield f"not on one line ({beside} at 10 m): rectified pair by pair, and mapped to {shown}"
         else:
             yield f"not rectified as recorded: measured on rectified {shown}"
-        shares = (f"S_{n} {100 * one['compared_share']:.0f} %" for n, one in _cameras(rig))
+        cameras = (sensor for sensor in rig["sensors"] if "compared_share" in sensor)
+        shares = (f"{camera['sensor']} {100 * camera['compared_share']:.0f} %" for camera in cameras)
         yield f"compared with other cameras, of each picture: {', '.join(shares)}"
     if rig["clouds_a_sweep"]:
         yield f"{rig['clouds_a_sweep']} clouds of {rig['sensors'][0]['name']} make one sweep, and are put together"

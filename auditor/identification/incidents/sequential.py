@@ -125,7 +125,7 @@ def frame_worth(periods_s: Floats) -> Floats:
 def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
     """(F,) the median time between two frames of the run of each frame, in seconds; NaN of a lone frame."""
     periods = np.full(len(runs), np.nan)
-    for run in _places(runs):
+    for run in places_of(runs):
         if len(run) > 1:
             periods[run.start : run.stop] = float(np.median(np.diff(stamps_ns[run.start : run.stop]))) / NANOSECONDS
     return periods
@@ -136,7 +136,7 @@ def excursions(evidence: Evidence, raised: Flags) -> Iterator[Excursion]:
 
     The frames that `raised` (F,) flags are findings by themselves.
     """
-    for run in _places(evidence.runs):
+    for run in places_of(evidence.runs):
         added = evidence.added[run.start : run.stop].tolist()
         for rises in _rises(run, added, _quiet_frames(evidence, run.start)):
             yield Excursion(tuple(rises), _peak(evidence, rises, raised))
@@ -294,7 +294,7 @@ def _quiet_frames(evidence: Evidence, place: int) -> int:
     return max(frames, INCIDENTS.quiet_frames)
 
 
-def _places(runs: Integers) -> Iterator[range]:
+def places_of(runs: Integers) -> Iterator[range]:
     """The places of the frames of each run."""
     bounds = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), len(runs)]
     yield from (range(first, end) for first, end in pairwise(bounds) if end > first)

@@ -7,17 +7,18 @@ causes read a stretch as they read a frame, with smaller deviations and a limit 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import groupby
 from math import sqrt
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
+from auditor.identification.incidents.sequential import periods_of, places_of
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import joint_limit, prior_of_check
-from auditor.identification.statistics import NANOSECONDS
-from auditor.model.arrays import Flags, Floats, Integers
+from auditor.identification.statistics import NANOSECONDS, measured_medians
+from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
 from auditor.model.verdict import Verdict, VerdictKind
@@ -60,13 +61,13 @@ def windows_of(stamps_ns: Integers, runs: Integers) -> Windows:
     window is one.
     """
     firsts, ends = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    bounds = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), len(runs)]
-    for begin, end in pairwise(bounds):
-        if end - begin < STRETCHES.fewest_frames:
+    periods_s = periods_of(stamps_ns, runs)
+    for run in places_of(runs):
+        if len(run) < STRETCHES.fewest_frames:
             continue
-        period_s = max(float(np.median(np.diff(stamps_ns[begin:end]))), 1.0) / NANOSECONDS
-        frames = min(max(round(STRETCHES.seconds / period_s), STRETCHES.fewest_frames), end - begin)
-        first = np.arange(begin, end - frames + 1)
+        period_s = max(float(periods_s[run.start]), 1 / NANOSECONDS)
+        frames = min(max(round(STRETCHES.seconds / period_s), STRETCHES.fewest_frames), len(run))
+        first = np.arange(run.start, run.stop - frames + 1)
         firsts.append(first)
         ends.append(first + frames)
     return Windows(np.concatenate(firsts), np.concatenate(ends))
@@ -99,10 +100,7 @@ def _of_windows(values: Floats, windows: Windows) -> Floats:
         view = sliding_window_view(values, length, axis=0)
         places = np.flatnonzero(lengths == length)
         for at in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
-            ordered = np.sort(view[windows.first[at]], axis=-1)  # NaN last
-            measured = np.count_nonzero(~np.isnan(ordered), axis=-1)
-            lower, upper = (np.maximum(measured - 1, 0) // 2, measured // 2)
-            middle = sum(np.take_along_axis(ordered, one[..., None], axis=-1)[..., 0] for one in (lower, upper)) / 2
+            middle, measured = measured_medians(view[windows.first[at]])
             medians[at] = np.where(2 * measured > length, middle, np.nan)
     return medians
 
@@ -212,10 +210,3 @@ def seconds_of(windows: Windows, stamps_ns: Integers) -> float:
         return 0.0
     lasts = stamps_ns[windows.end - 1] - stamps_ns[windows.first]
     return float(np.median(lasts)) / NANOSECONDS
-
-
-def flags_of(places: Sequence[int], frames: int) -> Flags:
-    """(F,) which of so many frames are at these places."""
-    flags = np.zeros(frames, dtype=np.bool_)
-    flags[list(places)] = True
-    return flags
