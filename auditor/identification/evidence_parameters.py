@@ -88,7 +88,7 @@ class Incidents:
 
 @dataclass(frozen=True)
 class DriveLevel:
-    """How far the level of the drive that is judged is believed, and the levels of whole stretches of it."""
+    """How far the level of the drive that is judged is believed."""
 
     light: float = parameter(0.4, unit="deviation of a camera's level beside its group's", source=_BESIDE)
     light_of_two: float = parameter(0.8, unit="the same of groups of three cameras and fewer", source=_BESIDE)

@@ -1,11 +1,11 @@
 """Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from auditor import __version__
 from auditor.errors import ThresholdsError
@@ -131,16 +131,15 @@ def judge_measurement(
     fitted = _fit(store, measurement, calibration, criteria)
     rig, part = fitted.rig, fitted.calibration.part
     thresholds: Thresholds | RobustThresholds
+    judged: Callable[[], Rows]
     if robust:
         portion = _portion(store, fitted, criteria)
-        thresholds = portion.thresholds
-        verdicts = judge_portions([portion, *_portions_beside(store, beside, criteria)])[0]
-        rows = list(zip(portion.numbers.tolist(), portion.series.stamps_ns.tolist(), verdicts, strict=True))
+        thresholds, judged = portion.thresholds, partial(_judge_robust, store, portion, beside, criteria)
     else:
-        thresholds = thresholds_at(fitted.calibration, criteria.statistic, criteria.r, transferred=fitted.transferred)
-        rows = _judge_paper(store, measurement, rig, thresholds)
-    if reason := store.measurement(measurement).withheld:
-        rows = _withheld(rig, fitted.frames, reason)
+        theta = thresholds_at(fitted.calibration, criteria.statistic, criteria.r, transferred=fitted.transferred)
+        thresholds, judged = theta, partial(_judge_paper, store, measurement, rig, theta)
+    reason = store.measurement(measurement).withheld
+    rows = _withheld(rig, fitted.frames, reason) if reason else judged()
     if criteria.strict:
         _refuse_unresolvable(fitted.calibration, criteria, thresholds)
     before = (store.current_judgements() if current is None else current).get(measurement)
@@ -259,6 +258,12 @@ def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> 
 
 def _topics(rig: Rig) -> dict[int, str]:
     return {sensor: rig.topic(sensor) for sensor in rig.sensors}
+
+
+def _judge_robust(store: Store, portion: Portion, beside: Mapping[str, Calibration | None], criteria: Criteria) -> Rows:
+    """The verdicts on the frames of a portion; the evidence of those beside it goes on into them."""
+    verdicts = judge_portions([portion, *_portions_beside(store, beside, criteria)])[0]
+    return list(zip(portion.numbers.tolist(), portion.series.stamps_ns.tolist(), verdicts, strict=True))
 
 
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
