@@ -10,7 +10,6 @@ _CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/inc
 _AIMED = "benchmark incident_series on three real drives: 0.5, 1 and 2 tried (docs/incidents.md)"
 _PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
 _FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/incidents.md)"
-_BACKGROUND = "115 long streets, and attacked frames of three real drives (docs/incidents.md)"
 _IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are named below it (docs/incidents.md)"
 _NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/incidents.md)"
 _WINDOWS = "streets 9800 to 9859 of four seconds and lasting attacks on three real drives (docs/decisions.md)"
@@ -43,27 +42,6 @@ class Incidents:
     fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
     fewest_worth: float = parameter(
         0.8, unit="independent frames that the findings of an incident are worth", source="three frames at 10 Hz"
-    )
-    background_s: float = parameter(
-        2.0, unit="s before a frame, in which a check shows what a stretch of road is like", source=_BACKGROUND
-    )
-    background_until_s: float = parameter(
-        0.3, unit="s before a frame, until which it does: an attack begins suddenly", source=_BACKGROUND
-    )
-    background_frames: int = parameter(
-        5, unit="frames that this takes at least", source="a strobe of one frame in five"
-    )
-    most_background_frames: int = parameter(
-        40, unit="frames that this takes at most, evenly spread", source="20 frames a second; bounds the work"
-    )
-    over_background: float = parameter(
-        1.5, unit="z above what a fifth of these frames showed, where clean tails begin", source=_BACKGROUND
-    )
-    least_background: float = parameter(
-        0.25, unit="z above the limit, where they begin on any road for checks of light", source=_BACKGROUND
-    )
-    most_background: float = parameter(
-        1.5, unit="z above the limit, where they begin at most: slow ramps are attacks", source=_BACKGROUND
     )
     explained_share: float = parameter(
         0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS

@@ -36,11 +36,8 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import (
-    BACKGROUND_CHECKS,
     FrameSeries,
     Portion,
-    background,
-    levels_before,
     on_one_line,
 )
 from auditor.identification.incidents.stretches import (
@@ -56,7 +53,7 @@ from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.model.arrays import Flags, Floats, Indices, Integers
+from auditor.model.arrays import Flags, Indices, Integers
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
@@ -226,13 +223,12 @@ class _Judge:
         findings = self.verdicts(np.flatnonzero(self.raised).tolist())
         explained = np.zeros(len(self.raised), dtype=np.bool_)
         explained[[place for place, verdict in findings.items() if verdict.kind is VerdictKind.SUSPECT]] = True
-        beyond = np.repeat(scores[:, None], len(self._system.sensors), axis=1)
+        of_each = np.repeat(scores[:, None], len(self._system.sensors), axis=1)
         rising = np.flatnonzero(whole.ratios > 0)  # what the others take away they do on any road
         if rising.size:
-            clear = self._z[rising] - self._background(rising, whole.periods_s, limit)
-            own = sensor_scores(clear, self._system, [self._unused[place] for place in rising])
-            beyond[rising] = np.maximum(own, of_faults[rising, None])
-        return of_sensors(whole, beyond, explained, checks)
+            own = sensor_scores(self._z[rising], self._system, [self._unused[place] for place in rising])
+            of_each[rising] = np.maximum(own, of_faults[rising, None])
+        return of_sensors(whole, of_each, explained, checks)
 
     def lasting(self) -> list[LastingEvent]:
         """The events of the stretches of these frames."""
@@ -253,14 +249,6 @@ class _Judge:
         places = np.flatnonzero(beyond > 0).tolist()
         verdicts = self.verdicts(places)
         return {place: (verdicts[place], float(beyond[place])) for place in places if verdicts[place].kind in _ACCUSING}
-
-    def _background(self, places: Integers, periods_s: Floats, limit: float) -> Floats:
-        """(P, M) by how much the `limit` of each check is raised, in frames at P places, by what it showed before."""
-        columns = np.array([one.check in BACKGROUND_CHECKS for one in self._system.sensor_checks])
-        raised = np.zeros((len(places), len(columns)))
-        before = levels_before(self._z[:, columns], periods_s, self._series.runs, places)
-        raised[:, columns] = background(before, limit)
-        return raised
 
     def verdicts(self, places: Collection[int]) -> dict[int, Verdict]:
         """The verdicts on the frames at these places, each by itself."""

@@ -1,4 +1,4 @@
-"""The sequential test: evidence of frames, their background, excursions from zero, events, and the limit."""
+"""The sequential test: evidence of frames, excursions from zero, events, and the limit."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,6 @@ from auditor.identification.incidents.sequential import (
     periods_of,
     strong_frames,
 )
-from auditor.identification.incidents.series import background, levels_before
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import runs_of
@@ -53,13 +52,13 @@ def strong(hz, scores):
     return np.flatnonzero(strong_frames(evidence_at(hz, scores), scores > LIMIT, None)).tolist()
 
 
-def added(*values, runs=None, period=1.0, beyond=None, unexplained=None, worth=1.0):
+def added(*values, runs=None, period=1.0, of_each=None, unexplained=None, worth=1.0):
     """Evidence that adds these values, at one frame a second."""
     frames = len(values)
     runs = np.zeros(frames, dtype=np.int64) if runs is None else np.array(runs)
-    over = values if beyond is None else beyond
-    own = over if unexplained is None else unexplained
-    parts = (np.array(part, dtype=np.float64).reshape(frames, -1) for part in (over, own))
+    of_sensor = values if of_each is None else of_each
+    of_no_fault = of_sensor if unexplained is None else unexplained
+    parts = (np.array(part, dtype=np.float64).reshape(frames, -1) for part in (of_sensor, of_no_fault))
     values = np.array(values, dtype=np.float64)
     return Evidence(values, *parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
 
@@ -132,43 +131,43 @@ def test_quiet_frames_between_lower_the_sum_that_no_fault_explains_but_never_bel
     assert one.peak == pytest.approx(4)
 
 
-def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_what_is_beyond_the_background():
-    (one,) = parts_of(added(2, 2, 2, -1, 2, beyond=[2, -1, -1, -1, 1.5]))
+def test_an_excursion_goes_as_far_as_all_evidence_and_its_peak_is_of_one_sensor():
+    (one,) = parts_of(added(2, 2, 2, -1, 2, of_each=[2, -1, -1, -1, 1.5]))
     assert (one.rises, one.peak) == ((0, 1, 2, 4), 2.0)
-    (one,) = parts_of(added(2, 2, 2, beyond=[2, 2, 2], unexplained=[0, 0, 0]))
+    (one,) = parts_of(added(2, 2, 2, of_each=[2, 2, 2], unexplained=[0, 0, 0]))
     assert one.peak == pytest.approx(6 * INCIDENTS.explained_share)
-    (one,) = parts_of(added(2, 2, 2, beyond=[2, -0.5, 1], unexplained=[0, 0, 0]))
+    (one,) = parts_of(added(2, 2, 2, of_each=[2, -0.5, 1], unexplained=[0, 0, 0]))
     assert one.peak == pytest.approx(2.5 * INCIDENTS.explained_share)
 
 
 def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
-    (one,) = parts_of(added(2, 2, 2, beyond=[[2, -1], [-1, 2], [2, -1]]))
+    (one,) = parts_of(added(2, 2, 2, of_each=[[2, -1], [-1, 2], [2, -1]]))
     assert (one.rises, one.peak) == ((0, 1, 2), 3.0)
 
 
 def test_findings_of_other_sensors_make_no_incident_of_one():
     raised = np.ones(4, dtype=np.bool_)
     in_turn = [[9, -1], [9, -1], [-1, 9], [-1, 9]]
-    assert events(added(9, 9, 9, 9, beyond=in_turn, worth=0.3), raised, 1.0) == []
+    assert events(added(9, 9, 9, 9, of_each=in_turn, worth=0.3), raised, 1.0) == []
     one_more = [[9, -1], [9, -1], [-1, 9], [9, -1]]
-    assert events(added(9, 9, 9, 9, beyond=one_more, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3))]
+    assert events(added(9, 9, 9, 9, of_each=one_more, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3))]
 
 
 def test_flashes_on_another_sensor_hide_no_incident_however_strong_they_are():
     raised = np.ones(5, dtype=np.bool_)
     beside = [[2, -1], [2, 9], [2, 9], [2, -1], [2, -1]]
-    assert events(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3, 4))]
-    [one] = parts_of(added(2, 9, 9, 2, 2, beyond=beside, worth=0.3))
+    assert events(added(2, 9, 9, 2, 2, of_each=beside, worth=0.3), raised, 1.0) == [Event((0, 1, 2, 3, 4))]
+    [one] = parts_of(added(2, 9, 9, 2, 2, of_each=beside, worth=0.3))
     assert one.peak == 10.0, "of the five frames of the first, not of the two of the second"
 
 
-def test_what_a_frame_exceeds_the_background_by_is_beyond_it():
+def test_each_sensor_adds_what_its_own_score_says():
     scores, stamps = np.array([RAISED, RAISED, CLEAN]), stamps_at(10, 3)
-    beyond, explained = np.array([[RAISED], [CLEAN], [CLEAN]]), np.zeros(3, dtype=np.bool_)
-    found = of_sensors(evidence_of(scores, CHECKS, *pace(stamps)), beyond, explained, CHECKS)
-    assert found.beyond[0] == found.added[0] > 0
-    assert found.beyond[1] < 0 < found.added[1]
-    assert found.unexplained.tolist() == found.beyond.tolist()
+    own, explained = np.array([[RAISED], [CLEAN], [CLEAN]]), np.zeros(3, dtype=np.bool_)
+    found = of_sensors(evidence_of(scores, CHECKS, *pace(stamps)), own, explained, CHECKS)
+    assert found.of_each[0] == found.added[0] > 0
+    assert found.of_each[1] < 0 < found.added[1]
+    assert found.unexplained.tolist() == found.of_each.tolist()
 
 
 def test_what_a_fault_explains_adds_to_the_evidence_of_a_fault_only():
@@ -265,80 +264,3 @@ def test_clean_frames_as_the_ratio_takes_them_have_no_more_incidents_than_allowe
         count = len(found(1, scores, incident_limit(per_hour)))
         allowed = per_hour * hours
         assert count <= allowed + 2 * np.sqrt(allowed), count
-
-
-def levels(z, hz=10, runs=None, places=None):
-    z = np.asarray(z, dtype=np.float64)
-    z = z[:, None] if z.ndim == 1 else z
-    runs = np.zeros(len(z), dtype=np.int64) if runs is None else np.asarray(runs)
-    places = np.arange(len(z)) if places is None else np.asarray(places)
-    return levels_before(z, periods_of(stamps_at(hz, len(z)), runs), runs, places)
-
-
-def test_the_level_is_what_a_fifth_of_the_frames_of_two_seconds_showed():
-    z = np.full(40, -2.0)
-    z[12:15] = 1.0
-    assert levels(z, places=[25]) == -2.0
-    z[15] = 0.5  # the fourth of the eighteen frames from 2 s to 0.3 s before
-    assert levels(z, places=[25]) == 0.5
-    assert levels(z, places=[35]) == -2.0
-
-
-def test_the_last_frames_before_a_frame_are_no_background_so_that_what_begins_suddenly_has_none():
-    z = np.full(40, -2.0)
-    z[20:] = 5.0
-    begun = levels(z)[:, 0]
-    assert begun[20:26].tolist() == [-2.0] * 6
-    assert begun[26] == 5.0  # four frames of it are 0.3 s old
-
-
-def test_each_check_has_its_own_level_and_each_run_its_own_frames():
-    z = np.full((60, 2), -2.0)
-    z[:30, 1] = 3.0
-    assert levels(z, places=[29]).tolist() == [[-2.0, 3.0]]
-    runs = [0] * 30 + [1] * 30
-    assert levels(z, runs=runs, places=[30, 31, 45]).tolist() == [[-np.inf] * 2, [-np.inf] * 2, [-2.0, -2.0]]
-
-
-def test_frames_without_a_measurement_and_lone_frames_show_nothing():
-    z = np.full(40, np.nan)
-    assert levels(z, places=[39]) == -np.inf
-    z[30:34] = 1.0
-    assert levels(z, places=[39]) == 1.0
-    assert levels([5.0], places=[0]) == -np.inf
-
-
-@pytest.mark.parametrize(("hz", "frames"), [(0.5, 1), (1, 1), (2, 1), (5, 2), (10, 4), (20, 7)])
-def test_slow_recordings_look_at_five_frames_and_fast_ones_at_as_much_time(hz, frames):
-    z = np.full(100, -2.0)
-    gap = max(round(INCIDENTS.background_until_s * hz), 1)
-    z[80 - gap - frames + 1 : 80 - gap + 1] = 2.0
-    assert levels(z, hz=hz, places=[80]) == 2.0
-    z[80 - gap] = -2.0
-    assert levels(z, hz=hz, places=[80]) == -2.0
-
-
-def test_a_clock_that_hardly_moves_asks_for_no_more_frames_than_there_are():
-    z, places = np.full((300, 1), 1.0), np.arange(300)
-    runs = np.zeros(300, dtype=np.int64)
-    for stamps in (np.arange(300), np.zeros(300, dtype=np.int64)):
-        assert not np.isfinite(levels_before(z, periods_of(stamps, runs), runs, places)).any()
-
-
-def test_of_a_fast_camera_frames_are_taken_evenly():
-    z = np.full(3000, -2.0)
-    z[1000:2000] = 2.0
-    assert levels(z, hz=1000, places=[2300, 2399, 2999]).ravel().tolist() == [2.0, 2.0, 2.0]
-    assert levels(z, hz=1000, places=[999, 1300, 1800]).ravel().tolist() == [-2.0, -2.0, 2.0]
-
-
-def test_many_places_are_asked_about_a_part_at_a_time():
-    z = np.full(10_000, -2.0)
-    z[9000:] = 1.0
-    assert levels(z, places=[8999, *range(1, 9000), 9999]).ravel()[[0, 5, -1]].tolist() == [-2.0, -np.inf, 1.0]
-
-
-def test_a_background_raises_the_limit_by_a_little_on_any_road_and_by_no_more_than_a_bound():
-    least, most, over = INCIDENTS.least_background, INCIDENTS.most_background, INCIDENTS.over_background
-    raised = background(np.array([-np.inf, -2.0, LIMIT - over + 1.0, LIMIT + 4.0]), LIMIT)
-    assert raised.tolist() == pytest.approx([least, least, 1.0, most])

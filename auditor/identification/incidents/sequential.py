@@ -5,15 +5,14 @@
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
-5. Clean frames that are raised come in rows, where a stretch of road is hard: what exceeds its background alone speaks
-   for an incident (`background`), and it has to be evidence of one and the same sensor, in as many findings as an
-   incident needs. Most of them are explained by a fault as well: such evidence counts for a share, and an attack is an
-   incident by the frames that no fault explains (`Excursion.peak`).
+5. It has to be evidence of one and the same sensor, in as many findings as an incident needs. Where a fault explains a
+   frame as well its evidence counts for a share, and an attack is an incident by the frames that no fault explains
+   (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
-7. Findings that no incident holds are alerts: two in a row, a tenth of all frames, or one very strong frame. What
-   lasts becomes the drive's own level, a short recording has little time, and a hard road raises the limit: such
-   findings count as found all the same, though no rate of false alerts is promised (`alerts`).
+7. Findings that no incident holds are alerts: two in a row, a tenth of all frames, or one very strong frame. A short
+   recording has little time: such findings count as found all the same, though no rate of false alerts is promised
+   (`alerts`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,8 +35,8 @@ _S_PER_HOUR = 3600
 class Excursion:
     """The places of the frames at which the sum rose between two of its zeros, and the peak that an incident needs.
 
-    `peak` is the largest sum of a sensor that enough findings speak for: of the evidence beyond the background that no
-    fault explains, or a share of all that is beyond it. It is 0 where there is no such sensor.
+    `peak` is the largest sum of a sensor that enough findings speak for: of the evidence that no fault explains, or a
+    share of all of it. It is 0 where there is no such sensor.
     """
 
     rises: tuple[int, ...]
@@ -56,13 +55,13 @@ class Event:
 class Evidence:
     """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
 
-    `beyond` (F, S) is what each sensor adds beyond the background of its stretch of road, and `unexplained` (F, S) of
-    that what no fault explains as well. `worth` (F,) is how many independent frames it is worth, and `periods_s` (F,)
-    are the usual times between two frames of its run; NaN where there is only one.
+    `of_each` (F, S) is what each sensor adds, and `unexplained` (F, S) of that what no fault explains as well. `worth`
+    (F,) is how many independent frames it is worth, and `periods_s` (F,) are the usual times between two frames of its
+    run; NaN where there is only one.
     """
 
     added: Floats
-    beyond: Floats
+    of_each: Floats
     unexplained: Floats
     ratios: Floats
     worth: Floats
@@ -74,8 +73,7 @@ def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) 
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
     `runs` (F,) number the runs without a gap that the frames belong to, in ascending order, and `periods_s` (F,) are
-    their `periods_of`. One sensor has all scores, without a background, and nothing is explained: `of_sensors` says
-    more.
+    their `periods_of`. One sensor has all scores, and nothing is explained: `of_sensors` says more.
     """
     worth = frame_worth(periods_s)
     ratios = log_ratios(scores, checks)
@@ -83,13 +81,13 @@ def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) 
     return Evidence(added, added[:, None], added[:, None], ratios, worth, runs, periods_s)
 
 
-def of_sensors(whole: Evidence, beyond: Floats, explained: Flags, checks: int) -> Evidence:
-    """The evidence of F frames by sensor: `beyond` (F, S) is the largest z of each less the background.
+def of_sensors(whole: Evidence, scores: Floats, explained: Flags, checks: int) -> Evidence:
+    """The evidence of F frames by sensor: `scores` (F, S) is the largest z of each.
 
     `explained` (F,) says which frames a fault explains as well as an attack.
     """
-    own = _added(log_ratios(beyond, checks), whole.worth[:, None])
-    return replace(whole, beyond=own, unexplained=np.where(explained[:, None], 0.0, own))
+    own = _added(log_ratios(scores, checks), whole.worth[:, None])
+    return replace(whole, of_each=own, unexplained=np.where(explained[:, None], 0.0, own))
 
 
 def _added(ratios: Floats, worth: Floats) -> Floats:
@@ -277,7 +275,7 @@ def _peak(evidence: Evidence, rises: Sequence[int], raised: Flags) -> float:
         enough &= evidence.worth[findings] @ speaking >= INCIDENTS.fewest_worth
         return float((_highest(added[span]) * enough).max())
 
-    return max(highest(evidence.unexplained), INCIDENTS.explained_share * highest(evidence.beyond))
+    return max(highest(evidence.unexplained), INCIDENTS.explained_share * highest(evidence.of_each))
 
 
 def _highest(added: Floats) -> Floats:

@@ -1,23 +1,16 @@
-"""Successive frames that are judged together: those of a recording, or of the portions that its rigs make of it.
-
-What a check showed before a frame is its background: clean frames that are raised come in rows, where a stretch of road
-is hard.
-"""
+"""Successive frames that are judged together: those of a recording, or of the portions that its rigs make of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil
 
 import numpy as np
 
 from auditor.identification.causes.faults import frozen, repeated
-from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import periods_of
-from auditor.identification.statistics import NANOSECONDS, runs_of
+from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.checks import IMAGE_CHECKS, Check
 from auditor.model.verdict import CauseIn
 
 
@@ -102,45 +95,3 @@ def on_one_line(parts: Sequence[FrameSeries], order: Integers) -> list[FrameSeri
     bounds = np.cumsum([len(one.stamps_ns) for one in parts])[:-1]
     of_parts = zip(*(np.split(column[in_turn], bounds) for column in (runs, periods_of(stamps_ns, runs))), strict=True)
     return [replace(one, runs=own, periods_s=periods) for one, (own, periods) in zip(parts, of_parts, strict=True)]
-
-
-_AT_ONCE = 4096
-"""Frames whose windows are in memory at once."""
-
-BACKGROUND_CHECKS = frozenset({*IMAGE_CHECKS, Check.ISOLATED_POINTS, Check.POINT_DROPOUT, Check.LOST_RETURNS})
-"""The checks whose clean frames are raised in rows; LiDAR conflicts are in single ones, light in rows in none."""
-
-
-def background(levels: Floats, limit: float) -> Floats:
-    """By how much z the limit is raised where checks showed such `levels` before; as little as on any road of -inf."""
-    return np.clip(levels + INCIDENTS.over_background - limit, INCIDENTS.least_background, INCIDENTS.most_background)
-
-
-def levels_before(z: Floats, periods_s: Floats, runs: Integers, places: Integers) -> Floats:
-    """(P, C) the z that a fifth of the frames before each of P places showed, of (F, C) scores of C checks.
-
-    -inf where fewer frames of its run (F,) were measured before it. `periods_s` (F,) are the times between two frames
-    of its run, NaN of a lone frame. The share is that of a strobe's attacked frames.
-    """
-    firsts, periods = np.searchsorted(runs, runs[places]), periods_s[places]
-    levels = np.full((len(places), z.shape[1]), -np.inf)
-    for one in range(0, len(places), _AT_ONCE):
-        part = slice(one, one + _AT_ONCE)
-        for period in np.unique(periods[part][~np.isnan(periods[part])]):
-            at = one + np.flatnonzero(periods[part] == period)
-            before = places[at, None] - _window(float(period))
-            first = firsts[at, None]
-            values = z[np.maximum(before, first)]
-            values[np.isnan(values) | (before < first)[:, :, None]] = -np.inf
-            place = before.shape[1] - ceil(before.shape[1] * INCIDENTS.duty)
-            levels[at] = np.partition(values, place, axis=1)[:, place]
-    return levels
-
-
-def _window(period_s: float) -> Integers:
-    """(W,) how many frames before a frame those of its background are: all of the time, or so many of a fast camera."""
-    period = max(period_s, 1 / NANOSECONDS)
-    nearest = max(round(INCIDENTS.background_until_s / period), 1)
-    farthest = max(round(INCIDENTS.background_s / period), nearest + INCIDENTS.background_frames - 1)
-    frames = min(farthest - nearest + 1, INCIDENTS.most_background_frames)
-    return np.rint(np.linspace(nearest, farthest, frames)).astype(np.int64)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
-from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
 from auditor.identification.statistics import runs_of, window_bounds
@@ -212,12 +212,12 @@ class CaseSeries:
         runs = runs_of(stamps)
         first, end = window_bounds(stamps, _around_s(), runs)
         # Whether a frame's sensors are frozen follows from the frames beside it, also across a gap.
-        wider = max(MIN_FRAMES + 1, INCIDENTS.quiet_frames + INCIDENTS.background_frames)
+        wider = max(MIN_FRAMES + 1, INCIDENTS.quiet_frames + STRETCHES.fewest_frames)
         row_of = {one.frame: row for row, one in enumerate(known)}
         return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))
 
 
 def _around_s() -> float:
     """The seconds around a case that its verdict and its incident follow from: half of them before it."""
-    of_incidents = 2 * (INCIDENTS.quiet_s + INCIDENTS.background_s)
+    of_incidents = 2 * (INCIDENTS.quiet_s + STRETCHES.seconds)
     return max(LONGEST_WINDOW_S, LIGHT_OF_CAUSES.nearby_s, 2 * LIGHT_OF_CAUSES.further_s, of_incidents)
