@@ -138,9 +138,6 @@ class PhotometricConsistency:
 
     textured_norm: float = parameter(40.0, unit="grey levels, norm of a patch: 5.7 a half px", source=_CHECKS)
     inconsistent: float = parameter(0.2, unit="NCC below which no patch nearby shows the same", source=_CHECKS)
-    inverted: float = parameter(
-        -0.4, unit="NCC below which a grey and a colour camera show the same, light for dark", source=_STREETS
-    )
     nearby_px: tuple[int, int] = parameter((5, 5), unit="half px", source=_CHECKS)
     lands_left_px: float = parameter(2.0, unit="half px from which on a pixel is occluded", source=_CHECKS)
     around_occluded_px: tuple[int, int] = parameter((3, 3), unit="half px", source=_CHECKS)
@@ -183,32 +180,6 @@ class Light:
     fitted_step: int = parameter(4, unit="half px between those that curves are fitted to", source=_LIGHT)
     level: float = parameter(12.0, unit="grey levels of residual 1 in the dark", source=_LIGHT)
     share: float = parameter(0.25, unit="of the prediction, more", source=_LIGHT)
-    infrared_level: float = parameter(30.0, unit="as `level`, where a grey camera is brighter", source=_LIGHT)
-    infrared_share: float = parameter(0.35, unit="as `share`, where a grey camera is brighter", source=_LIGHT)
-    infrared_dim: float = parameter(
-        0.5, unit="of the prediction, the least a grey camera shows of what saturates colours", source=_STREETS
-    )
-    colour_spread: float = parameter(
-        4.0,
-        unit="of residual 1, more, for all of the chroma, where a grey camera is darker than colours predict",
-        source="docs/decisions.md, strong colours: 1, 2, 3 and 4 tried",
-    )
-    surface_chroma: float = parameter(
-        0.6,
-        unit="share by which the brightest channel exceeds the darkest, of a surface at most",
-        source="docs/decisions.md, strong colours: walls and leaves at most 0.45, lasers 0.66 and more",
-    )
-    colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
-    overexposed_from: int = parameter(
-        170,
-        unit="grey levels of the other camera, the least that one may overexpose",
-        source="docs/decisions.md, what a camera overexposes: 128, 150, 170 and 190 tried",
-    )
-    as_predicted: float = parameter(
-        0.1,
-        unit="largest residual of what saturates in one camera as the other predicts",
-        source="docs/decisions.md, what a camera overexposes",
-    )
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from auditor.measurement.checks.point_distribution import isolated, isolated_rat
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.arrays import Image, Indices, Mask
+from auditor.model.arrays import Image, Indices
 from auditor.model.checks import Check, CountedPair, IsolatedShares, Pair, SensorCheck, resolves_depth
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
@@ -139,8 +139,7 @@ def collect_checks(
     }
     patches = {k: Patches.of(half_res[k]) for k in dict.fromkeys(k for _, k in maps)}
     consistencies = {
-        (i, k): photometric_consistency(patches[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
-        for (i, k), stereo in maps.items()
+        (i, k): photometric_consistency(patches[k], half_res[i], stereo) for (i, k), stereo in maps.items()
     }
     lights = {
         (i, k): light_difference(lit[k], lit[i], seen.matches.column, seen.matches.seen)
@@ -206,21 +205,9 @@ def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, som
     """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row."""
     summed = partial(sums_of_pair, places) if some is None else partial(sums_of_some, places, some)
     [inconsistencies] = summed(seen.comparable, [seen.inconsistent])
-    excused = (
-        sums_of_some(places, _marked(mask, some), seen.comparable, [seen.inconsistent])[0]
-        for mask in (light.excused, light.source_excused)
-    )
-    of_reference, of_source = (inconsistencies.without(one) for one in excused)
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
-    return _PairSums(
-        PairSums(of_source.source, of_reference.reference, of_source.grid), of_light, coloured[0] if coloured else None
-    )
-
-
-def _marked(mask: Mask, some: Indices | None) -> Indices:
-    """The pixels that a mask (h, w) marks, or those of some (M,)."""
-    return np.flatnonzero(mask) if some is None else some[mask.ravel()[some]]
+    return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:

@@ -14,42 +14,16 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
-from auditor.measurement.checks.tone_curve import (
-    Classes,
-    Prediction,
-    chroma_classes,
-    no_bluer_than_green,
-    predict,
-    saturation_level,
-)
+from auditor.measurement.checks.tone_curve import Classes, chroma_classes, predict, saturation_level
 from auditor.measurement.disparity.row_warp import warp
-from auditor.measurement.parameters import CHROMA, LIGHT
+from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
 _NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)
 _WHITE = np.uint8(255)
 _EVERY = LIGHT.fitted_step
-_LEVELS = np.arange(256, dtype=np.uint8)
-_UNITS, _INFRARED_UNITS = (  # by predicted level, the residual of 1 in grey levels
-    np.float32(level) + np.float32(share) * _LEVELS
-    for level, share in ((LIGHT.level, LIGHT.share), (LIGHT.infrared_level, LIGHT.infrared_share))
-)
-_CHROMA = _LEVELS / np.float32(255)
-_SPREAD = 1 + np.float32(LIGHT.colour_spread) * np.minimum(_CHROMA, np.float32(LIGHT.surface_chroma) - _CHROMA).clip(0)
-_DIM = (_LEVELS * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
-
-
-@dataclass(frozen=True, eq=False)
-class Colours:
-    """What a colour camera sees, (h, w) each: its grey `luma`, its `brightest` channel, and the `classes` of chroma.
-
-    `chroma` is by how much the brightest channel exceeds the darkest; 255 is all of it, the light of one line.
-    """
-
-    luma: Image
-    brightest: Image
-    chroma: Image
-    classes: Classes
+_UNITS = np.float32(LIGHT.level) + np.float32(LIGHT.share) * np.arange(256, dtype=np.uint8)
+"""By predicted level, the residual of 1 in grey levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +54,9 @@ class View:
         return () if self.colour is None else tuple(saturation_level(one) for one in _split(self.colour))
 
     @cached_property
-    def colours(self) -> Colours:
-        """Those of a colour camera."""
-        blue, green, red = self.channels
-        brightest, darkest = (np.asarray(of(of(blue, green), red), dtype=np.uint8) for of in (cv2.max, cv2.min))
-        chroma = (brightest - darkest) / (brightest + np.float32(CHROMA.dark / len(self.channels))) * np.float32(_WHITE)
-        return Colours(self.levels, brightest, chroma.astype(np.uint8), chroma_classes(blue, green, red))
+    def classes(self) -> Classes:
+        """(h, w) the classes of chroma of a colour camera."""
+        return chroma_classes(*self.channels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,83 +64,62 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour. `excused` and `source_excused` (h, w): where it shows nothing of the
-    reference, or of the source, that the two do not see the same, since one of them overexposes what is bright there.
+    cameras: the same of light of one colour.
     """
 
     residual: Floats32
     comparable: Mask
-    excused: Mask
-    source_excused: Mask
     coloured: Floats32 | None = None
 
 
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
-    warp = _Warp(column * seen)
-    *others, levels = warp.of_all([*(source.channels if reference.channels else ()), source.levels])
-    coloured = colours = None
+    warped = column * seen
+    *others, levels = _warped([*(source.channels if reference.channels else ()), source.levels], warped)
+    coloured = None
     if reference.channels and source.channels:
         channels = _channels(reference, source, others)
         residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
-        colours = reference.colours
-        residual = -_of_mixture(levels, source.saturation, colours, reference.saturation, seen)
-    elif source.channels:
-        colours = warp.of_colours(source.colours, levels)
-        residual = _of_mixture(reference.levels, reference.saturation, colours, source.saturation, seen)
+        grey = Channel(levels, reference.levels, source.saturation, reference.saturation)
+        residual = -_of_levels(grey, seen, reference.classes)
     else:
-        residual = _alike(reference.levels, levels, seen, reference.saturation, source.saturation)
-    saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
-    comparable = seen & ~(saturated & source_saturated)
+        classes = warp(source.classes, warped, cv2.INTER_NEAREST) if source.channels else None
+        grey = Channel(reference.levels, levels, reference.saturation, source.saturation)
+        residual = _of_levels(grey, seen, classes)
+    comparable = seen & ~((reference.levels >= reference.saturation) & (levels >= source.saturation))
     residual = np.clip(residual, -1, 1) * comparable
-    # A facula over most of an image bends the curve until it predicts it: what it saturates is dark in the other.
-    bright = cv2.min(reference.levels, levels) >= LIGHT.overexposed_from
-    as_predicted = comparable & bright & (np.abs(residual) < LIGHT.as_predicted)
-    excused, source_excused = as_predicted & saturated, as_predicted & source_saturated
-    if colours is not None:
-        of_colours, of_grey = (source_excused, excused) if source.channels else (excused, source_excused)
-        neither = _at_fault_is_neither(of_colours, of_grey, colours)
-        excused, source_excused = excused | neither, source_excused | neither
-    return LightDifference(
-        residual,
-        comparable,
-        excused=np.asarray(excused),
-        source_excused=np.asarray(source_excused),
-        coloured=None if coloured is None else coloured * comparable,
-    )
+    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
-@dataclass(frozen=True, eq=False)
-class _Warp:
-    column: Floats32
-
-    def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
-        return warp(image, self.column, how)
-
-    def of_all(self, images: Sequence[Image]) -> tuple[Image, ...]:
-        """Some (h, w) images at once: four take little more time than one."""
-        return _split(self.of(np.asarray(cv2.merge(images), dtype=np.uint8)))
-
-    def of_colours(self, colours: Colours, luma: Image) -> Colours:
-        """All of them; `luma` is warped already."""
-        brightest, chroma = self.of_all([colours.brightest, colours.chroma])
-        return Colours(luma, brightest, chroma, self.of(colours.classes, cv2.INTER_NEAREST))
+def _warped(images: Sequence[Image], column: Floats32) -> tuple[Image, ...]:
+    """Some (h, w) images at once: four take little more time than one."""
+    return _split(warp(np.asarray(cv2.merge(images), dtype=np.uint8), column))
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One channel of two colour cameras, (h, w) in the reference's view, and from which level on each saturates."""
+    """Levels (h, w) of two cameras, in the reference's view, and from which level on each saturates."""
 
     value: Image
     other: Image
     saturation: int
     other_saturation: int
 
+    def usable(self, seen: Mask) -> Mask:
+        """(M,) which of the pixels that curves are fitted to both see, and neither saturates."""
+        s, t = self.sampled
+        return np.asarray(seen[::_EVERY, ::_EVERY].ravel() & (s < self.other_saturation) & (t < self.saturation))
+
+    @property
+    def sampled(self) -> tuple[Image, Image]:
+        """(M,) levels of the source and of the reference, every fourth pixel each way."""
+        return self.other[::_EVERY, ::_EVERY].ravel(), self.value[::_EVERY, ::_EVERY].ravel()
+
     def samples(self, seen: Mask) -> tuple[Image, Image]:
         """(M,) levels of the source and of the reference, where both see and neither saturates."""
-        s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (self.other, self.value))
-        usable = seen[::_EVERY, ::_EVERY].ravel() & (s < self.other_saturation) & (t < self.saturation)
+        usable = self.usable(seen)
+        s, t = self.sampled
         return s[usable], t[usable]
 
     @property
@@ -178,8 +128,18 @@ class Channel:
         return np.asarray(self.value >= self.saturation), np.asarray(self.other >= self.other_saturation)
 
     def residual(self, predicted: Image) -> Floats32:
-        """By what share it lies above or below what is predicted."""
-        return _relative(self.value, predicted, *self.saturated)
+        """(h, w) by what share the reference lies above, or below, all that is predicted within 5 x 5 pixels.
+
+        Where the source is saturated there is no upper limit, and what is saturated itself is not darker.
+        """
+        saturated, source_saturated = self.saturated
+        highest = cv2.dilate(cv2.max(predicted, source_saturated * _WHITE), _NEARBY)
+        lowest = cv2.erode(predicted, _NEARBY)
+        lowest *= ~saturated
+        nearest = cv2.min(cv2.max(self.value, lowest), highest)
+        residual = np.asarray(cv2.subtract(self.value, nearest, dtype=cv2.CV_32F), dtype=np.float32)
+        residual /= cv2.LUT(nearest, _UNITS)
+        return residual
 
 
 def _channels(reference: View, source: View, others: Sequence[Image]) -> list[Channel]:
@@ -190,77 +150,18 @@ def _channels(reference: View, source: View, others: Sequence[Image]) -> list[Ch
 
 def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
     """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
-    mean, *others = (
-        np.clip(_alike(one.value, one.other, seen, one.saturation, one.other_saturation), -1, 1) for one in channels
-    )
+    mean, *others = (np.clip(_of_levels(channel, seen), -1, 1) for channel in channels)
     for residual in others:  # in place: `np.mean` copies all of them first
         mean += residual
     mean /= np.float32(len(channels))
     return mean
 
 
-def _alike(value: Image, other: Image, seen: Mask, saturation: int, other_saturation: int) -> Floats32:
-    """The residual of levels of one kind."""
-    predicted = _prediction(other, value, seen, other_saturation, saturation).of(other)
-    return _relative(value, predicted, value >= saturation, other >= other_saturation)
-
-
-def _of_mixture(greys: Image, grey_saturation: int, colours: Colours, saturation: int, seen: Mask) -> Floats32:
-    """How much brighter the grey camera is than the colour camera predicts.
-
-    The stronger the colour of a surface, the less its luma tells of what a wider spectrum sees: a violet wall or yellow
-    paint may be darker. No surface has so strong a colour as a laser.
-    """
-    luma, classes = colours.luma, colours.classes
-    predicted = _prediction(luma, greys, seen, saturation, grey_saturation, classes).of(luma, classes)
-    saturated = colours.brightest >= min(saturation, LIGHT.colour_saturation)
-    residual = _relative(greys, predicted, greys >= grey_saturation, saturated, infrared=True)
-    return np.asarray(cv2.max(residual, residual / cv2.LUT(colours.chroma, _SPREAD)), dtype=np.float32)
-
-
-def _at_fault_is_neither(of_colours: Mask, of_grey: Mask, colours: Colours) -> Mask:
-    """(h, w) what excuses both a colour and a grey camera, of what excuses the one and what excuses the other.
-
-    In near infrared the sky is dark and leaves are white. So what overexposes in colours may have a texture in grey,
-    and the reverse, and neither is at fault: but no leaf is blue or magenta, as are stripes that radio waves leave.
-    """
-    return np.asarray(of_colours | (of_grey & no_bluer_than_green(colours.classes)))
-
-
-def _prediction(
-    source: Image,
-    target: Image,
-    seen: Mask,
-    source_saturation: int,
-    target_saturation: int,
-    classes: Classes | None = None,
-) -> Prediction:
-    """Fitted to every fourth pixel each way that both see and that saturates in neither."""
-    s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (source, target))
-    usable = seen[::_EVERY, ::_EVERY].ravel() & (s < source_saturation) & (t < target_saturation)
-    return predict(s, t, usable, None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
-
-
-def _relative(
-    value: Image, predicted: Image, saturated: Mask, source_saturated: Mask, *, infrared: bool = False
-) -> Floats32:
-    """By what share the values lie above, or below, all that is predicted within 5 x 5 pixels.
-
-    Where the source is saturated there is no upper limit, and what is saturated itself is not darker. A grey camera
-    that sees near `infrared` sees plants brighter than colours tell.
-    """
-    highest = cv2.dilate(cv2.max(predicted, source_saturated * _WHITE), _NEARBY)
-    lowest = cv2.erode(predicted, _NEARBY)
-    if infrared:  # how dark a grey camera sees what is white in the other's colours, as the sky, is not known well
-        lowest = cv2.copyTo(cv2.LUT(lowest, _DIM), cv2.dilate(source_saturated.view(np.uint8), _NEARBY), lowest)
-    lowest *= ~saturated
-    nearest = cv2.min(cv2.max(value, lowest), highest)
-    unit = cv2.LUT(nearest, _UNITS)
-    if infrared:
-        unit = cv2.copyTo(cv2.LUT(nearest, _INFRARED_UNITS), cv2.compare(value, nearest, cv2.CMP_GT), unit)
-    residual = np.asarray(cv2.subtract(value, nearest, dtype=cv2.CV_32F), dtype=np.float32)
-    residual /= unit
-    return residual
+def _of_levels(channel: Channel, seen: Mask, classes: Classes | None = None) -> Floats32:
+    """The residual of levels; grey ones are predicted from a colour camera's by its classes (h, w) of chroma."""
+    sampled = None if classes is None else classes[::_EVERY, ::_EVERY].ravel()
+    prediction = predict(*channel.sampled, channel.usable(seen), sampled)
+    return channel.residual(prediction.of(channel.other, classes))
 
 
 def _split(colour: Image) -> tuple[Image, ...]:

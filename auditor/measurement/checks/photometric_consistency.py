@@ -83,14 +83,8 @@ def matches_of(stereo: StereoMap) -> Matches:
     return Matches(column, seen)
 
 
-def photometric_consistency(
-    still: Patches, source: Image, stereo: StereoMap, *, mixed: bool = False
-) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate it with the reference's patches, both (h, w) at half resolution.
-
-    Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
-    brighter than the sky in the infrared, and darker in colours.
-    """
+def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) -> PairConsistency:
+    """Warp the source image (h, w) by DM_{i,k} and correlate it with the reference's patches, at half resolution."""
     matches = matches_of(stereo)
     warped = Patches.of(warp(source, matches.column))
     ncc = _mean(_products(still.pixels, warped.pixels))
@@ -99,10 +93,8 @@ def photometric_consistency(
     ncc /= (still.norm + _NORM_FLOOR) * (warped.norm + _NORM_FLOOR)
     structured = cv2.max(still.norm, warped.norm) > PHOTOMETRIC_CONSISTENCY.textured_norm
     comparable = np.asarray(matches.seen & structured)
-    no_match = cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent
-    if mixed:
-        no_match &= cv2.erode(ncc, _NEARBY) > PHOTOMETRIC_CONSISTENCY.inverted
-    return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
+    inconsistent = comparable & (cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)
+    return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(inconsistent), matches)
 
 
 def _inside(valid: Mask) -> Mask:

@@ -21,7 +21,6 @@ _BINS = TONE_CURVE.bins
 _WIDTH = _LEVELS // _BINS
 _OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)
 _CLASSES = len(CHROMA.edges) + 1  # of red over green, and as many of blue
-_NEUTRAL = sum(edge < 0 for edge in CHROMA.edges)
 
 Classes = NDArray[np.uint8]
 """(h, w) the class of chroma of each pixel."""
@@ -69,11 +68,6 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
         for edge in CHROMA.edges:
             found += (share > np.float32(edge)).view(np.uint8)
     return found
-
-
-def no_bluer_than_green(classes: Classes) -> Mask:
-    """(h, w) the pixels of the classes in which blue does not exceed green, as of leaves, and of what is white."""
-    return np.asarray(classes % np.uint8(_CLASSES) <= _NEUTRAL)
 
 
 def saturation_level(image: Image) -> int:
