@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
-_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r", "by")
-_EXPENDABLE = ("date", "r", "by", "vehicle", "audited", "frames")
+_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", "looked at", *_COUNTS, "sensors", "r", "by")
+_EXPENDABLE = ("date", "r", "by", "vehicle", "looked at", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
 _ID_SHOWN = 8
@@ -286,6 +286,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
         **{column: row[column] for column in (*_WHERE_KNOWN, *_COUNTS)},
         "frames": row["frames"],
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",
+        "looked at": None if row["looked_share"] is None else f"{100 * row['looked_share']:.0f} %",
         "sensors": _first([_named(one) for one in row["attacked_sets"]]) or None,
         "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
         "by": row["by"],

@@ -17,6 +17,7 @@ from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
 from auditor.measurement.fault_features.added_light import added_light, with_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
+from auditor.measurement.looked_at import looked_at
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
@@ -24,6 +25,7 @@ from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Coverage, Measurement
+from auditor.model.optics.common_view import shown_shares
 from auditor.model.rig import LIDAR, Rig
 
 Item = TypeVar("Item")
@@ -83,11 +85,15 @@ class _Maker(Generic[Item]):
 
 @dataclass(frozen=True, eq=False)
 class _PreparedFrame:
-    """A frame that is ready for matching: `whole`, and in `parts` each pair that has a view of its own in `views`."""
+    """A frame that is ready for matching: `whole`, and in `parts` each pair that has a view of its own in `views`.
+
+    `of_picture` is the share of each camera's recorded picture that the view shows in which it is counted.
+    """
 
     whole: RectifiedFrame
     parts: Mapping[Pair, RectifiedFrame]
     views: Mapping[Pair, PairView]
+    of_picture: Mapping[int, float]
 
     @property
     def matched(self) -> list[RectifiedFrame]:
@@ -146,7 +152,7 @@ def _prepare(frame: Frame, rig: Rig, matcher: Matcher) -> _PreparedFrame:
     pairs = matched(triples)
     whole = prepare(rectified, seen.rig, triples, pairs, colour=matcher.colour)
     parts = {pair: _prepare_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}
-    return _PreparedFrame(whole, parts, seen.pairs)
+    return _PreparedFrame(whole, parts, seen.pairs, shown_shares(rig))
 
 
 def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFrame:
@@ -195,7 +201,7 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.measured_triples),
-        coverage=_coverage(prepared.whole, arrays),
+        coverage=_coverage(prepared, arrays),
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
         unmasked_cells=arrays.frame_checks.unmasked_cells,
@@ -204,21 +210,29 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
     return measurement, arrays
 
 
-def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
-    own = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()}
-    maps: Maps = own or arrays.maps
-    lights = added_light(arrays.frame_checks.cells, prepared.half_res)
+def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
+    whole, cells = prepared.whole, arrays.frame_checks.cells
+    maps: Maps = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()} or arrays.maps
+    lights = added_light(cells, whole.half_res)
+    cloud = whole.frame.cloud
+    looked = looked_at(cells, prepared.of_picture, None if cloud is None else len(cloud.xyz_m))
     coverage = {
         number: replace(
-            with_light(brightness(prepared.frame.images[number].pixels, pixels), lights.get(number)),
-            textureless_share=1.0 - _share(prepared.texture[number]),
+            with_light(brightness(whole.frame.images[number].pixels, pixels), lights.get(number)),
+            textureless_share=1.0 - _share(whole.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
+            compared_share=looked[number].by_one,
+            compared_by_two_share=looked[number].by_two,
         )
-        for number, pixels in prepared.greys.items()
+        for number, pixels in whole.greys.items()
     }
-    if prepared.frame.cloud is not None:
+    if cloud is not None:
         leftmost = max(arrays.lidar, default=None)
-        coverage[LIDAR] = Coverage(returns=arrays.lidar[leftmost].returns if leftmost is not None else None)
+        coverage[LIDAR] = Coverage(
+            returns=arrays.lidar[leftmost].returns if leftmost is not None else None,
+            compared_share=looked[LIDAR].by_one,
+            compared_by_two_share=looked[LIDAR].by_two,
+        )
     return coverage
 
 

@@ -49,7 +49,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 14
+COUNTING_VERSION = 15
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 
@@ -97,7 +97,8 @@ class Coverage:
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
     leftmost), their mean grey `level`, and of colour cameras the mean of each channel. `lit_px` are half px where all
     others say that light was added, `saturated_px` those that saturate near most of it and in most other cameras do
-    not. LiDAR: `returns`, the points that fall into the leftmost camera's view.
+    not. LiDAR: `returns`, the points that fall into the leftmost camera's view. Both: the shares of its picture, or of
+    its points, that another sensor was compared with, and that two were.
     """
 
     saturated_share: float | None = None
@@ -110,6 +111,8 @@ class Coverage:
     lit_px: float | None = None
     saturated_px: float | None = None
     returns: int | None = None
+    compared_share: float | None = None
+    compared_by_two_share: float | None = None
 
 
 BRIGHTNESS = ("level", "saturated_share", "blue_level", "green_level", "red_level", "lit_px", "saturated_px")

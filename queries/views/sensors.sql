@@ -14,6 +14,8 @@
 -- column unmatched_share: Share of pixels of a source camera without a disparity.
 -- column level: Mean of a camera's pixels in grey levels.
 -- column returns: LiDAR points that fall into the leftmost camera's view.
+-- column compared_share: Share of a camera's picture, or of the LiDAR's points, that one other sensor at least was compared with.
+-- column compared_by_two_share: The same by two other sensors at least.
 SELECT
     frame.measurement_id,
     frame.frame,
@@ -29,7 +31,9 @@ SELECT
     frame.textureless_share[sensor.position] AS textureless_share,
     frame.unmatched_share[sensor.position] AS unmatched_share,
     frame.level[sensor.position] AS level,
-    frame.returns[sensor.position] AS returns
+    frame.returns[sensor.position] AS returns,
+    frame.compared_share[sensor.position] AS compared_share,
+    frame.compared_by_two_share[sensor.position] AS compared_by_two_share
 FROM stored_frames AS frame
 JOIN stored_measurements AS measurement USING (measurement_id)
 JOIN (

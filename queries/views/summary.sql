@@ -9,6 +9,7 @@
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
+-- column looked_share: Of the camera of which least is looked at: the share of its picture that two others at least were compared with; NULL where that was not measured.
 -- column attacked_sensors: Sensors that an incident or an alert names; by the robust method a frame that belongs to neither names none, though `attacked` counts it.
 -- column alerts: Frames with a finding that belong to an alert, and to no incident.
 -- column attacked_names: The recording's own names of these sensors.
@@ -32,6 +33,7 @@ SELECT
     measurement.measured,
     (judgement.clean + judgement.attacked + judgement.unidentified + judgement.suspect)
         / nullif(measurement.frames - coalesce(measurement.skipped['edge'], 0), 0) AS audited_share,
+    looked.least AS looked_share,
     judgement.clean,
     judgement.attacked,
     judgement.unidentified,
@@ -67,5 +69,8 @@ LEFT JOIN (
     )
     GROUP BY measurement_id
 ) AS named ON named.measurement_id = measurement.measurement_id
+LEFT JOIN (
+    SELECT measurement_id, min(two_share) AS least FROM looked WHERE sensor > 0 GROUP BY measurement_id
+) AS looked ON looked.measurement_id = measurement.measurement_id
 WHERE $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording)
 ORDER BY recording.name, recording.recording_id, measurement.measurement_id

@@ -44,9 +44,10 @@ def test_mixed_verdicts_are_shown_as_such_and_suspects_too(store, capfd):
     summary.show_audit(store, "table", Tally())
     head, row, *_ = table(capfd.readouterr().out)
     assert head == [
-        "recording", "frames", "audited", "clean", "attacked", "unidentified", "suspect", "sensors", "r", "by"
+        "recording", "frames", "audited", "looked at", *("clean", "attacked", "unidentified", "suspect", "sensors"),
+        "r", "by",
     ]  # fmt: skip
-    assert row == ["a.mcap", "10", "100.0 %", "2", "6", "1", "1", "S_2 (4), S_1 (2)", "0.01*", "learnt"]
+    assert row == ["a.mcap", "10", "100.0 %", "75 %", "2", "6", "1", "1", "S_2 (4), S_1 (2)", "0.01*", "learnt"]
 
 
 def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(store, capfd):
@@ -54,7 +55,7 @@ def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(sto
     row = dict.fromkeys(
         ("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
     )
-    row |= {"audited_share": None, "resolvable": None, "attacked_sets": sets[:2]}
+    row |= {"audited_share": None, "looked_share": 0.9, "resolvable": None, "attacked_sets": sets[:2]}
     assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
     row["attacked_sets"] = sets
     assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3), S_1 (2) and 1 more"

@@ -47,7 +47,8 @@ def make_measurement(rig, number, errors=None, *, statistics=(), missing=(), sta
     errors += [None] * (len(rig.measured_triples) - len(errors)) if len(errors) == len(rig.triples) else []
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
     counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
-    coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}
+    looked = {"compared_share": 0.875, "compared_by_two_share": 0.75}
+    coverage = {s: Coverage(0.25, 0.5, 0.125, **looked) if s else Coverage(returns=1000 + number) for s in rig.sensors}
     shares = dict(zip(rig_sensor_checks(rig), statistics, strict=False))
     prints = {s: 10 * number + s for s in rig.sensors if s not in missing}
     return Measurement(

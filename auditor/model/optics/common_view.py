@@ -79,21 +79,26 @@ def compared_shares(rig: Rig) -> dict[int, float]:
     Cameras that stand on one line are compared in the view that all of them see whole, others pair by pair in what
     both see. Cameras that see nothing in common have a share of 0.
     """
-    if rig.is_rectified:
-        return dict.fromkeys((camera.number for camera in rig.cameras), 1.0)
-    groups = [rig.sensors[-rig.n :]] if rig.shares_view else rig.pairs
+    return shown_shares(rig) if rig.shares_view else _shares(rig, [(rig.pair(*pair), pair) for pair in rig.pairs])
+
+
+@cache
+def shown_shares(rig: Rig) -> dict[int, float]:
+    """The share of each camera's picture, by its number, that the view shows which all cameras see whole."""
+    cameras = rig.sensors[-rig.n :]
+    return dict.fromkeys(cameras, 1.0) if rig.is_rectified else _shares(rig, [(rig, cameras)])
+
+
+def _shares(rig: Rig, groups: Sequence[tuple[Rig, Sequence[int]]]) -> dict[int, float]:
+    """The share of each camera's picture that all cameras of a group see, of rigs with their cameras' numbers here."""
     looked = {camera.number: np.zeros(_cells(camera), dtype=np.bool_) for camera in rig.cameras}
-    for numbers in groups:
-        cameras = [rig.camera(number) for number in numbers]
-        own = rig if rig.shares_view else rig.pair(*numbers)
+    for own, numbers in groups:
         with suppress(RigError):
-            view = common_view(own, widest=not rig.shares_view)
+            view = common_view(own, widest=own is not rig)
             places = [recorded_pixels(c, view.view_SO3_rig, view.x[::_STEP], view.y[::_STEP]) for c in own.cameras]
             seen = np.logical_and.reduce([sees(at, c, _STEP) for at, c in zip(places, own.cameras, strict=True)])
-            for camera, (u, v) in zip(cameras, places, strict=True):
-                looked[camera.number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = (
-                    True
-                )
+            for number, (u, v) in zip(numbers, places, strict=True):
+                looked[number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = True
     return {number: float(cells.mean()) for number, cells in looked.items()}
 
 

@@ -33,8 +33,9 @@ _COVERAGE = """
         count(*) FILTER (state = 'damaged') AS damaged,
         median(saturated_share) AS saturated_share,
         median(textureless_share) AS textureless_share,
-        median(unmatched_share) AS unmatched_share,
-        median(returns) AS returns
+        median(returns) AS returns,
+        median(compared_share) AS compared_share,
+        median(compared_by_two_share) AS compared_by_two_share
     FROM sensors
     WHERE measurement_id = '{}'
     GROUP BY sensor

@@ -55,8 +55,9 @@ class SensorLine:
     damaged: int = 0
     saturated_share: float | None = None
     textureless_share: float | None = None
-    unmatched_share: float | None = None
     returns: float | None = None
+    compared_share: float | None = None
+    compared_by_two_share: float | None = None
 
     @property
     def what(self) -> str:

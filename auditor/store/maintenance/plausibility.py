@@ -20,7 +20,7 @@ _WITHIN = (
 )
 """Counts that are parts of others."""
 
-_SHARES = ("saturated_share", "textureless_share", "unmatched_share")
+_SHARES = ("saturated_share", "textureless_share", "unmatched_share", "compared_share", "compared_by_two_share")
 _MOST_IN_CELL = 127
 _BRIGHTEST = 255.0
 _EDGES = ("left_px", "top_px", "right_px", "bottom_px")
