@@ -2,6 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -54,36 +55,52 @@ def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
 
 
 _GREY = Encoding(1, None, None)
+_GREY_16 = Encoding(1, None, None, bytes_a_value=2)
 _UYVY = Encoding(2, "COLOR_YUV2GRAY_UYVY", "COLOR_YUV2BGR_UYVY")
 _YUYV = Encoding(2, "COLOR_YUV2GRAY_YUY2", "COLOR_YUV2BGR_YUY2")
+_I420 = Encoding(1, "COLOR_YUV2GRAY_I420", "COLOR_YUV2BGR_I420", planar=True)
 
-ENCODINGS = {
-    "mono8": _GREY,
-    "8UC1": _GREY,
-    "mono16": Encoding(1, None, None, bytes_a_value=2),
-    "16UC1": Encoding(1, None, None, bytes_a_value=2),
-    "bgr8": Encoding(3, "COLOR_BGR2GRAY", None),
-    "8UC3": Encoding(3, "COLOR_BGR2GRAY", None),
-    "rgb8": Encoding(3, "COLOR_RGB2GRAY", "COLOR_RGB2BGR"),
-    "bgra8": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
-    "8UC4": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
-    "rgba8": Encoding(4, "COLOR_RGBA2GRAY", "COLOR_RGBA2BGR"),
-    "bayer_rggb8": _bayer("RGGB"),
-    "bayer_bggr8": _bayer("BGGR"),
-    "bayer_gbrg8": _bayer("GBRG"),
-    "bayer_grbg8": _bayer("GRBG"),
-    "bayer_rggb16": _bayer("RGGB", 2),
-    "bayer_bggr16": _bayer("BGGR", 2),
-    "bayer_gbrg16": _bayer("GBRG", 2),
-    "bayer_grbg16": _bayer("GRBG", 2),
-    "yuv422": _UYVY,
-    "uyvy": _UYVY,
-    "yuv422_yuy2": _YUYV,
-    "yuyv": _YUYV,
+
+def _colours(order: str, bytes_a_value: int = 1) -> Encoding:
+    to_bgr = None if order == "BGR" else f"COLOR_{order}2BGR"
+    return Encoding(len(order), f"COLOR_{order}2GRAY", to_bgr, bytes_a_value)
+
+
+def _mosaics() -> Iterator[tuple[str, Encoding]]:
+    """Mosaics by their names in ROS, in GenICam, which names the first two pixels alone, and in V4L2."""
+    for order in ("RGGB", "BGGR", "GBRG", "GRBG"):
+        for name in (f"bayer{order}", f"bayer{order[:2]}", f"s{order}"):
+            yield f"{name}8".lower(), _bayer(order)
+            yield from ((f"{name}{bits}".lower(), _bayer(order, 2)) for bits in (10, 12, 14, 16))
+
+
+ENCODINGS: Mapping[str, Encoding] = {
+    **dict.fromkeys(("mono8", "8uc1", "gray8", "grey8", "gray", "grey", "y8", "y800"), _GREY),
+    **dict.fromkeys(
+        ("mono10", "mono12", "mono14", "mono16", "16uc1", "gray16", "grey16", "y10", "y12", "y16"), _GREY_16
+    ),
+    **dict.fromkeys(("bgr8", "8uc3", "bgr24", "bgr8packed"), _colours("BGR")),
+    **dict.fromkeys(("rgb8", "rgb24", "rgb8packed"), _colours("RGB")),
+    **dict.fromkeys(("bgra8", "8uc4", "bgra8packed"), _colours("BGRA")),
+    **dict.fromkeys(("rgba8", "rgba8packed"), _colours("RGBA")),
+    **dict.fromkeys(("bgr10", "bgr12", "bgr16", "16uc3"), _colours("BGR", 2)),
+    **dict.fromkeys(("rgb10", "rgb12", "rgb16"), _colours("RGB", 2)),
+    **dict.fromkeys(("bgra16", "16uc4"), _colours("BGRA", 2)),
+    "rgba16": _colours("RGBA", 2),
+    **dict(_mosaics()),
+    **dict.fromkeys(("yuv422", "uyvy", "yuv422packed", "yuv4228uyvy", "ycbcr4228cbycry"), _UYVY),
+    **dict.fromkeys(("yuv422yuy2", "yuyv", "yuy2", "yuv4228", "ycbcr4228"), _YUYV),
+    "yvyu": Encoding(2, "COLOR_YUV2GRAY_YVYU", "COLOR_YUV2BGR_YVYU"),
     "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
+    **dict.fromkeys(("i420", "iyuv", "yu12"), _I420),
+    "yv12": Encoding(1, "COLOR_YUV2GRAY_YV12", "COLOR_YUV2BGR_YV12", planar=True),
 }
-"""Encodings of sensor_msgs/image_encodings.hpp that are supported; of 16-bit values see `pictures`."""
+"""Encodings by their names in small letters without underscores; of 16-bit values see `pictures`.
+
+The names are those of sensor_msgs/image_encodings.hpp, of GenICam's pixel formats (PFNC; values that are not packed),
+which drivers of its cameras pass on, and of V4L2 and OpenCV.
+"""
 
 
 class _Depths:
@@ -170,7 +187,9 @@ def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the cla
     name = image.encoding
     if name == "passthrough":
         name = _PASSTHROUGH.get(image.step // image.width, name)
-    encoding = ENCODINGS.get(name)
+    encoding = ENCODINGS.get(name.lower().replace("_", "").removeprefix("cv"))
+    if not name:
+        raise DecodingError("the image does not say its encoding: its field is empty", where=topic)
     if encoding is None:
         raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not supported", where=topic)
     return encoding

@@ -7,8 +7,10 @@ Of values of more than 8 bits 8 are kept. A camera of 12 bits writes values of 0
 each picture's own would hide an attack.
 """
 
+import re
 import struct
 import zlib
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import cv2
@@ -29,7 +31,10 @@ _JPEG_SIZE = struct.Struct(">BHHB")
 _JPEG_NO_SIZE = {0xC4, 0xC8, 0xCC}
 _JPEG_WITHOUT_LENGTH = {0x01, 0xFF, *range(0xD0, 0xD8)}  # 0xFF fills
 _JPEG_END_SEARCH_BYTES = 1024
-
+_JPEG_SCAN = 0xDA
+_JPEG_END = b"\xff\xd9"
+_JPEG_NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""What ends the image data of a scan: any marker but the restarts within it."""
 
 Values = NDArray[np.unsignedinteger[Any]]
 """(H, W) or (H, W, channels), of 8 bits or of 16 in the machine's byte order."""
@@ -83,7 +88,7 @@ def _decode(data: memoryview, picture: Picture, *, in_colour: bool) -> Values:
     """All values, (H, W) or (H, W, 3) BGR."""
     if picture.form == "png":
         _check_png_chunks(data)
-    elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(b"\xff\xd9") < 0:
+    elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(_JPEG_END) < 0 and not _ends_within(data):
         # Inside the image data 0xFF is always followed by 0: this pair can only be the end.
         raise DecodingError("the JPEG is cut: it has no end")
     flag = cv2.IMREAD_COLOR if in_colour else cv2.IMREAD_GRAYSCALE
@@ -155,7 +160,19 @@ def _check_png_chunks(data: memoryview) -> None:
         position = end + 4
 
 
-def _inspect_jpeg(data: memoryview) -> Picture:
+def _ends_within(data: memoryview) -> bool:
+    """Whether a JPEG ends somewhere before the end of the message: drivers send whole buffers, filled with anything."""
+    for marker, position, length in _jpeg_segments(data):
+        if marker != _JPEG_SCAN:
+            continue
+        found = _JPEG_NEXT_MARKER.search(data, position + 2 + length)
+        if found and found.group() == _JPEG_END:
+            return True
+    return False
+
+
+def _jpeg_segments(data: memoryview) -> Iterator[tuple[int, int, int]]:
+    """The marker of each segment, where it begins, and its length without the marker."""
     position = 2
     while position + 4 <= len(data) and data[position] == 0xFF:
         marker = data[position + 1]
@@ -163,12 +180,20 @@ def _inspect_jpeg(data: memoryview) -> Picture:
             position += 1 if marker == 0xFF else 2
             continue
         length = int.from_bytes(data[position + 2 : position + 4], "big")
+        yield marker, position, length
+        if length < 2:
+            return
+        position += 2 + length
+        if marker == _JPEG_SCAN:
+            found = _JPEG_NEXT_MARKER.search(data, position)
+            position = found.start() if found else len(data)
+
+
+def _inspect_jpeg(data: memoryview) -> Picture:
+    for marker, position, _ in _jpeg_segments(data):
         if 0xC0 <= marker <= 0xCF and marker not in _JPEG_NO_SIZE:
             if position + 4 + _JPEG_SIZE.size > len(data):
                 break
             _, height, width, components = _JPEG_SIZE.unpack_from(data, position + 4)
             return Picture("jpeg", (width, height), grey=components == 1)
-        if length < 2:
-            break
-        position += 2 + length
     raise DecodingError("the JPEG is cut or damaged in its header")

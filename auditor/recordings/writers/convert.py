@@ -27,7 +27,7 @@ from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageD
 from auditor.recordings.decoding.kitti import OXTS, scan_points
 from auditor.recordings.decoding.pictures import encode_picture, inspect_picture
 from auditor.recordings.decoding.poses import PoseDecoder
-from auditor.recordings.decoding.ros import RosTypes, Types, parse_definition, registered
+from auditor.recordings.decoding.ros import RosTypes, Types, registered, types_of
 from auditor.recordings.recording import Damage, Definition, Recording, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
@@ -180,12 +180,12 @@ class _Copying:
 
     def definition(self, schema: str) -> Definition | None:
         """The definition to be written: the recording's own, unless its messages are serialised anew."""
-        own = self._recording.definition(schema)
+        own = self._decoders.types.definition(schema)
         if own is not None and own.encoding != "ros1msg":
             return own
         store = self._stores.get(schema, self._maker.store)
         if schema not in store.fielddefs:
-            return None
+            return self._recording.definition(schema)  # one without text is copied as it is
         return Definition("ros2msg", store.generate_msgdef(schema, ros_version=2)[0].encode())
 
     def to_ros2(self, message: Message) -> Message | None:
@@ -208,7 +208,7 @@ class _Copying:
     def _from_ros1(self, message: Message) -> bytes:
         store = self._stores.get(message.schema)
         if store is None:
-            store = _ros2_store(message.schema, self._recording.definition(message.schema))
+            store = _ros2_store(message.schema, self._decoders.types.definition(message.schema))
             self._stores[message.schema] = store
         return bytes(store.ros1_to_cdr(memoryview(message.data), message.schema))
 
@@ -235,10 +235,8 @@ class _Copying:
 
 def _ros2_store(schema: str, definition: Definition | None) -> Typestore:
     """The ROS 2 form of a ROS 1 definition: the same fields in lower case, headers without their counter."""
-    if definition is None:
-        raise DecodingError("the recording does not define it", where=schema)
     types: Types = {
         name: (constants, [(field.lower(), kind) for field, kind in fields if (name, field) != (HEADER, "seq")])
-        for name, (constants, fields) in parse_definition(schema, definition).items()
+        for name, (constants, fields) in types_of(schema, definition, "ros1").items()
     }
     return registered(schema, types)
