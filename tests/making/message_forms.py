@@ -119,6 +119,13 @@ RAW = (
     Raw("yuyv", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUY2), lossless=False),
     Raw("nv12", lambda bgr: semi_planar(bgr, swapped=False), lossless=False),
     Raw("nv21", lambda bgr: semi_planar(bgr, swapped=True), lossless=False),
+    Raw("i420", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420), lossless=False),
+    Raw("yv12", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YV12), lossless=False),
+    Raw("yvyu", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YVYU), lossless=False),
+    Raw("BayerRG8", lambda bgr: mosaic(bgr, "rggb"), lossless=False),
+    Raw("RGB8", lambda bgr: bgr[:, :, ::-1]),
+    Raw("rgb16", lambda bgr: twice(bgr[:, :, ::-1])),
+    Raw("bgra16", lambda bgr: twice(np.dstack([bgr, bgr[:, :, 0]]))),
 )
 
 

@@ -90,6 +90,8 @@ def unpack_message(data: bytes, spending: Spending) -> bytes:
         frames = FrameWalk(BytesIO(data), len(data), _MOST_BLOCKS_A_MESSAGE).frames()
     except zstandard.ZstdError as error:
         raise BadChunkError(f"its zstd data are damaged ({error})") from error
+    if not frames.whole:
+        raise BadChunkError("its zstd data are cut")
     if frames.size is None:
         raise BadChunkError("its zstd frame does not declare its size")
     allow(spending, len(data), frames.size)
