@@ -7,6 +7,7 @@ from itertools import chain
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import OldPointCloudDecoder, PointCloudDecoder
+from auditor.recordings.decoding.compressed_clouds import CompressedCloudDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
@@ -20,6 +21,7 @@ from auditor.recordings.decoding.interface import (
     RepairingDecoder,
     Transform,
 )
+from auditor.recordings.decoding.livox import LivoxDecoder
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.recording import Definition
 from auditor.resources import entries_of
@@ -52,6 +54,8 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.CAMERA_INFO: (_ROS, RosCameraInfoDecoder),
     schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
+    **dict.fromkeys(schemas.LIVOX, (_ROS, LivoxDecoder)),
+    schemas.COMPRESSED_CLOUD: (_ROS, CompressedCloudDecoder),
     kitti.PICTURE: (frozenset({"png"}), lambda _: kitti.KittiPictureDecoder()),
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
     kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),

@@ -31,11 +31,15 @@ class PointCloudDecoder:
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
-        cloud = self._types.decode(message)
+        cloud = self.decoded(message)
         layout = layout_of(cloud)
         for repair in layout.repairs:
             self.repairs[f"{message.topic}: {repair}"] = None
         return finite(xyz_of(points_of(cloud, layout)))
+
+    def decoded(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the definition
+        """The cloud as an object with the fields of sensor_msgs/PointCloud2. Raises DecodingError."""
+        return self._types.decode(message)
 
 
 class OldPointCloudDecoder(PointCloudDecoder):

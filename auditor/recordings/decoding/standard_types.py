@@ -1,4 +1,4 @@
-"""ROS's own message types, for recordings that do not define them."""
+"""The message types of ROS itself and of a few drivers, for recordings that do not define them."""
 
 from functools import cache
 
@@ -7,13 +7,32 @@ from rosbags.typesys.store import Typestore
 
 from auditor.recordings import schemas
 
+_LIVOX_POINT = (
+    "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"  # 19 bytes
+)
+_LIVOX = (
+    "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+)
+_COMPRESSED_CLOUD = (
+    "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n"
+    "uint32 point_step\nuint32 row_step\nuint8[] compressed_data\nbool is_dense\nstring format\n"
+)
+
+_DRIVERS = {
+    **{name.replace("CustomMsg", "CustomPoint"): _LIVOX_POINT for name in schemas.LIVOX},
+    **dict.fromkeys(schemas.LIVOX, _LIVOX),
+    schemas.COMPRESSED_CLOUD: _COMPRESSED_CLOUD,
+}
+
 
 @cache  # it compiles what serialises a type when it is first asked to
 def known_types(encoding: str = "cdr") -> Typestore:
     """The definitions of ROS 1 (for the encoding 'ros1') or ROS 2; nothing is registered in it later."""
-    if encoding != "ros1":
-        return get_typestore(Stores.ROS2_HUMBLE)
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for name in (schemas.TRANSFORMS, schemas.TRANSFORMS_OLD):
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
+    texts = dict(_DRIVERS)
+    if encoding == "ros1":
+        transforms = "geometry_msgs/TransformStamped[] transforms"
+        texts |= dict.fromkeys((schemas.TRANSFORMS, schemas.TRANSFORMS_OLD), transforms)
+    for name, text in texts.items():
+        store.register(get_types_from_msg(text, name))
     return store
