@@ -11,6 +11,9 @@ MAX_BYTES = 64 * 2**20
 MAX_PIXELS = 24 * 10**6
 """Pixels of an image: cameras of vehicles have up to 12 million; a PNG may take 12 bytes a pixel to decode."""
 
+MAX_WAVELET_PIXELS = 12 * 10**6
+"""Pixels of a JPEG 2000, whose decoder takes 15 bytes a pixel."""
+
 MAX_POINTS = 10**7
 """Points of a cloud: a sweep has 0.3 million at most, and a map is no sweep."""
 

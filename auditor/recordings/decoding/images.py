@@ -14,11 +14,11 @@ from auditor.model.arrays import Image
 from auditor.model.frames import Message
 from auditor.model.rig import MOST_BITS
 from auditor.recordings.decoding.interface import Header, SizePx
+from auditor.recordings.decoding.picture_heads import inspect_picture
 from auditor.recordings.decoding.pictures import (
     Values,
     check_size,
     decode_picture,
-    inspect_picture,
     largest_picture_value,
     upper_8_bits,
 )
@@ -148,7 +148,7 @@ class RawDecoder(_Depths, ABC):
 
 
 class PictureDecoder(_Depths, ABC):
-    """Decodes images that are PNG or JPEG files. See interface.ImageDecoder and DeepImageDecoder."""
+    """Decodes images that are files, PNG and JPEG mostly. See interface.ImageDecoder and DeepImageDecoder."""
 
     @abstractmethod
     def picture(self, message: Message) -> memoryview:
@@ -163,7 +163,7 @@ class PictureDecoder(_Depths, ABC):
         return decode_picture(self.picture(message), colour=colour, size_px=size_px, bits=self.bits(message))
 
     def largest_value(self, message: Message) -> int | None:
-        """The largest value of a PNG of 16 bits; None of any other file."""
+        """The largest value of a file of 16 bits a value; None of any other."""
         return largest_picture_value(self.picture(message))
 
 
@@ -225,7 +225,7 @@ def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:
 
 
 class CompressedImageDecoder(PictureDecoder):
-    """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, recognised by its first bytes: `format` is free text.
+    """sensor_msgs/CompressedImage: a picture file or H.264, recognised by its first bytes, since `format` is free text.
 
     All messages of a topic have the form of its first one.
     """
@@ -257,11 +257,11 @@ class CompressedImageDecoder(PictureDecoder):
         return super().pixels(message, colour=colour, size_px=size_px)
 
     def largest_value(self, message: Message) -> int | None:
-        """The largest value of a PNG of 16 bits; None of anything else."""
+        """The largest value of a file of 16 bits a value; None of anything else."""
         return None if self._of_video(message) else super().largest_value(message)
 
     def picture(self, message: Message) -> memoryview:
-        """The PNG or JPEG file inside the message."""
+        """The file inside the message."""
         image = self._types.decode(message)
         if DEPTH_PICTURE in image.format:
             raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)

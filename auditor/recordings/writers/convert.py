@@ -25,7 +25,8 @@ from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.kitti import OXTS, scan_points
-from auditor.recordings.decoding.pictures import encode_picture, inspect_picture
+from auditor.recordings.decoding.picture_heads import inspect_picture
+from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.decoding.poses import PoseDecoder
 from auditor.recordings.decoding.ros import RosTypes, Types, registered, types_of
 from auditor.recordings.recording import Damage, Definition, Recording, Topic
