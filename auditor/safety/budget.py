@@ -26,6 +26,9 @@ MAX_TRANSFORM_BYTES = 2**20
 MAX_TRANSFORMS_BYTES = 16 * 2**20
 """Bytes of tf before a rig is known: a minute of 2,000 transforms a second, and 6 s of work."""
 
+MAX_DESCRIPTION_BYTES = 4 * 2**20
+"""Characters of a robot's description (URDF): those of vehicles have 10 to 200 kB, and meshes lie in other files."""
+
 MAX_MODEL_BYTES = 2**30
 """Bytes of a network's file, and of what is unpacked from it; published stereo networks have 20 to 500 MB."""
 
