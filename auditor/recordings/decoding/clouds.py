@@ -14,6 +14,7 @@ from auditor.recordings.parameters import POINT_UNITS
 from auditor.safety.budget import MAX_POINTS
 
 _BEYOND_M = np.float32(1e9)
+_OTHER_ORDER = "its byte order is not the one that is_bigendian says: only in the other one its points are distances"
 
 
 class PointCloudDecoder:
@@ -33,9 +34,15 @@ class PointCloudDecoder:
         """The finite points, (N, 3) float32 metres."""
         cloud = self.decoded(message)
         layout = layout_of(cloud)
-        for repair in layout.repairs:
+        points = points_of(cloud, layout)
+        repairs = layout.repairs
+        if not hold_distances(points):
+            points, repairs = points.view(layout.dtype.newbyteorder()), (*repairs, _OTHER_ORDER)
+            if not hold_distances(points):
+                raise DecodingError("its fields x, y and z hold no distances: their datatype or byte order is wrong")
+        for repair in repairs:
             self.repairs[f"{message.topic}: {repair}"] = None
-        return finite(xyz_of(points_of(cloud, layout)))
+        return finite(xyz_of(points))
 
     def decoded(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the definition
         """The cloud as an object with the fields of sensor_msgs/PointCloud2. Raises DecodingError."""
@@ -88,6 +95,16 @@ def check_unit(xyz_m: NDArray[np.float32]) -> None:
             f"half of its points would lie {'beyond' if median_m > 1 else 'within'} {median_m:.3g} m, so that x, y and "
             "z are not metres; convert them to metres"
         )
+
+
+def hold_distances(points: NDArray[np.void]) -> bool:
+    """False where the first points' coordinates are mostly no metres of any world; missing returns say nothing."""
+    few = points[:: max(1, len(points) // POINT_UNITS.looked_at)]
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(np.concatenate([few[axis] for axis in "xyz"]).astype(np.float64))
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    within = np.count_nonzero((sizes > POINT_UNITS.smallest_m) & (sizes < POINT_UNITS.largest_m))
+    return bool(within >= POINT_UNITS.least_distances * len(sizes))
 
 
 def xyz_of(points: NDArray[np.void]) -> NDArray[np.float32]:

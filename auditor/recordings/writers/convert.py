@@ -22,7 +22,7 @@ from auditor.model.frames import CameraImage, Message, PointCloud
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
+from auditor.recordings.decoding.clouds import PointCloudDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.kitti import OXTS, scan_points
 from auditor.recordings.decoding.picture_heads import inspect_picture
@@ -51,6 +51,7 @@ class Changing:
         self._maker = maker
         self._types = RosTypes(definition)
         self._raw, self._compressed = RawImageDecoder(self._types), CompressedImageDecoder(self._types)
+        self._clouds = PointCloudDecoder(self._types)
         for topic, bits in depths.items():
             self._raw.use_depth(topic, bits)
             self._compressed.use_depth(topic, bits)
@@ -96,7 +97,7 @@ class Changing:
     def _point_cloud(self, message: Message, change: Callable[[PointCloud], PointCloud]) -> bytes:
         cloud = self._types.decode(message)
         stamp = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec
-        before = finite(xyz_of(points_of(cloud)))
+        before = self._clouds.xyz_m(message)
         after = change(PointCloud(stamp, before)).xyz_m
         # The attacked cloud does not say which old point a new one was: intensities are not copied.
         points = np.zeros((len(after), 4), np.float32)

@@ -211,6 +211,38 @@ def test_a_header_that_fits_is_not_said_to_be_put_right(given_fields: dict[str, 
     assert not used.repairs
 
 
+@pytest.mark.parametrize(("order", "flag"), [("<", True), (">", False)])
+@pytest.mark.parametrize("width", [4, 8])
+def test_a_byte_order_that_is_declared_wrong_is_put_right(order: str, flag: bool, width: int) -> None:
+    used, datatype = decoder(), {4: 7, 8: 8}[width]
+    xyz = XYZ.copy()
+    xyz[3], xyz[5, 2], xyz[7] = np.nan, np.inf, 0
+    written = xyz.astype(f"{order}f{width}").view(np.uint8)
+    cloud = message(written, fields=xyz_fields(width, datatype), point_step=3 * width, is_bigendian=flag)
+    assert np.array_equal(used.xyz_m(cloud), np.delete(xyz, [3, 5], axis=0))
+    assert isinstance(used, RepairingDecoder)
+    [said] = used.repairs
+    assert "byte order" in said
+
+
+@pytest.mark.parametrize("big", [False, True])
+def test_numbers_that_are_distances_in_neither_order_are_refused(big: bool) -> None:
+    """Angles in ticks, said to be floats: as floats they are next to 0."""
+    ticks = np.random.default_rng(1).integers(0, 36_000, (60, 3), np.uint32)
+    cloud = message(ticks.view(np.uint8), fields=xyz_fields(), point_step=12, is_bigendian=big)
+    with pytest.raises(DecodingError, match="no distances"):
+        decoder().xyz_m(cloud)
+
+
+def test_coordinates_that_are_0_or_rounding_are_distances() -> None:
+    """A scanner of one row that was turned: z is 0 but for rounding."""
+    row = XYZ.copy()
+    row[:, 2] = 1e-17
+    assert np.array_equal(decoder().xyz_m(message(row.view(np.uint8), xyz_fields(), 12)), row)
+    nothing = np.zeros_like(row)
+    assert np.array_equal(decoder().xyz_m(message(nothing.view(np.uint8), xyz_fields(), 12)), nothing)
+
+
 def test_padded_rows_are_not_taken_for_a_wrong_row_step() -> None:
     rows = np.zeros((5, 100), np.uint8)
     rows[:, :72] = XYZ.view(np.uint8).reshape(5, 72)
