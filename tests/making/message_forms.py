@@ -195,8 +195,9 @@ def ros(
                 if schema == schemas.IMAGE and (raw or picture):
                     frame_id = rig.camera(int(topic[-1])).name
                 if tracks and schema == schemas.IMAGE:
-                    schema = schemas.COMPRESSED_IMAGE  # noqa: PLW2901
-                    data = maker.compressed_image(next(tracks[topic]), "h264", stamp_ns, frame_id)  # noqa: PLW2901
+                    assert picture
+                    packet = next(tracks[topic])
+                    schema, data = _ros_video(maker, packet, picture[1], stamp_ns, frame_id)  # noqa: PLW2901
                 elif schema == schemas.IMAGE and (raw or picture):
                     schema, data = _ros_image(maker, images[topic, stamp_ns], stamp_ns, frame_id, raw, picture)  # noqa: PLW2901
                 elif schema == schemas.POINT_CLOUD and cloud:
@@ -210,6 +211,21 @@ def ros(
         return folder / "a.mcap"
 
     return write
+
+
+def _ros_video(maker: MessageMaker, packet: bytes, form: str, stamp_ns: int, frame_id: str) -> tuple[str, bytes]:
+    """A packet as CompressedImage, or as one of the messages made for videos, which `form` names."""
+    if form == schemas.FFMPEG_PACKET:
+        named = {"encoding": "libx264", "width": WIDTH, "height": HEIGHT, "pts": 0, "flags": 0, "is_bigendian": False}
+        head = {"header": maker.header(stamp_ns, frame_id)}
+    elif form == schemas.FOXGLOVE_VIDEO:
+        named = {"format": "h264"}
+        stamp = maker.store.types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+        head = {"timestamp": stamp, "frame_id": frame_id}
+    else:
+        return schemas.COMPRESSED_IMAGE, maker.compressed_image(packet, form, stamp_ns, frame_id)
+    made = maker._made(form, **head, **named, data=np.frombuffer(packet, np.uint8))
+    return form, maker.serialise(form, made)
 
 
 def file_of(pixels: Pixels | NDArray[np.uint16], form: str) -> bytes:
@@ -410,6 +426,9 @@ FORMS = (
         lossless=False,
     ),
     MessageForm("ROS 2 CompressedImage h264", ros(picture=("h264", "h264")), lossless=False),
+    MessageForm("ROS 2 FFMPEGPacket h264", ros(picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
+    MessageForm("ROS 1 FFMPEGPacket h264", ros("ros1", picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
+    MessageForm("ROS 2 CompressedVideo h264", ros(picture=("h264", schemas.FOXGLOVE_VIDEO)), lossless=False),
     MessageForm("ROS 1 CompressedImage h264", ros("ros1", picture=("h264", "h264")), lossless=False),
     MessageForm("ROS 1 Image rgb8", ros("ros1", raw=RAW[3])),
     MessageForm("ROS 1 CompressedImage png", ros("ros1", picture=("png", "png"))),

@@ -23,6 +23,7 @@ from auditor.recordings.decoding.interface import (
 )
 from auditor.recordings.decoding.livox import LivoxDecoder
 from auditor.recordings.decoding.ros import RosTypes
+from auditor.recordings.decoding.ros_videos import RosVideoDecoder
 from auditor.recordings.recording import Definition
 from auditor.resources import entries_of
 
@@ -55,6 +56,8 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
     **dict.fromkeys(schemas.LIVOX, (_ROS, LivoxDecoder)),
+    schemas.FFMPEG_PACKET: (_ROS, RosVideoDecoder),
+    schemas.FOXGLOVE_VIDEO: (frozenset({"cdr"}), RosVideoDecoder),
     schemas.COMPRESSED_CLOUD: (_ROS, CompressedCloudDecoder),
     kitti.PICTURE: (frozenset({"png"}), lambda _: kitti.KittiPictureDecoder()),
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),

@@ -1,6 +1,5 @@
 """sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -23,7 +22,7 @@ from auditor.recordings.decoding.pictures import (
     upper_8_bits,
 )
 from auditor.recordings.decoding.ros import RosTypes, read_header
-from auditor.recordings.decoding.video import Videos, is_h264
+from auditor.recordings.decoding.video import Videos, is_h264, refuse_other_video
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
@@ -31,8 +30,6 @@ _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 
 DEPTH_PICTURE = "compressedDepth"
 """In the format of a compressed image: depths, by the transport of that name."""
-
-_H265 = re.compile(r"h\.?265|hevc", re.IGNORECASE)
 
 
 class Encoding(NamedTuple):
@@ -265,9 +262,12 @@ class CompressedImageDecoder(PictureDecoder):
         image = self._types.decode(message)
         if DEPTH_PICTURE in image.format:
             raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)
-        if _H265.search(image.format):
-            raise DecodingError(f"the video {image.format[:40]!r} is H.265, which is not decoded", where=message.topic)
-        return memoryview(image.data)
+        data = memoryview(image.data)
+        try:
+            refuse_other_video(image.format, data)
+        except DecodingError as error:
+            raise DecodingError(error.what, where=message.topic) from error
+        return data
 
     def _of_video(self, message: Message) -> bool:
         if message.topic not in self._is_video:

@@ -18,10 +18,17 @@ _COMPRESSED_CLOUD = (
     "uint32 point_step\nuint32 row_step\nuint8[] compressed_data\nbool is_dense\nstring format\n"
 )
 
+_FFMPEG_PACKET = (
+    "std_msgs/Header header\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n"
+    "bool is_bigendian\nuint8[] data\n"
+)
+
 _DRIVERS = {
     **{name.replace("CustomMsg", "CustomPoint"): _LIVOX_POINT for name in schemas.LIVOX},
     **dict.fromkeys(schemas.LIVOX, _LIVOX),
     schemas.COMPRESSED_CLOUD: _COMPRESSED_CLOUD,
+    schemas.FFMPEG_PACKET: _FFMPEG_PACKET,
+    schemas.FOXGLOVE_VIDEO: "builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n",
 }
 
 
