@@ -62,7 +62,7 @@ class Lens:
         given = self.coefficients
         fitting = [size for size in _SIZES[model] if size <= len(given) and not any(given[size:])]
         if not fitting or not np.isfinite(given).all():
-            raise RigError(f"{len(given)} coefficients do not fit the model {self.model}", where="lens")
+            raise RigError(f"{len(given)} coefficients do not fit the model {self.model or model}", where="lens")
         given = tuple(float(value) for value in given[: fitting[0]])
         straight = model != FISHEYE and not any(given)
         object.__setattr__(self, "model", PINHOLE if straight else model)
