@@ -7,7 +7,6 @@ from itertools import chain
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import OldPointCloudDecoder, PointCloudDecoder
-from auditor.recordings.decoding.compressed_clouds import CompressedCloudDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
@@ -21,7 +20,8 @@ from auditor.recordings.decoding.interface import (
     RepairingDecoder,
     Transform,
 )
-from auditor.recordings.decoding.livox import LivoxDecoder
+from auditor.recordings.decoding.points.compressed import CompressedCloudDecoder
+from auditor.recordings.decoding.points.livox import LivoxDecoder
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.decoding.ros_videos import RosVideoDecoder
 from auditor.recordings.recording import Definition

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding.cloud_layouts import Layout, layout_of
 from auditor.recordings.decoding.interface import Header
+from auditor.recordings.decoding.points.layouts import Layout, layout_of
 from auditor.recordings.decoding.ros import RosTypes, end_of_header, read_header
 from auditor.recordings.parameters import POINT_UNITS
 from auditor.safety.budget import MAX_POINTS

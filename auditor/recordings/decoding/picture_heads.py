@@ -177,8 +177,8 @@ def _check_bmp(data: memoryview) -> None:
 
 def _inspect_tiff(data: memoryview) -> Picture:
     fields = _tiff_fields(data)
-    [width], [height] = fields.get(256, [0]), fields.get(257, [0])
-    bits, [samples] = set(fields.get(258, [1])), fields.get(277, [1])[:1]
+    width, height, samples = (fields.get(tag, [absent])[0] for tag, absent in ((256, 0), (257, 0), (277, 1)))
+    bits = set(fields.get(258, [1]))
     if bits not in ({8}, {MOST_BITS}) or samples not in {1, 3, 4}:
         raise DecodingError("the TIFF is not of one, three or four values of 8 or 16 bits")
     return Picture("tiff", (width, height), grey=samples == 1, deep=bits == {MOST_BITS})

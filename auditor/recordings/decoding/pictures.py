@@ -18,6 +18,8 @@ from auditor.recordings.decoding.picture_heads import Picture, check_whole, insp
 from auditor.recordings.parameters import PICTURE_DEPTH
 from auditor.safety.budget import MAX_PIXELS
 
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
+
 Values = NDArray[np.unsignedinteger[Any]]
 """(H, W) or (H, W, channels), of 8 bits or of 16 in the machine's byte order."""
 
