@@ -479,8 +479,10 @@ HOSTILE = (
         2,
         "not accepted",
     ),
-    Hostile("mcap: points of 0 bytes", one(schemas.POINT_CLOUD, cloud(point_step=0)), 2, "field"),
-    Hostile("mcap: points of 4 GiB", one(schemas.POINT_CLOUD, cloud(point_step=2**32 - 1)), 2, "fields"),
+    Hostile("mcap: points of 0 bytes", one(schemas.POINT_CLOUD, cloud(point_step=0)), 2, "point_step does not fit"),
+    Hostile(
+        "mcap: points of 4 GiB", one(schemas.POINT_CLOUD, cloud(point_step=2**32 - 1)), 2, "point_step does not fit"
+    ),
     Hostile("mcap: endless transforms", one(schemas.TRANSFORMS, endless_transforms()), 2, "does not fit"),
     Hostile(
         "mcap: a frame id of 60 MB",

@@ -110,6 +110,7 @@ def _rows(cloud: Any, extent: int) -> tuple[Rows, str]:  # noqa: ANN401
         return _accepted(declared), ""
     readings = dict(_readings(declared._replace(row_step=cloud.row_step), held, extent))
     if len(readings) != 1:
+        _accepted(declared)
         if not fits:
             raise DecodingError(f"its fields x, y and z lie outside points of {point_step} bytes")
         raise DecodingError(
