@@ -441,7 +441,7 @@ HOSTILE = (
     Hostile(
         "mcap: an image of 2^64 pixels", one(schemas.IMAGE, image(width=2**32 - 1, height=2**32 - 1)), 2, "not accepted"
     ),
-    Hostile("mcap: an image whose step is 0", one(schemas.IMAGE, image(step=0)), 2, "declares"),
+    Hostile("mcap: an image whose step is 0", one(schemas.IMAGE, image(step=0)), 2, "step does not fit"),
     Hostile(
         "mcap: an image without its pixels",
         one(schemas.IMAGE, image(width=5000, height=4000, step=5000)),

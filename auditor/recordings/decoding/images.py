@@ -107,6 +107,7 @@ class _Depths:
 
     def __init__(self) -> None:
         self._bits: dict[str, int] = {}
+        self.repairs: dict[str, None] = {}
 
     def use_depth(self, topic: str, bits: int) -> None:
         """Take the values of a topic's pictures as of so many bits, from here on."""
@@ -134,14 +135,23 @@ class RawDecoder(_Depths, ABC):
         image = self.image(message)
         check_size((image.width, image.height), size_px)
         encoding = _encoding_of(image, message.topic)
-        return _convert(upper_8_bits(_rows(image, encoding), self.bits(message)), encoding, colour=colour)
+        rows = _rows(image, encoding, self._step(image, encoding, message.topic))
+        return _convert(upper_8_bits(rows, self.bits(message)), encoding, colour=colour)
 
     def largest_value(self, message: Message) -> int | None:
         """The largest value of 16 bits; None where there are 8."""
         image = self.image(message)
         check_size((image.width, image.height), None)
         encoding = _encoding_of(image, message.topic)
-        return int(_rows(image, encoding).max()) if encoding.bytes_a_value > 1 else None
+        if encoding.bytes_a_value == 1:
+            return None
+        return int(_rows(image, encoding, self._step(image, encoding, message.topic)).max())
+
+    def _step(self, image: Any, encoding: Encoding, topic: str) -> int:  # noqa: ANN401
+        step, repair = _step_of(image, encoding)
+        if repair:
+            self.repairs[f"{topic}: {repair}"] = None
+        return step
 
 
 class PictureDecoder(_Depths, ABC):
@@ -192,23 +202,48 @@ def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the cla
     return encoding
 
 
-def _rows(image: Any, encoding: Encoding) -> Values:  # noqa: ANN401  # the class is generated
-    """The values as (rows, width) or (rows, width, channels), uint8 or uint16."""
-    if encoding.planar and image.height % 2:
-        raise DecodingError("a planar image needs an even height")
-    rows = image.height * 3 // 2 if encoding.planar else image.height
-    row_bytes = image.width * encoding.channels * encoding.bytes_a_value
-    if image.step < row_bytes or len(image.data) != rows * image.step:
-        raise DecodingError(
-            f"the image declares {rows} rows of {image.step} bytes for {image.width} px, "
-            f"and holds {len(image.data)} bytes"
-        )
-    values = np.ascontiguousarray(image.data.reshape(rows, image.step)[:, :row_bytes])
+def _rows(image: Any, encoding: Encoding, step: int) -> Values:  # noqa: ANN401  # the class is generated
+    """The values as (rows, width) or (rows, width, channels), uint8 or uint16; rows begin `step` bytes apart."""
+    rows = _row_count(image, encoding)
+    values = np.ascontiguousarray(image.data[: rows * step].reshape(rows, step)[:, : _row_bytes(image, encoding)])
     shape = (rows, image.width, encoding.channels) if encoding.channels > 1 else (rows, image.width)
     if encoding.bytes_a_value > 1:
         values = values.view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
     result: Values = values.reshape(shape)
     return result
+
+
+def _row_count(image: Any, encoding: Encoding) -> int:  # noqa: ANN401
+    if encoding.planar and image.height % 2:
+        raise DecodingError("a planar image needs an even height")
+    return int(image.height * 3 // 2 if encoding.planar else image.height)
+
+
+def _row_bytes(image: Any, encoding: Encoding) -> int:  # noqa: ANN401
+    return int(image.width * encoding.channels * encoding.bytes_a_value)
+
+
+def _step_of(image: Any, encoding: Encoding) -> tuple[int, str]:  # noqa: ANN401
+    """How many bytes lie from row to row, and what of it had to be put right. Raises DecodingError.
+
+    Drivers leave `step` at 0 or write that of other rows, and others send the whole of a larger buffer. Rows are at
+    most twice as long as their pixels, else the encoding may be wrong; whole rows too many may be a wrong height.
+    """
+    rows, row_bytes, held = _row_count(image, encoding), _row_bytes(image, encoding), len(image.data)
+    if image.step >= row_bytes and held == rows * image.step:
+        return image.step, ""
+    filling = held // rows if rows and held % rows == 0 else 0
+    readings = []
+    if row_bytes <= filling < 2 * row_bytes:
+        readings.append((filling, "its step does not fit the data: rows that fill them were taken"))
+    surplus = held - rows * image.step
+    if image.step >= row_bytes > 0 and surplus > 0 and surplus % image.step and filling < 2 * row_bytes:
+        readings.append((image.step, "more data than its rows need: what lies behind them was left out"))
+    if len(readings) != 1:
+        raise DecodingError(
+            f"the image declares {rows} rows of {image.step} bytes for {image.width} px, and holds {held} bytes"
+        )
+    return readings[0]
 
 
 def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:

@@ -20,12 +20,15 @@ from auditor.safety.budget import CHUNKS, MAX_BYTES, OverBudgetError, Spending
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _STEP_BYTES = 1 << 20
 _BUFFER_BYTES = 1 << 18
+_MOST_STREAMS = 64
+"""Streams of lz4 or bz2 data one after the other, behind the first: what follows each is copied."""
+
 _MOST_BLOCKS_A_MESSAGE = 1 << 12
 _MOST_BLOCKS_A_FILE = 1 << 22
 """Blocks of zstd data, which have up to 128 kB unpacked: those of half a terabyte."""
 
-PACKED = ".zstd"
-"""The ending that rosbag2 adds to the names of files that it compressed (compression mode `file`)."""
+PACKED = frozenset({".zstd", ".zst"})
+"""The endings that rosbag2 (compression mode `file`) and zstd itself add to the names of files that they compressed."""
 
 
 class BadChunkError(Exception):
@@ -150,10 +153,15 @@ def _unpack_zstd(packed: memoryview, size: int) -> bytes:
 
 
 def _unpack_stream(compression: bytes, packed: memoryview, size: int) -> bytes:
-    unpacker = _stream_unpacker(compression)
+    unpacker, records = _stream_unpacker(compression), b""
     try:
         # One byte more than declared, so that a stream that holds more is seen.
-        records: bytes = unpacker.decompress(packed, size + 1)
+        records = unpacker.decompress(packed, size + 1)
+        for _ in range(_MOST_STREAMS):
+            if not (unpacker.eof and unpacker.unused_data) or len(records) > size:
+                break
+            rest, unpacker = unpacker.unused_data, _stream_unpacker(compression)
+            records += unpacker.decompress(rest, size + 1 - len(records))
     except (RuntimeError, OSError, EOFError) as error:
         raise BadChunkError(f"its {compression.decode()} data are damaged ({error})") from error
     if not unpacker.eof:
@@ -200,7 +208,7 @@ class Source:
 def source_of(content: Content, journal: Content | None = None) -> Source:
     """A file, unpacked where it is packed. Raises RecordingError where there is too little space for it."""
     file = content.path
-    if file.suffix.lower() != PACKED:
+    if file.suffix.lower() not in PACKED:
         return Source(file, file.name, content.size, content, journal=journal)
     # The file has no name in any folder: nothing of it stays if this process is killed.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the recording
@@ -224,4 +232,4 @@ def source_of(content: Content, journal: Content | None = None) -> Source:
 
 def kind_of(path: Path) -> str:
     """The extension of a file in lower case; of a packed file the extension of its content."""
-    return Path(path.stem).suffix.lower() if path.suffix.lower() == PACKED else path.suffix.lower()
+    return Path(path.stem).suffix.lower() if path.suffix.lower() in PACKED else path.suffix.lower()

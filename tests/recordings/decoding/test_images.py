@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import schemas
-from auditor.recordings.decoding import Decoders, DeepImageDecoder, ImageDecoder
+from auditor.recordings.decoding import Decoders, DeepImageDecoder, ImageDecoder, RepairingDecoder
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
@@ -146,8 +146,11 @@ def test_padding_at_the_end_of_rows_is_left_out() -> None:
     [
         {"height": 47},
         {"height": 49},
-        {"step": 63},
-        {"step": 0},
+        {"height": 40, "step": 0},
+        {"step": 80, "data": np.zeros(48 * 72 + 5, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 70, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 128, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 192, np.uint8)},
         {"width": 65},
         {"encoding": "bgr8"},
         {"encoding": "rgb9"},
@@ -160,6 +163,39 @@ def test_an_image_that_does_not_hold_what_it_declares_is_damaged(fields: dict[st
     message = image_message(given_fields.pop("data", GREY), **given_fields)
     with pytest.raises(DecodingError):
         pixels(message, size_px=None)
+
+
+PADDED = np.hstack([GREY, np.full((48, 10), 7, np.uint8)])
+
+
+@pytest.mark.parametrize(
+    ("data", "step", "repair"),
+    [
+        (GREY, 0, "step"),
+        (GREY, 63, "step"),
+        (GREY, 80, "step"),
+        (GREY, 2**32 - 1, "step"),
+        (PADDED, 0, "step"),
+        (PADDED, 1, "step"),
+        (np.append(GREY, np.full(99, 7, np.uint8)), 64, "more data"),
+        (np.append(PADDED, np.full(4095, 7, np.uint8)), 74, "more data"),
+    ],
+)
+def test_rows_are_put_right_where_the_data_leave_one_reading(data: NDArray[np.uint8], step: int, repair: str) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    assert np.array_equal(decoder.pixels(image_message(data, "mono8", step=step), colour=True), GREY)
+    assert isinstance(decoder, RepairingDecoder)
+    [said] = decoder.repairs
+    assert said.startswith("/a: ")
+    assert repair in said
+
+
+def test_whole_rows_are_not_said_to_be_put_right() -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    assert isinstance(decoder, RepairingDecoder)
+    decoder.pixels(image_message(PADDED, "mono8"), colour=True)
+    decoder.pixels(image_message(BGR, "bgr8", step=192), colour=True)
+    assert not decoder.repairs
 
 
 @pytest.mark.parametrize("raw", [True, False])

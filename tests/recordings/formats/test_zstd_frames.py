@@ -1,9 +1,11 @@
 """zstd data in several frames, as parallel and appending compressors write them."""
 
+import bz2
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
 import zstandard
@@ -105,10 +107,25 @@ def test_a_frame_that_unpacks_to_more_than_its_chunk_declares_costs_no_more_memo
         unpack(b"zstd", memoryview(bomb), 1000)
 
 
-def test_a_recording_that_was_packed_in_two_frames_is_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("form", ["lz4", "bz2"])
+@pytest.mark.parametrize("parts", [1, 2, 7])
+def test_a_chunk_of_several_streams_is_unpacked(form: str, parts: int) -> None:
+    pack = lz4.frame.compress if form == "lz4" else bz2.compress
+    step = -(-len(PLAIN) // parts)
+    packed = b"".join(pack(PLAIN[at : at + step]) for at in range(0, len(PLAIN), step))
+    assert bytes(unpack(form.encode(), memoryview(packed), len(PLAIN))) == PLAIN
+    for size, data in ((len(PLAIN) - 1, packed), (len(PLAIN) + 1, packed), (len(PLAIN), packed[:-9])):
+        with pytest.raises(BadChunkError):
+            unpack(form.encode(), memoryview(data), size)
+    with pytest.raises(BadChunkError):
+        unpack(form.encode(), memoryview(packed + b"other data"), len(PLAIN))
+
+
+@pytest.mark.parametrize("ending", [".zstd", ".zst"])
+def test_a_recording_that_was_packed_in_two_frames_is_read(ending: str, tmp_path: Path) -> None:
     write = next(one.write for one in CONTAINERS if one.name == "mcap ros2")
     plain = write(tmp_path, make_rig(3), make_frames(make_rig(3), 2), "raw")
-    packed = tmp_path / "packed.mcap.zstd"
+    packed = tmp_path / f"packed.mcap{ending}"
     packed.write_bytes(halves(plain.read_bytes()))
     with open_recording(plain) as one, open_recording(packed) as other:
         assert [message.data for message in one.messages()] == [message.data for message in other.messages()]
