@@ -69,8 +69,8 @@ class Definition:
 
     @property
     def text(self) -> str:
-        """The definition as text, which ROS's are."""
-        return self.data.decode("utf-8", "replace")
+        """The definition as text, which ROS's are; lines end as everywhere else, also where Windows wrote them."""
+        return self.data.decode("utf-8-sig", "replace").replace("\r\n", "\n")
 
     @property
     def is_blank(self) -> bool:

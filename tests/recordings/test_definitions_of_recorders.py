@@ -80,8 +80,20 @@ def _with_blanks(definition: Definition) -> bytes:
         [lambda own: own.data, lambda _: b""],
         [lambda own: own.data, _with_blanks],
         [_top_alone, _top_alone],
+        [lambda own: own.data.replace(b"\n", b"\r\n")],
+        [lambda own: own.data, lambda own: b"\xef\xbb\xbf" + own.data.replace(b"\n", b"\r\n")],
     ],
-    ids=["no text", "blanks", "no parts", "first blank", "later blank", "other blanks", "the same twice"],
+    ids=[
+        "no text",
+        "blanks",
+        "no parts",
+        "first blank",
+        "later blank",
+        "other blanks",
+        "the same twice",
+        "of Windows",
+        "once of Windows",
+    ],
 )
 def test_a_drive_is_read_whatever_its_recorder_found_of_its_definitions(
     container: str, texts: list[Text], tmp_path: Path
