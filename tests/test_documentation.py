@@ -134,3 +134,12 @@ def test_every_test_that_the_threat_model_names_exists() -> None:
     named = set(re.findall(r"\b(test_\w+(?:\.py)?)", text))
     assert named
     assert sorted(named - known) == []
+
+
+def test_every_test_that_the_table_of_forms_names_exists() -> None:
+    rows = (ROOT / "docs" / "forms.md").read_text(encoding="utf-8").splitlines()
+    named = [found.group(1) for row in rows if (found := re.search(r"\| `([\w./]+)` \|$", row))]
+    assert len(named) > 40
+    for one in named:
+        folder, _, name = one.rpartition("/")
+        assert (ROOT / "tests" / "recordings" / folder / f"test_{name}.py").is_file(), one

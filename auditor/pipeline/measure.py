@@ -302,7 +302,7 @@ def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -
 def _doubts(
     recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
 ) -> RigDoubts:
-    warnings = (*check.warnings(), *stream.timing.remarks)
+    warnings = (*check.warnings(), *stream.remarks)
     withheld = withheld or stream.timing.withheld or check.withheld()
     return RigDoubts(warnings, withheld or negated(recording, in_force.survey, in_force.rig, check.pictures))
 

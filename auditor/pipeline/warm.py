@@ -5,7 +5,7 @@ would fail for all recordings at once.
 """
 
 import auditor.pipeline.measure  # noqa: F401 - with all that it imports
-from auditor.recordings.decoding.ros import known_types
+from auditor.recordings.decoding.standard_types import known_types
 from auditor.resources import plug_ins
 from auditor.store import table_of
 

@@ -1,6 +1,7 @@
 """A recording as topics and a stream of messages, and the labels of attacks in it."""
 
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,8 +69,29 @@ class Definition:
 
     @property
     def text(self) -> str:
-        """The definition as text, which ROS's are."""
-        return self.data.decode("utf-8", "replace")
+        """The definition as text, which ROS's are; lines end as everywhere else, also where Windows wrote them."""
+        return self.data.decode("utf-8-sig", "replace").replace("\r\n", "\n")
+
+    @property
+    def is_blank(self) -> bool:
+        """True where nothing is defined: recorders write such a one where they do not find the type's package."""
+        return not self.data.strip()
+
+    def says_the_same(self, other: "Definition") -> bool:
+        """True for two that differ in blanks, comments and rulers alone, as those of two recorders may."""
+        return self == other or (self.encoding == other.encoding and _words(self) == _words(other))
+
+
+_TEXTS = frozenset({"ros1msg", "ros2msg", "ros2idl", "jsonschema"})
+_BETWEEN = re.compile(r"#[^\n]*|={3,}|\s+")
+
+
+def _words(definition: Definition) -> list[str] | bytes:
+    """The words of a definition that is text; the bytes of any other."""
+    if definition.encoding not in _TEXTS:
+        return definition.data
+    text = definition.text.replace("/msg/", "/") if definition.encoding.endswith("msg") else definition.text
+    return _BETWEEN.sub(" ", text).split()
 
 
 class Recording(Protocol):

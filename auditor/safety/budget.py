@@ -11,6 +11,9 @@ MAX_BYTES = 64 * 2**20
 MAX_PIXELS = 24 * 10**6
 """Pixels of an image: cameras of vehicles have up to 12 million; a PNG may take 12 bytes a pixel to decode."""
 
+MAX_WAVELET_PIXELS = 12 * 10**6
+"""Pixels of a JPEG 2000, whose decoder takes 15 bytes a pixel."""
+
 MAX_POINTS = 10**7
 """Points of a cloud: a sweep has 0.3 million at most, and a map is no sweep."""
 
@@ -22,6 +25,9 @@ MAX_TRANSFORM_BYTES = 2**20
 
 MAX_TRANSFORMS_BYTES = 16 * 2**20
 """Bytes of tf before a rig is known: a minute of 2,000 transforms a second, and 6 s of work."""
+
+MAX_DESCRIPTION_BYTES = 4 * 2**20
+"""Characters of a robot's description (URDF): those of vehicles have 10 to 200 kB, and meshes lie in other files."""
 
 MAX_MODEL_BYTES = 2**30
 """Bytes of a network's file, and of what is unpacked from it; published stereo networks have 20 to 500 MB."""

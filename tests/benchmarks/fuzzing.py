@@ -26,8 +26,10 @@ from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.recording import Definition
 from tests.making.forms import CONTAINERS
+from tests.making.message_forms import FORMS, drive
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
+from tests.making.scenes import plane_rig
 from tests.making.videos import VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
@@ -109,6 +111,23 @@ class Seeds:
         for number, message in enumerate(video_messages(packets)):
             self.payloads[f"{VIDEO} {number}"] = (message, None, Decoders(lambda _: None))
 
+    def add_forms(self, folder: Path) -> None:
+        """A picture and a cloud of every form that recorders and drivers write."""
+        rig = plane_rig((0.6, 0.3, 0.0))
+        frames = drive(rig, 1)
+        for number, form in enumerate(FORMS):
+            if "h264" in form.name and find_spec("av") is None:
+                continue
+            place = folder / f"form_{number}"
+            place.mkdir()
+            with open_recording(form.write(place, rig, frames)) as recording:
+                for message in recording.messages():
+                    definition = recording.definition(message.schema)
+                    decoders = Decoders(lambda _, definition=definition: definition)
+                    decoder = decoders.of(message.schema, message.encoding)
+                    if decoder is not None and decoder.kind in {"image", "cloud"}:
+                        self.payloads.setdefault(f"{form.name}: {message.schema}", (message, definition, decoders))
+
     def _messages(self, container: str, path: Path) -> None:
         with open_recording(path) as recording:
             for message in recording.messages():
@@ -151,6 +170,7 @@ def run(first: int, count: int, limit_s: float) -> bool:
         (Path(name) / "seeds").mkdir()
         seeds = Seeds(Path(name) / "seeds")
         seeds.add_videos()
+        seeds.add_forms(Path(name) / "seeds")
         idle_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         started = perf_counter()
         for seed in range(first, first + count):
@@ -188,7 +208,6 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=5.0, help="seconds of computing that one iteration may take")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     sys.exit(0 if run(options.seed, options.iterations, options.limit) else 1)
 
 

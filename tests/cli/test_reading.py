@@ -192,7 +192,9 @@ def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
     def lying(told: Told) -> Iterator[Told]:
         if told.topic == "/points":
             cloud = maker.store.deserialize_cdr(told.data, schemas.POINT_CLOUD)
-            told = told._replace(data=maker.serialise(schemas.POINT_CLOUD, replace(cloud, width=cloud.width + 1)))
+            width = cloud.width + 1
+            more = replace(cloud, width=width, row_step=width * cloud.point_step)
+            told = told._replace(data=maker.serialise(schemas.POINT_CLOUD, more))
         yield told
 
     path = rewritten(clean, tmp_path / "drive.mcap", lying)
@@ -200,6 +202,22 @@ def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
     assert code == 3
     assert "/points (LiDAR): the cloud declares 1 rows of" in remarks
     assert described(path, capfd)["/points"]["state"] == "unreadable"
+
+
+def test_clouds_whose_width_alone_is_wrong_are_read_and_that_is_told(
+    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    maker = MessageMaker("cdr")
+
+    def stale(told: Told) -> Iterator[Told]:
+        if told.topic == "/points":
+            cloud = maker.store.deserialize_cdr(told.data, schemas.POINT_CLOUD)
+            told = told._replace(data=maker.serialise(schemas.POINT_CLOUD, replace(cloud, width=cloud.width + 1)))
+        yield told
+
+    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", stale))
+    assert code == 0
+    assert "/points: its width does not fit the data" in remarks
 
 
 def test_video_without_the_extra_says_what_to_install(

@@ -80,7 +80,7 @@ def topics_of(path: Path, capfd: pytest.CaptureFixture[str]) -> dict[tuple[str, 
 @pytest.mark.parametrize(
     ("extra", "says"),
     [
-        (beside("/iv_packets", "seyond/msg/SeyondScan", 2000, BLOB), "whose definition holds raw bytes"),
+        (beside("/iv_packets", "acme_lidar/msg/Scan", 2000, BLOB), "whose definition holds raw bytes"),
         (beside("/rgbd", "rtabmap_msgs/msg/RGBDImage", 60_000, RGBD), "whose definition holds sensor_msgs/Image"),
         (beside("/scan_blob", "a/msg/B", 2000, OF_IDL), "whose definition holds raw bytes"),
         (beside("/json_cam", "acme.Frame", 5000, OF_JSON, "json"), "whose definition holds raw bytes"),

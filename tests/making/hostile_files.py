@@ -441,7 +441,7 @@ HOSTILE = (
     Hostile(
         "mcap: an image of 2^64 pixels", one(schemas.IMAGE, image(width=2**32 - 1, height=2**32 - 1)), 2, "not accepted"
     ),
-    Hostile("mcap: an image whose step is 0", one(schemas.IMAGE, image(step=0)), 2, "declares"),
+    Hostile("mcap: an image whose step is 0", one(schemas.IMAGE, image(step=0)), 2, "step does not fit"),
     Hostile(
         "mcap: an image without its pixels",
         one(schemas.IMAGE, image(width=5000, height=4000, step=5000)),
@@ -479,8 +479,10 @@ HOSTILE = (
         2,
         "not accepted",
     ),
-    Hostile("mcap: points of 0 bytes", one(schemas.POINT_CLOUD, cloud(point_step=0)), 2, "field"),
-    Hostile("mcap: points of 4 GiB", one(schemas.POINT_CLOUD, cloud(point_step=2**32 - 1)), 2, "fields"),
+    Hostile("mcap: points of 0 bytes", one(schemas.POINT_CLOUD, cloud(point_step=0)), 2, "point_step does not fit"),
+    Hostile(
+        "mcap: points of 4 GiB", one(schemas.POINT_CLOUD, cloud(point_step=2**32 - 1)), 2, "point_step does not fit"
+    ),
     Hostile("mcap: endless transforms", one(schemas.TRANSFORMS, endless_transforms()), 2, "does not fit"),
     Hostile(
         "mcap: a frame id of 60 MB",

@@ -1,5 +1,6 @@
 """The same drive in every supported message form, by the real writers."""
 
+import gzip
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -119,6 +120,13 @@ RAW = (
     Raw("yuyv", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUY2), lossless=False),
     Raw("nv12", lambda bgr: semi_planar(bgr, swapped=False), lossless=False),
     Raw("nv21", lambda bgr: semi_planar(bgr, swapped=True), lossless=False),
+    Raw("i420", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420), lossless=False),
+    Raw("yv12", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YV12), lossless=False),
+    Raw("yvyu", lambda bgr: cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YVYU), lossless=False),
+    Raw("BayerRG8", lambda bgr: mosaic(bgr, "rggb"), lossless=False),
+    Raw("RGB8", lambda bgr: bgr[:, :, ::-1]),
+    Raw("rgb16", lambda bgr: twice(bgr[:, :, ::-1])),
+    Raw("bgra16", lambda bgr: twice(np.dstack([bgr, bgr[:, :, 0]]))),
 )
 
 
@@ -172,6 +180,7 @@ def ros(
     raw: Raw | None = None,
     picture: tuple[str, str] | None = None,
     layout: Layout | None = None,
+    cloud: Callable[[MessageMaker, NDArray[np.float32], int], tuple[str, bytes]] | None = None,
 ) -> Write:
     """An MCAP file of ROS messages; `picture` is what a compressed image holds, and what its format declares."""
 
@@ -186,10 +195,13 @@ def ros(
                 if schema == schemas.IMAGE and (raw or picture):
                     frame_id = rig.camera(int(topic[-1])).name
                 if tracks and schema == schemas.IMAGE:
-                    schema = schemas.COMPRESSED_IMAGE  # noqa: PLW2901
-                    data = maker.compressed_image(next(tracks[topic]), "h264", stamp_ns, frame_id)  # noqa: PLW2901
+                    assert picture
+                    packet = next(tracks[topic])
+                    schema, data = _ros_video(maker, packet, picture[1], stamp_ns, frame_id)  # noqa: PLW2901
                 elif schema == schemas.IMAGE and (raw or picture):
                     schema, data = _ros_image(maker, images[topic, stamp_ns], stamp_ns, frame_id, raw, picture)  # noqa: PLW2901
+                elif schema == schemas.POINT_CLOUD and cloud:
+                    schema, data = cloud(maker, clouds[stamp_ns], stamp_ns)  # noqa: PLW2901
                 elif schema == schemas.POINT_CLOUD and layout:
                     data = _ros_cloud(maker, packed(clouds[stamp_ns], layout), stamp_ns, layout)  # noqa: PLW2901
                 kind = "ros1msg" if encoding == "ros1" else "ros2msg"
@@ -201,14 +213,36 @@ def ros(
     return write
 
 
+def _ros_video(maker: MessageMaker, packet: bytes, form: str, stamp_ns: int, frame_id: str) -> tuple[str, bytes]:
+    """A packet as CompressedImage, or as one of the messages made for videos, which `form` names."""
+    if form == schemas.FFMPEG_PACKET:
+        named = {"encoding": "libx264", "width": WIDTH, "height": HEIGHT, "pts": 0, "flags": 0, "is_bigendian": False}
+        head = {"header": maker.header(stamp_ns, frame_id)}
+    elif form == schemas.FOXGLOVE_VIDEO:
+        named = {"format": "h264"}
+        stamp = maker.store.types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+        head = {"timestamp": stamp, "frame_id": frame_id}
+    else:
+        return schemas.COMPRESSED_IMAGE, maker.compressed_image(packet, form, stamp_ns, frame_id)
+    made = maker._made(form, **head, **named, data=np.frombuffer(packet, np.uint8))
+    return form, maker.serialise(form, made)
+
+
+def file_of(pixels: Pixels | NDArray[np.uint16], form: str) -> bytes:
+    """A picture file without loss: webp, bmp, tiff or jp2."""
+    lossless = {"webp": [cv2.IMWRITE_WEBP_QUALITY, 101], "jp2": [cv2.IMWRITE_JPEG2000_COMPRESSION_X1000, 1000]}
+    done, data = cv2.imencode(f".{form}", pixels, lossless.get(form, []))
+    assert done
+    return data.tobytes()
+
+
 def _ros_image(
     maker: MessageMaker, bgr: Pixels, stamp_ns: int, frame_id: str, raw: Raw | None, picture: tuple[str, str] | None
 ) -> tuple[str, bytes]:
     if picture:
         form, declared_format = picture
-        return schemas.COMPRESSED_IMAGE, maker.compressed_image(
-            encode_picture(bgr, form), declared_format, stamp_ns, frame_id
-        )
+        data = encode_picture(bgr, form) if form in {"png", "jpeg"} else file_of(bgr, form)
+        return schemas.COMPRESSED_IMAGE, maker.compressed_image(data, declared_format, stamp_ns, frame_id)
     assert raw
     rows = np.ascontiguousarray(raw.rows(bgr))
     image = maker._made(
@@ -247,6 +281,41 @@ def _ros_cloud(maker: MessageMaker, points: NDArray[np.void], stamp_ns: int, lay
         is_dense=not layout.with_nan,
     )
     return maker.serialise(schemas.POINT_CLOUD, cloud)
+
+
+def livox_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
+    schema = schemas.LIVOX[0 if maker.encoding == "ros1" else 1]
+    point = maker.store.types[schema.replace("CustomMsg", "CustomPoint")]
+    points = [point(n, *map(float, xyz), reflectivity=9, tag=0, line=1) for n, xyz in enumerate(xyz_m)]
+    head = maker.header(stamp_ns, "lidar")
+    made = maker._made(
+        schema,
+        header=head,
+        timebase=stamp_ns,
+        point_num=len(xyz_m),
+        lidar_id=0,
+        rsvd=np.zeros(3, np.uint8),
+        points=points,
+    )
+    return schema, maker.serialise(schema, made)
+
+
+def zlib_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
+    field = maker.store.types["sensor_msgs/msg/PointField"]
+    made = maker._made(
+        schemas.COMPRESSED_CLOUD,
+        header=maker.header(stamp_ns, "lidar"),
+        height=1,
+        width=len(xyz_m),
+        fields=[field(name=name, offset=4 * place, datatype=7, count=1) for place, name in enumerate("xyz")],
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * len(xyz_m),
+        compressed_data=np.frombuffer(gzip.compress(xyz_m.tobytes(), 1), np.uint8),
+        is_dense=True,
+        format="zlib",
+    )
+    return schemas.COMPRESSED_CLOUD, maker.serialise(schemas.COMPRESSED_CLOUD, made)
 
 
 def foxglove(
@@ -349,6 +418,7 @@ FORMS = (
     MessageForm("ROS 2 Image bgr8, rows padded", ros(raw=Raw("bgr8", padded))),
     MessageForm("ROS 2 CompressedImage png", ros(picture=("png", "png"))),
     MessageForm("ROS 2 CompressedImage bgr8; png compressed", ros(picture=("png", "bgr8; png compressed bgr8"))),
+    *(MessageForm(f"ROS 2 CompressedImage {f}", ros(picture=(f, f))) for f in ("webp", "bmp", "tiff", "jp2")),
     MessageForm("ROS 2 CompressedImage jpeg", ros(picture=("jpeg", "jpeg")), lossless=False),
     MessageForm(
         "ROS 2 CompressedImage bgr8; jpeg compressed",
@@ -356,12 +426,18 @@ FORMS = (
         lossless=False,
     ),
     MessageForm("ROS 2 CompressedImage h264", ros(picture=("h264", "h264")), lossless=False),
+    MessageForm("ROS 2 FFMPEGPacket h264", ros(picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
+    MessageForm("ROS 1 FFMPEGPacket h264", ros("ros1", picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
+    MessageForm("ROS 2 CompressedVideo h264", ros(picture=("h264", schemas.FOXGLOVE_VIDEO)), lossless=False),
     MessageForm("ROS 1 CompressedImage h264", ros("ros1", picture=("h264", "h264")), lossless=False),
     MessageForm("ROS 1 Image rgb8", ros("ros1", raw=RAW[3])),
     MessageForm("ROS 1 CompressedImage png", ros("ros1", picture=("png", "png"))),
     MessageForm("ROS 1 CompressedImage jpeg", ros("ros1", picture=("jpeg", "jpeg")), lossless=False),
     *(MessageForm(f"ROS 2 PointCloud2 {layout.name}", ros(layout=layout)) for layout in LAYOUTS),
     MessageForm("ROS 1 PointCloud2 organised", ros("ros1", layout=LAYOUTS[6])),
+    MessageForm("ROS 1 livox_ros_driver/CustomMsg", ros("ros1", cloud=livox_cloud)),
+    MessageForm("ROS 2 livox_ros_driver2/CustomMsg", ros(cloud=livox_cloud)),
+    MessageForm("ROS 2 CompressedPointCloud2 zlib", ros(cloud=zlib_cloud)),
 )
 
 FOXGLOVE_FORMS = tuple(

@@ -19,4 +19,4 @@ def _definition(schema: str) -> Definition:
 
 
 for _schema in _SENSORS:
-    RosTypes(_definition).store(_schema)
+    RosTypes(_definition).store(_schema, "cdr")

@@ -35,7 +35,7 @@ def read_all(path: Path) -> Outcome:
                 outcome.messages += 1
                 if outcome.messages <= MAX_DECODED:
                     outcome.reasons += decode_all(message, decoders)
-            outcome.reasons += map(str, recording.damage)
+            outcome.reasons += map(str, (*recording.damage, *decoders.repairs))
             assert sum(recording.counts.values()) >= outcome.messages
             _try(lambda: (recording.clock, recording.metadata()), outcome.reasons)
             _try(recording.labels, outcome.reasons)

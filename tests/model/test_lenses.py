@@ -4,7 +4,7 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import angle_between, intrinsics_and_rotation, rotation_from_quaternion
-from auditor.model.optics.lenses import FISHEYE, PINHOLE, Lens
+from auditor.model.optics.lenses import FISHEYE, NO_LENS, PINHOLE, Lens
 
 COEFFICIENTS = {
     "plumb_bob": (-0.31, 0.09, 0.0012, -0.0007, -0.01),
@@ -67,3 +67,36 @@ def test_intrinsics_and_rotation_are_found_in_a_full_matrix() -> None:
 def test_angles_between_directions_are_exact_even_where_they_are_small() -> None:
     assert angle_between(np.array([0, 0, 1.0]), np.array([1e-9, 0, 1])) == pytest.approx(1e-9)
     assert angle_between(np.array([0, 0, 1.0]), np.array([0, 0, -2.0])) == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize(
+    ("name", "like", "size"),
+    [
+        ("Plumb Bob", "plumb_bob", 5),
+        ("plumb-bob", "plumb_bob", 5),
+        ("Brown-Conrady", "plumb_bob", 5),
+        ("radial-tangential", "plumb_bob", 4),
+        ("OPENCV", "plumb_bob", 4),
+        ("Rational Polynomial", "rational_polynomial", 8),
+        ("rational", "rational_polynomial", 8),
+        ("Kannala-Brandt4", "equidistant", 4),
+        ("equi", "equidistant", 4),
+        ("OPENCV_FISHEYE", "equidistant", 4),
+    ],
+)
+def test_other_names_of_a_model_are_known(name: str, like: str, size: int) -> None:
+    coefficients = (-0.2, 0.05, 0.001, 0.0002, 0.01, 0.003, 0.002, 0.001)[:size]
+    assert Lens(name, coefficients) == Lens(like, coefficients)
+
+
+@pytest.mark.parametrize("name", ["pinhole", "Perspective", "rectified", "undistorted", "Inverse Brown Conrady"])
+def test_a_lens_that_is_none_has_no_coefficients(name: str) -> None:
+    assert Lens(name, (0.0,) * 5) == NO_LENS
+    with pytest.raises(RigError, match="do not fit"):
+        Lens(name, (0.1, 0, 0, 0, 0))
+
+
+@pytest.mark.parametrize("name", ["brown", "double_sphere", "omnidirectional", "mei", "ftheta", "fov"])
+def test_models_that_are_others_are_not_taken_for_these(name: str) -> None:
+    with pytest.raises(RigError, match="is not known"):
+        Lens(name, (0.1, 0, 0, 0))

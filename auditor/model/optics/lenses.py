@@ -26,8 +26,16 @@ MODELS = {
     FISHEYE: FISHEYE,
     "fisheye": FISHEYE,
     "kannala_brandt": FISHEYE,
+    **dict.fromkeys(("pinhole", "perspective", "rectified", "undistorted", "no_distortion"), PINHOLE),
+    **dict.fromkeys(("inverse_brown_conrady", "modified_brown_conrady"), PINHOLE),  # of a lens that bends nothing
+    **dict.fromkeys(("plumbbob", "brown_conrady", "radial_tangential", "opencv"), POLYNOMIAL),
+    "rational": RATIONAL,
+    **dict.fromkeys(("equi", "kannala_brandt4", "opencv_fisheye"), FISHEYE),
 }
-"""What ROS, Kalibr and foxglove call them -> what they are called here; no name at all is ROS's default."""
+"""What ROS, Kalibr, foxglove and others call them -> what they are called here; no name at all is ROS's default.
+
+Blanks and hyphens are as underscores.
+"""
 
 _SIZES = {PINHOLE: (0,), POLYNOMIAL: (0, 4, 5), RATIONAL: (8, 12), FISHEYE: (4,)}
 _ROUNDS = 60
@@ -46,7 +54,7 @@ class Lens:
     coefficients: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        model = MODELS.get(self.model.lower())
+        model = MODELS.get(self.model.strip().lower().replace("-", "_").replace(" ", "_"))
         if model is None:
             known = ", ".join(name for name in MODELS if name)
             raise RigError(f"the distortion model {self.model!r} is not known", where="lens", remedy=f"use {known}")
@@ -54,7 +62,7 @@ class Lens:
         given = self.coefficients
         fitting = [size for size in _SIZES[model] if size <= len(given) and not any(given[size:])]
         if not fitting or not np.isfinite(given).all():
-            raise RigError(f"{len(given)} coefficients do not fit the model {model}", where="lens")
+            raise RigError(f"{len(given)} coefficients do not fit the model {self.model or model}", where="lens")
         given = tuple(float(value) for value in given[: fitting[0]])
         straight = model != FISHEYE and not any(given)
         object.__setattr__(self, "model", PINHOLE if straight else model)

@@ -1,7 +1,8 @@
 """Decoders of messages by schema name: headers, pixels, points, calibrations and transforms."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
+from itertools import chain
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
@@ -16,9 +17,13 @@ from auditor.recordings.decoding.interface import (
     FollowingDecoder,
     Header,
     ImageDecoder,
+    RepairingDecoder,
     Transform,
 )
+from auditor.recordings.decoding.points.compressed import CompressedCloudDecoder
+from auditor.recordings.decoding.points.livox import LivoxDecoder
 from auditor.recordings.decoding.ros import RosTypes
+from auditor.recordings.decoding.ros_videos import RosVideoDecoder
 from auditor.recordings.recording import Definition
 from auditor.resources import entries_of
 
@@ -31,6 +36,7 @@ __all__ = [
     "FollowingDecoder",
     "Header",
     "ImageDecoder",
+    "RepairingDecoder",
     "Transform",
     "decoder_table",
 ]
@@ -49,6 +55,10 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.CAMERA_INFO: (_ROS, RosCameraInfoDecoder),
     schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
+    **dict.fromkeys(schemas.LIVOX, (_ROS, LivoxDecoder)),
+    schemas.FFMPEG_PACKET: (_ROS, RosVideoDecoder),
+    schemas.FOXGLOVE_VIDEO: (frozenset({"cdr"}), RosVideoDecoder),
+    schemas.COMPRESSED_CLOUD: (_ROS, CompressedCloudDecoder),
     kitti.PICTURE: (frozenset({"png"}), lambda _: kitti.KittiPictureDecoder()),
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
     kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),
@@ -88,6 +98,11 @@ class Decoders:
         _, factory = decoder_table().get(schema, (frozenset(), None))
         return factory(self.types) if factory else None
 
+    @property
+    def repairs(self) -> tuple[str, ...]:
+        """What of the messages decoded so far had to be put right, a sentence each."""
+        return tuple(chain.from_iterable(map(_repairs_of, self._made.values())))
+
     def image(self, schema: str, encoding: str) -> ImageDecoder | None:
         """The decoder, if it decodes images; else None."""
         decoder = self.of(schema, encoding)
@@ -97,3 +112,7 @@ class Decoders:
         """The decoder, if it decodes point clouds; else None."""
         decoder = self.of(schema, encoding)
         return decoder if decoder and decoder.kind == "cloud" else None
+
+
+def _repairs_of(decoder: object) -> Iterable[str]:
+    return decoder.repairs if isinstance(decoder, RepairingDecoder) else ()

@@ -8,18 +8,13 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
+from auditor.recordings.decoding.points.layouts import Layout, layout_of
 from auditor.recordings.decoding.ros import RosTypes, end_of_header, read_header
 from auditor.recordings.parameters import POINT_UNITS
 from auditor.safety.budget import MAX_POINTS
 
-DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""The datatype numbers of sensor_msgs/PointField."""
-
-_FLOATS = {7, 8}
-"""Those of coordinates in metres: whole numbers are centimetres, millimetres or ticks, and no message says which."""
-
-MAX_POINT_BYTES = 4096
 _BEYOND_M = np.float32(1e9)
+_OTHER_ORDER = "its byte order is not the one that is_bigendian says: only in the other one its points are distances"
 
 
 class PointCloudDecoder:
@@ -29,6 +24,7 @@ class PointCloudDecoder:
 
     def __init__(self, types: RosTypes) -> None:
         self._types = types
+        self.repairs: dict[str, None] = {}
 
     def header(self, message: Message) -> Header:
         """The header, without decoding the rest."""
@@ -36,8 +32,21 @@ class PointCloudDecoder:
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
-        cloud = self._types.decode(message)
-        return finite(xyz_of(points_of(cloud)))
+        cloud = self.decoded(message)
+        layout = layout_of(cloud)
+        points = points_of(cloud, layout)
+        repairs = layout.repairs
+        if not hold_distances(points):
+            points, repairs = points.view(layout.dtype.newbyteorder()), (*repairs, _OTHER_ORDER)
+            if not hold_distances(points):
+                raise DecodingError("its fields x, y and z hold no distances: their datatype or byte order is wrong")
+        for repair in repairs:
+            self.repairs[f"{message.topic}: {repair}"] = None
+        return finite(xyz_of(points))
+
+    def decoded(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the definition
+        """The cloud as an object with the fields of sensor_msgs/PointCloud2. Raises DecodingError."""
+        return self._types.decode(message)
 
 
 class OldPointCloudDecoder(PointCloudDecoder):
@@ -45,7 +54,7 @@ class OldPointCloudDecoder(PointCloudDecoder):
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
-        self._types.store(message.schema)  # raises where its definition is another one than ROS's
+        self._types.store(message.schema, message.encoding)  # raises where its definition is another one than ROS's
         start, order = end_of_header(message)
         [count] = np.frombuffer(message.data, f"{order}u4", 1, start) if start + 4 <= len(message.data) else [0]
         if count > MAX_POINTS or start + 4 + 12 * int(count) > len(message.data):
@@ -54,20 +63,10 @@ class OldPointCloudDecoder(PointCloudDecoder):
         return finite(points.reshape(-1, 3).astype(np.float32))
 
 
-def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is generated from the recording's definition
+def points_of(cloud: Any, layout: Layout | None = None) -> NDArray[np.void]:  # noqa: ANN401  # a generated class
     """The points as a structured array, (N,), a view of the message wherever rows have no padding."""
-    dtype = _point_type(cloud)
-    width, height = cloud.width, cloud.height
-    if width * height > MAX_POINTS:
-        raise DecodingError(f"a cloud of {width} x {height} points is not accepted")
-    row_bytes = width * cloud.point_step
-    # An unorganised cloud may leave the length of its only row empty.
-    row_step = cloud.row_step if height > 1 else max(cloud.row_step, row_bytes)
-    if row_step < row_bytes or len(cloud.data) != height * row_step:
-        raise DecodingError(
-            f"the cloud declares {height} rows of {width} points of {cloud.point_step} bytes, "
-            f"and holds {len(cloud.data)} bytes"
-        )
+    (height, width, point_step, row_step), dtype, _ = layout or layout_of(cloud)
+    row_bytes = width * point_step
     data = cloud.data.reshape(height, row_step)[:, :row_bytes] if row_step != row_bytes else cloud.data
     points: NDArray[np.void] = np.ascontiguousarray(data).reshape(-1).view(dtype)
     return points
@@ -98,27 +97,14 @@ def check_unit(xyz_m: NDArray[np.float32]) -> None:
         )
 
 
-def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class is generated
-    order = ">" if cloud.is_bigendian else "<"
-    names, formats, offsets = [], [], []
-    for field in cloud.fields:
-        datatype = DATATYPES.get(field.datatype)
-        if field.name not in {"x", "y", "z"} or field.name in names or datatype is None or field.count > 1:
-            continue
-        if field.datatype not in _FLOATS:
-            kind = np.dtype(datatype).name
-            raise DecodingError(
-                f"its field {field.name!r} holds whole numbers ({kind}), and the message does not say of which unit; "
-                "convert x, y and z to float32 metres"
-            )
-        if field.offset + int(datatype[1]) > cloud.point_step:
-            raise DecodingError(f"the field {field.name!r} lies outside its point")
-        names.append(field.name)
-        formats.append(order + datatype)
-        offsets.append(field.offset)
-    if len(names) != 3 or not 0 < cloud.point_step <= MAX_POINT_BYTES:
-        raise DecodingError(f"the cloud has no fields x, y and z in points of {cloud.point_step} bytes")
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_step})
+def hold_distances(points: NDArray[np.void]) -> bool:
+    """False where the first points' coordinates are mostly no metres of any world; missing returns say nothing."""
+    few = points[:: max(1, len(points) // POINT_UNITS.looked_at)]
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(np.concatenate([few[axis] for axis in "xyz"]).astype(np.float64))
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    within = np.count_nonzero((sizes > POINT_UNITS.smallest_m) & (sizes < POINT_UNITS.largest_m))
+    return bool(within >= POINT_UNITS.least_distances * len(sizes))
 
 
 def xyz_of(points: NDArray[np.void]) -> NDArray[np.float32]:

@@ -25,7 +25,7 @@ from auditor.recordings.decoding.images import PictureDecoder, RawDecoder
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.decoding.video import Videos
+from auditor.recordings.decoding.video import Videos, refuse_other_video
 
 _MAX_STAMP_NS = 2**63 - 1
 _VIDEO_FORMAT = "h264"
@@ -172,6 +172,7 @@ class FoxgloveVideoDecoder(Videos, FoxgloveMessages):
     def _h264(self, message: Message) -> bytes:
         values = self.decode(message)
         if values["format"] != _VIDEO_FORMAT:
+            refuse_other_video(values["format"], b"")
             raise DecodingError(f"the video format {values['format'][:20]!r} is not supported", where=message.topic)
         return bytes(values["data"])
 

@@ -1,7 +1,7 @@
 """sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
-import re
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -13,16 +13,16 @@ from auditor.model.arrays import Image
 from auditor.model.frames import Message
 from auditor.model.rig import MOST_BITS
 from auditor.recordings.decoding.interface import Header, SizePx
+from auditor.recordings.decoding.picture_heads import inspect_picture
 from auditor.recordings.decoding.pictures import (
     Values,
     check_size,
     decode_picture,
-    inspect_picture,
     largest_picture_value,
     upper_8_bits,
 )
 from auditor.recordings.decoding.ros import RosTypes, read_header
-from auditor.recordings.decoding.video import Videos, is_h264
+from auditor.recordings.decoding.video import Videos, is_h264, refuse_other_video
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
@@ -30,8 +30,6 @@ _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 
 DEPTH_PICTURE = "compressedDepth"
 """In the format of a compressed image: depths, by the transport of that name."""
-
-_H265 = re.compile(r"h\.?265|hevc", re.IGNORECASE)
 
 
 class Encoding(NamedTuple):
@@ -54,36 +52,52 @@ def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
 
 
 _GREY = Encoding(1, None, None)
+_GREY_16 = Encoding(1, None, None, bytes_a_value=2)
 _UYVY = Encoding(2, "COLOR_YUV2GRAY_UYVY", "COLOR_YUV2BGR_UYVY")
 _YUYV = Encoding(2, "COLOR_YUV2GRAY_YUY2", "COLOR_YUV2BGR_YUY2")
+_I420 = Encoding(1, "COLOR_YUV2GRAY_I420", "COLOR_YUV2BGR_I420", planar=True)
 
-ENCODINGS = {
-    "mono8": _GREY,
-    "8UC1": _GREY,
-    "mono16": Encoding(1, None, None, bytes_a_value=2),
-    "16UC1": Encoding(1, None, None, bytes_a_value=2),
-    "bgr8": Encoding(3, "COLOR_BGR2GRAY", None),
-    "8UC3": Encoding(3, "COLOR_BGR2GRAY", None),
-    "rgb8": Encoding(3, "COLOR_RGB2GRAY", "COLOR_RGB2BGR"),
-    "bgra8": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
-    "8UC4": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
-    "rgba8": Encoding(4, "COLOR_RGBA2GRAY", "COLOR_RGBA2BGR"),
-    "bayer_rggb8": _bayer("RGGB"),
-    "bayer_bggr8": _bayer("BGGR"),
-    "bayer_gbrg8": _bayer("GBRG"),
-    "bayer_grbg8": _bayer("GRBG"),
-    "bayer_rggb16": _bayer("RGGB", 2),
-    "bayer_bggr16": _bayer("BGGR", 2),
-    "bayer_gbrg16": _bayer("GBRG", 2),
-    "bayer_grbg16": _bayer("GRBG", 2),
-    "yuv422": _UYVY,
-    "uyvy": _UYVY,
-    "yuv422_yuy2": _YUYV,
-    "yuyv": _YUYV,
+
+def _colours(order: str, bytes_a_value: int = 1) -> Encoding:
+    to_bgr = None if order == "BGR" else f"COLOR_{order}2BGR"
+    return Encoding(len(order), f"COLOR_{order}2GRAY", to_bgr, bytes_a_value)
+
+
+def _mosaics() -> Iterator[tuple[str, Encoding]]:
+    """Mosaics by their names in ROS, in GenICam, which names the first two pixels alone, and in V4L2."""
+    for order in ("RGGB", "BGGR", "GBRG", "GRBG"):
+        for name in (f"bayer{order}", f"bayer{order[:2]}", f"s{order}"):
+            yield f"{name}8".lower(), _bayer(order)
+            yield from ((f"{name}{bits}".lower(), _bayer(order, 2)) for bits in (10, 12, 14, 16))
+
+
+ENCODINGS: Mapping[str, Encoding] = {
+    **dict.fromkeys(("mono8", "8uc1", "gray8", "grey8", "gray", "grey", "y8", "y800"), _GREY),
+    **dict.fromkeys(
+        ("mono10", "mono12", "mono14", "mono16", "16uc1", "gray16", "grey16", "y10", "y12", "y16"), _GREY_16
+    ),
+    **dict.fromkeys(("bgr8", "8uc3", "bgr24", "bgr8packed"), _colours("BGR")),
+    **dict.fromkeys(("rgb8", "rgb24", "rgb8packed"), _colours("RGB")),
+    **dict.fromkeys(("bgra8", "8uc4", "bgra8packed"), _colours("BGRA")),
+    **dict.fromkeys(("rgba8", "rgba8packed"), _colours("RGBA")),
+    **dict.fromkeys(("bgr10", "bgr12", "bgr16", "16uc3"), _colours("BGR", 2)),
+    **dict.fromkeys(("rgb10", "rgb12", "rgb16"), _colours("RGB", 2)),
+    **dict.fromkeys(("bgra16", "16uc4"), _colours("BGRA", 2)),
+    "rgba16": _colours("RGBA", 2),
+    **dict(_mosaics()),
+    **dict.fromkeys(("yuv422", "uyvy", "yuv422packed", "yuv4228uyvy", "ycbcr4228cbycry"), _UYVY),
+    **dict.fromkeys(("yuv422yuy2", "yuyv", "yuy2", "yuv4228", "ycbcr4228"), _YUYV),
+    "yvyu": Encoding(2, "COLOR_YUV2GRAY_YVYU", "COLOR_YUV2BGR_YVYU"),
     "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
+    **dict.fromkeys(("i420", "iyuv", "yu12"), _I420),
+    "yv12": Encoding(1, "COLOR_YUV2GRAY_YV12", "COLOR_YUV2BGR_YV12", planar=True),
 }
-"""Encodings of sensor_msgs/image_encodings.hpp that are supported; of 16-bit values see `pictures`."""
+"""Encodings by their names in small letters without underscores; of 16-bit values see `pictures`.
+
+The names are those of sensor_msgs/image_encodings.hpp, of GenICam's pixel formats (PFNC; values that are not packed),
+which drivers of its cameras pass on, and of V4L2 and OpenCV.
+"""
 
 
 class _Depths:
@@ -93,6 +107,7 @@ class _Depths:
 
     def __init__(self) -> None:
         self._bits: dict[str, int] = {}
+        self.repairs: dict[str, None] = {}
 
     def use_depth(self, topic: str, bits: int) -> None:
         """Take the values of a topic's pictures as of so many bits, from here on."""
@@ -120,18 +135,27 @@ class RawDecoder(_Depths, ABC):
         image = self.image(message)
         check_size((image.width, image.height), size_px)
         encoding = _encoding_of(image, message.topic)
-        return _convert(upper_8_bits(_rows(image, encoding), self.bits(message)), encoding, colour=colour)
+        rows = _rows(image, encoding, self._step(image, encoding, message.topic))
+        return _convert(upper_8_bits(rows, self.bits(message)), encoding, colour=colour)
 
     def largest_value(self, message: Message) -> int | None:
         """The largest value of 16 bits; None where there are 8."""
         image = self.image(message)
         check_size((image.width, image.height), None)
         encoding = _encoding_of(image, message.topic)
-        return int(_rows(image, encoding).max()) if encoding.bytes_a_value > 1 else None
+        if encoding.bytes_a_value == 1:
+            return None
+        return int(_rows(image, encoding, self._step(image, encoding, message.topic)).max())
+
+    def _step(self, image: Any, encoding: Encoding, topic: str) -> int:  # noqa: ANN401
+        step, repair = _step_of(image, encoding)
+        if repair:
+            self.repairs[f"{topic}: {repair}"] = None
+        return step
 
 
 class PictureDecoder(_Depths, ABC):
-    """Decodes images that are PNG or JPEG files. See interface.ImageDecoder and DeepImageDecoder."""
+    """Decodes images that are files, PNG and JPEG mostly. See interface.ImageDecoder and DeepImageDecoder."""
 
     @abstractmethod
     def picture(self, message: Message) -> memoryview:
@@ -146,7 +170,7 @@ class PictureDecoder(_Depths, ABC):
         return decode_picture(self.picture(message), colour=colour, size_px=size_px, bits=self.bits(message))
 
     def largest_value(self, message: Message) -> int | None:
-        """The largest value of a PNG of 16 bits; None of any other file."""
+        """The largest value of a file of 16 bits a value; None of any other."""
         return largest_picture_value(self.picture(message))
 
 
@@ -170,29 +194,56 @@ def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the cla
     name = image.encoding
     if name == "passthrough":
         name = _PASSTHROUGH.get(image.step // image.width, name)
-    encoding = ENCODINGS.get(name)
+    encoding = ENCODINGS.get(name.lower().replace("_", "").removeprefix("cv"))
+    if not name:
+        raise DecodingError("the image does not say its encoding: its field is empty", where=topic)
     if encoding is None:
         raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not supported", where=topic)
     return encoding
 
 
-def _rows(image: Any, encoding: Encoding) -> Values:  # noqa: ANN401  # the class is generated
-    """The values as (rows, width) or (rows, width, channels), uint8 or uint16."""
-    if encoding.planar and image.height % 2:
-        raise DecodingError("a planar image needs an even height")
-    rows = image.height * 3 // 2 if encoding.planar else image.height
-    row_bytes = image.width * encoding.channels * encoding.bytes_a_value
-    if image.step < row_bytes or len(image.data) != rows * image.step:
-        raise DecodingError(
-            f"the image declares {rows} rows of {image.step} bytes for {image.width} px, "
-            f"and holds {len(image.data)} bytes"
-        )
-    values = np.ascontiguousarray(image.data.reshape(rows, image.step)[:, :row_bytes])
+def _rows(image: Any, encoding: Encoding, step: int) -> Values:  # noqa: ANN401  # the class is generated
+    """The values as (rows, width) or (rows, width, channels), uint8 or uint16; rows begin `step` bytes apart."""
+    rows = _row_count(image, encoding)
+    values = np.ascontiguousarray(image.data[: rows * step].reshape(rows, step)[:, : _row_bytes(image, encoding)])
     shape = (rows, image.width, encoding.channels) if encoding.channels > 1 else (rows, image.width)
     if encoding.bytes_a_value > 1:
         values = values.view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
     result: Values = values.reshape(shape)
     return result
+
+
+def _row_count(image: Any, encoding: Encoding) -> int:  # noqa: ANN401
+    if encoding.planar and image.height % 2:
+        raise DecodingError("a planar image needs an even height")
+    return int(image.height * 3 // 2 if encoding.planar else image.height)
+
+
+def _row_bytes(image: Any, encoding: Encoding) -> int:  # noqa: ANN401
+    return int(image.width * encoding.channels * encoding.bytes_a_value)
+
+
+def _step_of(image: Any, encoding: Encoding) -> tuple[int, str]:  # noqa: ANN401
+    """How many bytes lie from row to row, and what of it had to be put right. Raises DecodingError.
+
+    Drivers leave `step` at 0 or write that of other rows, and others send the whole of a larger buffer. Rows are at
+    most twice as long as their pixels, else the encoding may be wrong; whole rows too many may be a wrong height.
+    """
+    rows, row_bytes, held = _row_count(image, encoding), _row_bytes(image, encoding), len(image.data)
+    if image.step >= row_bytes and held == rows * image.step:
+        return image.step, ""
+    filling = held // rows if rows and held % rows == 0 else 0
+    readings = []
+    if row_bytes <= filling < 2 * row_bytes:
+        readings.append((filling, "its step does not fit the data: rows that fill them were taken"))
+    surplus = held - rows * image.step
+    if image.step >= row_bytes > 0 and surplus > 0 and surplus % image.step and filling < 2 * row_bytes:
+        readings.append((image.step, "more data than its rows need: what lies behind them was left out"))
+    if len(readings) != 1:
+        raise DecodingError(
+            f"the image declares {rows} rows of {image.step} bytes for {image.width} px, and holds {held} bytes"
+        )
+    return readings[0]
 
 
 def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:
@@ -206,7 +257,7 @@ def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:
 
 
 class CompressedImageDecoder(PictureDecoder):
-    """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, recognised by its first bytes: `format` is free text.
+    """sensor_msgs/CompressedImage: a picture file or H.264, recognised by its first bytes, since `format` is free text.
 
     All messages of a topic have the form of its first one.
     """
@@ -238,17 +289,20 @@ class CompressedImageDecoder(PictureDecoder):
         return super().pixels(message, colour=colour, size_px=size_px)
 
     def largest_value(self, message: Message) -> int | None:
-        """The largest value of a PNG of 16 bits; None of anything else."""
+        """The largest value of a file of 16 bits a value; None of anything else."""
         return None if self._of_video(message) else super().largest_value(message)
 
     def picture(self, message: Message) -> memoryview:
-        """The PNG or JPEG file inside the message."""
+        """The file inside the message."""
         image = self._types.decode(message)
         if DEPTH_PICTURE in image.format:
             raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)
-        if _H265.search(image.format):
-            raise DecodingError(f"the video {image.format[:40]!r} is H.265, which is not decoded", where=message.topic)
-        return memoryview(image.data)
+        data = memoryview(image.data)
+        try:
+            refuse_other_video(image.format, data)
+        except DecodingError as error:
+            raise DecodingError(error.what, where=message.topic) from error
+        return data
 
     def _of_video(self, message: Message) -> bool:
         if message.topic not in self._is_video:

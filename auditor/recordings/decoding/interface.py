@@ -108,6 +108,16 @@ class CloudDecoder(Protocol):
         """The finite points, (N, 3) float32 metres."""
 
 
+@runtime_checkable
+class RepairingDecoder(Protocol):
+    """A decoder that reads messages whose header contradicts their data, where the data leave one reading.
+
+    `repairs` are sentences on what it had to put right so far, each with its topic.
+    """
+
+    repairs: dict[str, None]
+
+
 class CameraInfoDecoder(Protocol):
     """Decodes the camera calibrations of one schema."""
 

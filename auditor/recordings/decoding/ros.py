@@ -3,7 +3,7 @@
 import re
 import struct
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
+from auditor.recordings.decoding.standard_types import known_types
 from auditor.recordings.recording import Definition
 
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
@@ -76,45 +77,78 @@ def _head(message: Message) -> tuple[struct.Struct, int, int, int]:
 class RosTypes:
     """Decodes messages by the definitions found in their recording.
 
-    Where a recording carries none (older .db3 files), ROS 2's own definitions stand in.
+    Where a recording carries none (older .db3 files, schemas without text), ROS's own definitions stand in.
     """
 
     def __init__(self, definition: Callable[[str], Definition | None]) -> None:
-        self.definition = definition
-        self._stores: dict[str, Typestore] = {}
+        self._definition = definition
+        self._stores: dict[tuple[str, str], Typestore] = {}
 
-    def store(self, schema: str) -> Typestore:
-        """The typestore of one schema. Raises DecodingError where its definition is ill-formed."""
+    def definition(self, schema: str) -> Definition | None:
+        """The definition that the recording carries, or None where there is none, or one without text."""
+        found = self._definition(schema)
+        return found if found is not None and not found.is_blank else None
+
+    def store(self, schema: str, encoding: str) -> Typestore:
+        """The typestore of one schema and encoding. Raises DecodingError where its definition is ill-formed."""
         # One store for each schema: two definitions may disagree about a type that both embed.
-        if schema not in self._stores:
-            self._stores[schema] = _make_store(schema, self.definition(schema))
-        return self._stores[schema]
+        key = (schema, "ros1" if encoding == "ros1" else "cdr")
+        if key not in self._stores:
+            self._stores[key] = _make_store(schema, self.definition(schema), key[1])
+        return self._stores[key]
 
     def decode(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the recording's definition
         """The message as an object whose fields are numbers, strings, arrays or lists. Raises DecodingError."""
-        store = self.store(message.schema)
+        store = self.store(message.schema, message.encoding)
         data = memoryview(message.data)
         try:
             if message.encoding == "ros1":
                 return store.deserialize_ros1(data, message.schema)
             return store.deserialize_cdr(data, message.schema)
         except (SerdeError, KeyError) as error:
-            raise DecodingError(f"the message does not fit its definition ({error})", where=message.topic) from error
-
-
-@cache
-def known_types() -> Typestore:
-    """ROS 2's own definitions; nothing is ever registered in it."""
-    return get_typestore(Stores.ROS2_HUMBLE)
+            own = "its definition"
+            if self.definition(message.schema) is None:
+                own = f"ROS's own definition of {message.schema}, and the recording has none"
+            raise DecodingError(f"the message does not fit {own} ({error})", where=message.topic) from error
 
 
 @lru_cache(maxsize=64)  # the recordings of a fleet share their definitions
-def _make_store(schema: str, definition: Definition | None) -> Typestore:
+def _make_store(schema: str, definition: Definition | None, encoding: str) -> Typestore:
     if definition is None:
-        return known_types()
-    store = registered(schema, parse_definition(schema, definition))
+        return known_types(encoding)
+    store = registered(schema, types_of(schema, definition, encoding))
     _check_layout(schema, store)
     return store
+
+
+def types_of(schema: str, definition: Definition | None, encoding: str) -> Types:
+    """A schema and the types that it is made of: those of ROS where the recording does not define them.
+
+    Raises DecodingError where the definition is ill-formed, or where nobody defines the schema.
+    """
+    known = known_types(encoding).fielddefs
+    if definition is not None:
+        whole = parse_definition(schema, definition)
+    elif schema in known:
+        whole = {schema: ([], known[schema][1])}
+    else:
+        raise DecodingError("the recording does not define it", where=schema)
+    due = list(whole)
+    while due:
+        for _, kind in whole[due.pop()][1]:
+            name = _name_in(kind)
+            if name is not None and name not in whole and name in known:
+                whole[name] = ([], known[name][1])
+                due.append(name)
+    return whole
+
+
+def _name_in(kind: tuple[Nodetype, Any]) -> str | None:
+    """The type that a field is made of; None for numbers and strings."""
+    node, value = kind
+    if node == Nodetype.BASE:
+        return None
+    return str(value) if node == Nodetype.NAME else _name_in(value[0])
 
 
 def registered(schema: str, types: Types) -> Typestore:

@@ -37,21 +37,16 @@ def _packets(driver: str) -> SensorType:
     return SensorType(LIDAR, f"play it through {driver} and record its sensor_msgs/PointCloud2")
 
 
-_LIVOX = SensorType(LIDAR, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2")
 _OUSTER = _packets("ouster_ros (replay)")._replace(least_bytes=256)  # packets of its IMU have 48
 _HESAI = _packets("hesai_ros_driver (source_type 3)")
 _PANDAR = _packets("hesai_lidar (data_type rosbag)")
+_SEYOND = _packets("seyond_ros_driver")
 _ROBOSENSE = _packets("rslidar_sdk (msg_source 2)")
-_DRACO = SensorType(
-    LIDAR, "republish it as sensor_msgs/PointCloud2 with point_cloud_transport's republish and record that"
-)
+_REPUBLISH_CLOUD = "republish it as sensor_msgs/PointCloud2 with point_cloud_transport's republish and record that"
 _REPUBLISH = "republish it as sensor_msgs/Image with image_transport's republish and record that"
 _OF_ROS_2 = "record it as MCAP with Foxglove's own schemas, or as sensor_msgs"
 
 UNREAD: Mapping[str, SensorType] = {
-    "livox_ros_driver/msg/CustomMsg": _LIVOX,
-    "livox_ros_driver2/msg/CustomMsg": _LIVOX,
-    "livox_interfaces/msg/CustomMsg": _LIVOX,
     "velodyne_msgs/msg/VelodyneScan": _packets("velodyne_pointcloud"),
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_msgs/msg/PacketMsg": _OUSTER,
@@ -62,17 +57,19 @@ UNREAD: Mapping[str, SensorType] = {
     "hesai_lidar/msg/PandarPacket": _PANDAR,
     "pandar_msgs/msg/PandarScan": _packets("nebula_ros or pandar_pointcloud"),
     "nebula_msgs/msg/NebulaPackets": _packets("nebula_ros (launch_hw false)"),
+    "seyond/msg/SeyondScan": _SEYOND,
+    "seyond/msg/SeyondPacket": _SEYOND,
+    "seyond_decoder/msg/SeyondScan": _SEYOND,
+    "velodyne_msgs/msg/VelodynePacket": _packets("velodyne_pointcloud"),
+    "robosense_msgs/msg/RobosenseScan": _packets("nebula_ros (launch_hw false)"),
     "rslidar_msg/msg/RslidarPacket": _ROBOSENSE,
     "rslidar_msg/msg/RslidarScan": _ROBOSENSE,
     "rslidar_msgs/msg/rslidarPacket": _ROBOSENSE,
     "rslidar_msgs/msg/rslidarScan": _ROBOSENSE,
-    "point_cloud_interfaces/msg/CompressedPointCloud2": _DRACO,
-    "draco_point_cloud_transport/msg/CompressedPointCloud2": _DRACO,
+    "draco_point_cloud_transport/msg/CompressedPointCloud2": SensorType(LIDAR, _REPUBLISH_CLOUD),
     "theora_image_transport/msg/Packet": SensorType(CAMERA, _REPUBLISH),
-    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": SensorType(CAMERA, _REPUBLISH),
     "foxglove_msgs/msg/RawImage": SensorType(CAMERA, _OF_ROS_2),
     "foxglove_msgs/msg/CompressedImage": SensorType(CAMERA, _OF_ROS_2),
-    "foxglove_msgs/msg/CompressedVideo": SensorType(CAMERA, _OF_ROS_2),
     "foxglove_msgs/msg/PointCloud": SensorType(LIDAR, _OF_ROS_2),
 }
 """Types without a decoder. A decoder of the entry points group `auditor.decoders` goes before this table."""
@@ -80,10 +77,12 @@ UNREAD: Mapping[str, SensorType] = {
 _VIDEO = "install auditor[video] where it is H.264; convert other videos to it"
 
 _REMEDIES: Mapping[str, str] = {
-    COMPRESSED_VIDEO: _VIDEO,
+    **dict.fromkeys((COMPRESSED_VIDEO, schemas.FFMPEG_PACKET, schemas.FOXGLOVE_VIDEO), _VIDEO),
     schemas.IMAGE: "record an encoding of 8 or 16 bits a value, such as mono8, bgr8 or bayer_rggb8",
-    schemas.COMPRESSED_IMAGE: "record JPEG, PNG, or H.264 with auditor[video] installed",
+    schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF or JPEG 2000, or H.264 with auditor[video] installed",
     schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
+    schemas.COMPRESSED_CLOUD: _REPUBLISH_CLOUD,
+    **dict.fromkeys(schemas.LIVOX, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2"),
     schemas.POINT_CLOUD: "record a whole sensor_msgs/PointCloud2 with the fields x, y and z",
 }
 """What helps where a type can be decoded and its messages cannot."""

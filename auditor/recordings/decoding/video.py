@@ -5,6 +5,7 @@ A picture of a video holds the differences to those before it: every message of 
 depends on no later one, and parameters with every key picture, as Foxglove's documentation requires.
 """
 
+import re
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -17,6 +18,17 @@ from auditor.model.frames import Message
 from auditor.recordings.decoding.h264 import Parameters, has_key_picture, parameter_sets, picture_number
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import check_size
+
+_OTHER_VIDEOS = {
+    "H.265": re.compile(r"[hx]\.?265|hevc", re.IGNORECASE),
+    "AV1": re.compile(r"av1|svtav1|aom", re.IGNORECASE),
+    "VP9": re.compile(r"vp9", re.IGNORECASE),
+    "VP8": re.compile(r"vp8", re.IGNORECASE),
+    "MPEG-4": re.compile(r"mpeg-?4|mp4v", re.IGNORECASE),
+    "Theora": re.compile(r"theora", re.IGNORECASE),
+}
+_H265_BEGINS = re.compile(rb"\x00?\x00\x00\x01[\x40\x42\x44\x46\x4e]\x01")
+"""A start code and a unit of parameters or a delimiter (ITU-T H.265, 7.3.1.2 and table 7-1), no unit of H.264."""
 
 MAX_PENDING_BYTES = 32 * 2**20
 MAX_PENDING = 600
@@ -38,6 +50,18 @@ class _Track:
 def is_h264(data: memoryview) -> bool:
     """True for bytes that begin with a start code, as an H.264 stream does (ITU-T H.264, Annex B)."""
     return bytes(data[:3]) == b"\0\0\1" or bytes(data[:4]) == b"\0\0\0\1"
+
+
+def refuse_other_video(declared: str, data: bytes | memoryview) -> None:
+    """Raises DecodingError, with its name, where a video is said to be of another form than H.264, or begins as H.265.
+
+    Transports write the name of the form or of the encoder: `h264`, `libx264`, `hevc_nvenc`.
+    """
+    other = next((name for name, word in _OTHER_VIDEOS.items() if word.search(declared)), "")
+    if not other and _H265_BEGINS.match(data):
+        other = "H.265"
+    if other:
+        raise DecodingError(f"the video {declared[:40]!r} is {other}, which is not decoded")
 
 
 class Videos:

@@ -40,7 +40,7 @@ def file_kind(file: Path) -> str:
 
 def stem_of(file: Path) -> str:
     """A name without its extensions."""
-    name = file.stem if file.suffix.lower() in {PACKED, _ACTIVE} else file.name
+    name = file.stem if file.suffix.lower() in {*PACKED, _ACTIVE} else file.name
     return Path(name).stem
 
 

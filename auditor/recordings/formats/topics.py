@@ -44,15 +44,18 @@ class Names:
         return topic.name in self.topics or len(self.topics) < MAX_TOPICS
 
     def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
-        """Add a definition, noting the damage where it differs from an earlier one, or where there are too many."""
+        """Add a definition, noting the damage where it differs from an earlier one, or where there are too many.
+
+        One without text gives way to any other.
+        """
         known = self.definitions.get(schema)
-        if known is None:
+        if known is None or known.is_blank:
             self._definition_bytes += len(definition.data) + len(schema)
             if self._definition_bytes > MAX_DEFINITION_BYTES:
                 damage.add(f"the definition of {schema[:80]!r} is left out: there are too many", offset)
             else:
                 self.definitions[schema] = definition
-        elif known != definition:
+        elif not (definition.is_blank or known.says_the_same(definition)):
             damage.add(f"a second, different definition of {schema[:80]!r} is ignored", offset)
 
 

@@ -2,8 +2,9 @@
 
 import bz2
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass
-from io import SEEK_END
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from shutil import disk_usage
 from typing import IO
@@ -13,15 +14,21 @@ import zstandard
 
 from auditor.errors import RecordingError
 from auditor.recordings.content import ChangedError, FileContent, UnprovenFile
+from auditor.recordings.formats.zstd_frames import FrameWalk
 from auditor.safety.budget import CHUNKS, MAX_BYTES, OverBudgetError, Spending
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _STEP_BYTES = 1 << 20
 _BUFFER_BYTES = 1 << 18
-_ZSTD_HEAD_BYTES = 18
+_MOST_STREAMS = 64
+"""Streams of lz4 or bz2 data one after the other, behind the first: what follows each is copied."""
 
-PACKED = ".zstd"
-"""The ending that rosbag2 adds to the names of files that it compressed (compression mode `file`)."""
+_MOST_BLOCKS_A_MESSAGE = 1 << 12
+_MOST_BLOCKS_A_FILE = 1 << 22
+"""Blocks of zstd data, which have up to 128 kB unpacked: those of half a terabyte."""
+
+PACKED = frozenset({".zstd", ".zst"})
+"""The endings that rosbag2 (compression mode `file`) and zstd itself add to the names of files that they compressed."""
 
 
 class BadChunkError(Exception):
@@ -58,7 +65,7 @@ def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memor
     unpacked = bytearray()
     try:
         if compression == b"zstd":
-            with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(packed) as reader:
+            with _zstd_reader(packed) as reader:
                 while piece := reader.read(min(_STEP_BYTES, size - len(unpacked))):
                     unpacked += piece
         elif compression in {b"lz4", b"bz2"}:
@@ -83,13 +90,15 @@ def unpack_message(data: bytes, spending: Spending) -> bytes:
     if data[: len(ZSTD_MAGIC)] != ZSTD_MAGIC:
         return data
     try:
-        size = zstandard.frame_content_size(data)
+        frames = FrameWalk(BytesIO(data), len(data), _MOST_BLOCKS_A_MESSAGE).frames()
     except zstandard.ZstdError as error:
         raise BadChunkError(f"its zstd data are damaged ({error})") from error
-    if size < 0:
+    if not frames.whole:
+        raise BadChunkError("its zstd data are cut")
+    if frames.size is None:
         raise BadChunkError("its zstd frame does not declare its size")
-    allow(spending, len(data), size)
-    return _unpack_zstd(memoryview(data), size)
+    allow(spending, len(data), frames.size)
+    return _unpack_zstd(memoryview(data), frames.size)
 
 
 def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
@@ -102,9 +111,9 @@ def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
     most = min(most_bytes, CHUNKS.bound(packed_bytes))
     unpacked = 0
     try:
-        declared = zstandard.frame_content_size(source.read(_ZSTD_HEAD_BYTES))
+        frames = FrameWalk(source, packed_bytes, _MOST_BLOCKS_A_FILE).frames()
         source.seek(0)
-        with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(source, closefd=False) as reader:
+        with _zstd_reader(source) as reader:
             while piece := reader.read(min(_STEP_BYTES, most - unpacked)):
                 unpacked += len(piece)
                 target.write(piece)
@@ -112,25 +121,47 @@ def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
                     return f"it would unpack to more than {most} bytes: the rest is left out"
     except zstandard.ZstdError as error:
         return f"its zstd data are damaged ({error}) behind {unpacked} unpacked bytes"
-    return "" if declared in {-1, unpacked} else f"its zstd data are cut behind {unpacked} of {declared} unpacked bytes"
+    if not frames.whole or frames.size not in {None, unpacked}:
+        of_all = f" of {frames.size}" if frames.size is not None and frames.size > unpacked else ""
+        return f"its zstd data are cut behind {unpacked}{of_all} unpacked bytes"
+    return ""
+
+
+def _zstd_reader(packed: memoryview | IO[bytes]) -> zstandard.ZstdDecompressionReader:
+    """The content of all frames, one after the other."""
+    unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
+    return unpacker.stream_reader(packed, read_across_frames=True, closefd=False)
 
 
 def _unpack_zstd(packed: memoryview, size: int) -> bytes:
     try:
-        # -1: the frame does not declare its size; the limit on the output below then applies.
-        if zstandard.frame_content_size(packed) not in {-1, size}:
+        declared = zstandard.frame_content_size(packed)
+        if declared > size:
             raise BadChunkError("its zstd frame declares another size than the chunk")
-        unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
-        return unpacker.decompress(packed, max_output_size=size, allow_extra_data=False)
+        if declared == size:
+            with suppress(zstandard.ZstdError):
+                unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
+                return unpacker.decompress(packed, max_output_size=size, allow_extra_data=False)
+        # Of several frames, or of one that does not declare its size, no more than the chunk declares is unpacked.
+        unpacked = bytearray()
+        with _zstd_reader(packed) as reader:
+            while piece := reader.read(min(_STEP_BYTES, size + 1 - len(unpacked))):
+                unpacked += piece
+        return bytes(unpacked)
     except zstandard.ZstdError as error:
         raise BadChunkError(f"its zstd data are damaged ({error})") from error
 
 
 def _unpack_stream(compression: bytes, packed: memoryview, size: int) -> bytes:
-    unpacker = _stream_unpacker(compression)
+    unpacker, records = _stream_unpacker(compression), b""
     try:
         # One byte more than declared, so that a stream that holds more is seen.
-        records: bytes = unpacker.decompress(packed, size + 1)
+        records = unpacker.decompress(packed, size + 1)
+        for _ in range(_MOST_STREAMS):
+            if not (unpacker.eof and unpacker.unused_data) or len(records) > size:
+                break
+            rest, unpacker = unpacker.unused_data, _stream_unpacker(compression)
+            records += unpacker.decompress(rest, size + 1 - len(records))
     except (RuntimeError, OSError, EOFError) as error:
         raise BadChunkError(f"its {compression.decode()} data are damaged ({error})") from error
     if not unpacker.eof:
@@ -177,7 +208,7 @@ class Source:
 def source_of(content: Content, journal: Content | None = None) -> Source:
     """A file, unpacked where it is packed. Raises RecordingError where there is too little space for it."""
     file = content.path
-    if file.suffix.lower() != PACKED:
+    if file.suffix.lower() not in PACKED:
         return Source(file, file.name, content.size, content, journal=journal)
     # The file has no name in any folder: nothing of it stays if this process is killed.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the recording
@@ -201,4 +232,4 @@ def source_of(content: Content, journal: Content | None = None) -> Source:
 
 def kind_of(path: Path) -> str:
     """The extension of a file in lower case; of a packed file the extension of its content."""
-    return Path(path.stem).suffix.lower() if path.suffix.lower() == PACKED else path.suffix.lower()
+    return Path(path.stem).suffix.lower() if path.suffix.lower() in PACKED else path.suffix.lower()

@@ -68,16 +68,16 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
         own_period_ns=periods,
         tolerance_ns=min(period_ns // SENSOR_TIMING.periods_a_tolerance, SENSOR_TIMING.most_tolerance_ns),
         fast=frozenset(sensor for sensor, own in periods.items() if own < SENSOR_TIMING.fast_share * period_ns),
-        remarks=tuple(_other_clock(rig, sensor, by_ns) for sensor, by_ns in ahead_ns.items()),
+        remarks=tuple(_other_clock(rig, sensor, by_ns, len(samples[sensor])) for sensor, by_ns in ahead_ns.items()),
         withheld=_exposures_apart(rig, behind_ns, clocks),
     )
 
 
-def _other_clock(rig: Rig, sensor: int, ahead_ns: int) -> str:
+def _other_clock(rig: Rig, sensor: int, ahead_ns: int, messages: int) -> str:
     way = "ahead of" if ahead_ns > 0 else "behind"
     return (
-        f"the stamps of {rig.topic(sensor)} are of another clock, {abs(ahead_ns) / 1e9:.1f} s {way} the others': the "
-        "times of recording put them together"
+        f"clock offset {rig.name(sensor)} {ahead_ns / 1e9:+.3f} s, by {messages} messages: the stamps of "
+        f"{rig.topic(sensor)} are of another clock {way} the others', and the times of recording put them together"
     )
 
 

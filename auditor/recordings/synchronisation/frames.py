@@ -50,6 +50,7 @@ class FrameStream:
         self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
+        self._decoders = Decoders(recording.definition)
         self.clock_jumps = 0
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
@@ -81,8 +82,8 @@ class FrameStream:
         """What makes the frames of a new read, of which nothing is counted yet."""
         self._counts = counts_of(self._rig.sensors, self.timing)
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
-        decoders = Decoders(self._recording.definition)
-        return _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
+        self._decoders = Decoders(self._recording.definition)
+        return _FrameMaker(self._rig, self._decoders, self._counts, self._time, colour=self._colour)
 
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
         """The groups of some frames; the recording is not read behind the last one."""
@@ -169,6 +170,11 @@ class FrameStream:
     def _follow(self, decoder: Decoder, message: Message) -> None:
         if isinstance(decoder, FollowingDecoder):
             decoder.follow(message)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on clocks that were put together, and on what of the last iteration's messages was put right."""
+        return (*self.timing.remarks, *self._decoders.repairs)
 
     @property
     def damage(self) -> tuple[Damage, ...]:

@@ -103,6 +103,7 @@ class StampCheck:
         self._few_ns = few_ns
         self._delay_ns = clock.delay_ns
         self._newest_ns: int | None = None
+        self._newest_log_ns = 0
         self._recent: deque[tuple[int, bytes]] = deque(maxlen=STAMP_AGREEMENT.remembered)
 
     def place(self, stamp_ns: int, log_time_ns: int, data: bytes | memoryview = b"") -> Placed:
@@ -118,6 +119,7 @@ class StampCheck:
         repeated = any(stamp_ns == other for other, _ in self._recent)
         self._recent.append(seen)
         against = self._irregularity(stamp_ns, log_time_ns, repeated=repeated)
+        self._newest_log_ns = max(self._newest_log_ns, log_time_ns)
         placed = self._time_ns(stamp_ns, log_time_ns, against)
         if placed == stamp_ns:
             self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
@@ -138,7 +140,9 @@ class StampCheck:
         if stamp_ns == self._clock.still_ns:
             return Against.STANDS_STILL
         if repeated:
-            return Against.REPEATED
+            # A simulation that starts again repeats its stamps, and the recorder's clock goes back with them.
+            restarted = agrees and log_time_ns < self._newest_log_ns and stamp_ns < (self._newest_ns or 0)
+            return Against.BACK if restarted else Against.REPEATED
         if self._newest_ns is not None and stamp_ns < self._newest_ns - self._few_ns:
             return Against.BACK
         return "" if agrees else Against.DISAGREES

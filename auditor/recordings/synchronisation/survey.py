@@ -20,6 +20,7 @@ from auditor.recordings.decoding import (
 from auditor.recordings.decoding.clouds import check_unit
 from auditor.recordings.decoding.interface import SizePx, TransformsDecoder
 from auditor.recordings.decoding.pictures import depth_of
+from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, SWEEPS
@@ -160,6 +161,7 @@ class _Surveyor:
         self._sectors_seen: dict[str, list[Sector | None]] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._mountings = Mountings()
+        self._described: dict[str, tuple[Transform, ...]] = {}
         self._problems: dict[str, None] = {}
         self._reasons: dict[str, str] = {}
         self._bytes = 0
@@ -173,7 +175,7 @@ class _Surveyor:
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def run(self) -> Survey:
-        known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
+        known = set(self._by_kind("image", "cloud", "camera_info", "transforms")) | self._descriptions()
         for message in self._recording.messages(known) if known else ():
             self._take(message)
             if self._enough():
@@ -194,7 +196,7 @@ class _Surveyor:
                 for t, f, points in clouds
             ),
             camera_infos=dict(sorted(self._infos.items())),
-            transforms=self._mountings.all(),
+            transforms=(*self._mountings.all(), *self._beyond_tf()),
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
@@ -216,6 +218,19 @@ class _Surveyor:
             if decoder is not None and decoder.kind in kinds:
                 yield topic.name
 
+    def _descriptions(self) -> set[str]:
+        return {topic.name for topic in self._recording.topics() if describes_robot(topic)}
+
+    def _beyond_tf(self) -> Iterator[Transform]:
+        """The places that a robot's description has of frames that tf does not place: what tf says goes before it."""
+        placed = {transform.child for transform in self._mountings.all()}
+        for topic, joints in sorted(self._described.items()):
+            found = [joint for joint in joints if joint.child not in placed]
+            placed.update(joint.child for joint in found)
+            if found:
+                self._note(f"{topic}: the places of {len(found)} frames are those of the robot's description")
+            yield from found
+
     def _enough(self) -> bool:
         if self._bytes > FIRST_LOOK.most_bytes:
             return True
@@ -223,7 +238,8 @@ class _Surveyor:
         if not sensors or any(len(self._samples.get(topic, ())) < FIRST_LOOK.samples for topic in sensors):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
-        complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._mountings or not fixed)
+        placed = bool(self._mountings or not fixed) and self._described.keys() == self._descriptions()
+        complete = len(self._infos) == len(self._by_kind("camera_info")) and placed
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
@@ -233,6 +249,7 @@ class _Surveyor:
         self._messages += 1
         decoder = self._decoders.of(message.schema, message.encoding)
         if decoder is None:
+            self._take_description(message)
             return
         try:
             if decoder.kind == "transforms":
@@ -246,6 +263,14 @@ class _Surveyor:
         except DecodingError as error:
             self._reasons.setdefault(message.topic, error.what)
             self._note(f"{message.topic}: {error.what}")
+
+    def _take_description(self, message: Message) -> None:
+        if message.topic not in self._described:
+            self._described[message.topic] = ()
+            try:
+                self._described[message.topic] = fixed_joints(message, self._decoders.types)
+            except DecodingError as error:
+                self._note(f"{message.topic}: {error.what}")
 
     def _take_sensor(self, message: Message, decoder: ImageDecoder | CloudDecoder) -> None:
         self._bytes += len(message.data)

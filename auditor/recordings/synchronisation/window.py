@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from auditor.model.coverage import Against
 from auditor.model.frames import Message
 from auditor.model.rig import Rig
 from auditor.recordings.parameters import FRAME_WINDOW
@@ -70,7 +71,7 @@ class Window:
 
     def add(self, sensor: int, waiting: Waiting) -> None:
         """Add a message; one that is older than the last frame is late, unless the clock has jumped back."""
-        if self._is_from_before(waiting.time_ns):
+        if self._is_from_before(waiting):
             self._from_before.append((sensor, waiting))
             self.held_bytes += _bytes(waiting)
             # One sensor that lags is late; old stamps of two sensors, near one another, mean a clock set back.
@@ -89,11 +90,12 @@ class Window:
         insort(self._waiting[sensor], waiting)
         self.held_bytes += _bytes(waiting)
 
-    def _is_from_before(self, time_ns: int) -> bool:
-        """True for a time too old to be a late message's, and near to others of that kind."""
-        if self._closed_until is None or time_ns > self._closed_until - self._wait_ns:
+    def _is_from_before(self, waiting: Waiting) -> bool:
+        """True for a time too old to be a late message's, or of a clock that went back, and near to others like it."""
+        late_ns = 0 if waiting.against == Against.BACK else self._wait_ns
+        if self._closed_until is None or waiting.time_ns > self._closed_until - late_ns:
             return False
-        return all(abs(time_ns - other.time_ns) <= self._wait_ns for _, other in self._from_before)
+        return all(abs(waiting.time_ns - other.time_ns) <= self._wait_ns for _, other in self._from_before)
 
     def _refuse_from_before(self) -> None:
         for sensor, waiting in self._from_before:

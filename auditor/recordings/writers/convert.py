@@ -22,12 +22,13 @@ from auditor.model.frames import CameraImage, Message, PointCloud
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
+from auditor.recordings.decoding.clouds import PointCloudDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.kitti import OXTS, scan_points
-from auditor.recordings.decoding.pictures import encode_picture, inspect_picture
+from auditor.recordings.decoding.picture_heads import inspect_picture
+from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.decoding.poses import PoseDecoder
-from auditor.recordings.decoding.ros import RosTypes, Types, parse_definition, registered
+from auditor.recordings.decoding.ros import RosTypes, Types, registered, types_of
 from auditor.recordings.recording import Damage, Definition, Recording, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
@@ -50,6 +51,7 @@ class Changing:
         self._maker = maker
         self._types = RosTypes(definition)
         self._raw, self._compressed = RawImageDecoder(self._types), CompressedImageDecoder(self._types)
+        self._clouds = PointCloudDecoder(self._types)
         for topic, bits in depths.items():
             self._raw.use_depth(topic, bits)
             self._compressed.use_depth(topic, bits)
@@ -95,7 +97,7 @@ class Changing:
     def _point_cloud(self, message: Message, change: Callable[[PointCloud], PointCloud]) -> bytes:
         cloud = self._types.decode(message)
         stamp = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec
-        before = finite(xyz_of(points_of(cloud)))
+        before = self._clouds.xyz_m(message)
         after = change(PointCloud(stamp, before)).xyz_m
         # The attacked cloud does not say which old point a new one was: intensities are not copied.
         points = np.zeros((len(after), 4), np.float32)
@@ -180,12 +182,12 @@ class _Copying:
 
     def definition(self, schema: str) -> Definition | None:
         """The definition to be written: the recording's own, unless its messages are serialised anew."""
-        own = self._recording.definition(schema)
+        own = self._decoders.types.definition(schema)
         if own is not None and own.encoding != "ros1msg":
             return own
         store = self._stores.get(schema, self._maker.store)
         if schema not in store.fielddefs:
-            return None
+            return self._recording.definition(schema)  # one without text is copied as it is
         return Definition("ros2msg", store.generate_msgdef(schema, ros_version=2)[0].encode())
 
     def to_ros2(self, message: Message) -> Message | None:
@@ -208,7 +210,7 @@ class _Copying:
     def _from_ros1(self, message: Message) -> bytes:
         store = self._stores.get(message.schema)
         if store is None:
-            store = _ros2_store(message.schema, self._recording.definition(message.schema))
+            store = _ros2_store(message.schema, self._decoders.types.definition(message.schema))
             self._stores[message.schema] = store
         return bytes(store.ros1_to_cdr(memoryview(message.data), message.schema))
 
@@ -235,10 +237,8 @@ class _Copying:
 
 def _ros2_store(schema: str, definition: Definition | None) -> Typestore:
     """The ROS 2 form of a ROS 1 definition: the same fields in lower case, headers without their counter."""
-    if definition is None:
-        raise DecodingError("the recording does not define it", where=schema)
     types: Types = {
         name: (constants, [(field.lower(), kind) for field, kind in fields if (name, field) != (HEADER, "seq")])
-        for name, (constants, fields) in parse_definition(schema, definition).items()
+        for name, (constants, fields) in types_of(schema, definition, "ros1").items()
     }
     return registered(schema, types)

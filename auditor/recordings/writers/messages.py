@@ -1,21 +1,18 @@
 """ROS messages made from pixels, points and geometry, for either version of ROS."""
 
 from collections.abc import Mapping
-from functools import cache
 from math import nan
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from auditor.model.optics.geometry import Matrix, quaternion_from_rotation
 from auditor.model.optics.lenses import NO_LENS, POLYNOMIAL, Lens
 from auditor.model.poses import Pose
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture
-from auditor.recordings.decoding.ros import known_types
+from auditor.recordings.decoding.standard_types import known_types
 
 Form = Literal["raw", "png", "jpeg"]
 
@@ -29,7 +26,7 @@ class MessageMaker:
 
     def __init__(self, encoding: Literal["cdr", "ros1"]) -> None:
         self.encoding = encoding
-        self.store = _ros1_store() if encoding == "ros1" else known_types()
+        self.store = known_types(encoding)
         self._definitions: dict[str, str] = {}
 
     def serialise(self, schema: str, message: object) -> bytes:
@@ -169,10 +166,3 @@ class MessageMaker:
 
     def _made(self, schema: str, **fields: Any) -> Any:  # noqa: ANN401  # rosbags generates the classes
         return self.store.types[schema](**fields)
-
-
-@cache  # it compiles what serialises a type when it is first asked to
-def _ros1_store() -> Typestore:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", schemas.TRANSFORMS))
-    return store

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import schemas
-from auditor.recordings.decoding import CloudDecoder, Decoders
+from auditor.recordings.decoding import CloudDecoder, Decoders, RepairingDecoder
 from auditor.recordings.decoding.clouds import check_unit, finite
 from auditor.recordings.decoding.kitti import SCAN
 from auditor.recordings.recording import Definition
@@ -133,11 +133,14 @@ def test_an_empty_cloud_has_no_points() -> None:
 @pytest.mark.parametrize(
     "given_fields",
     [
-        {"point_step": 0},
+        {"point_step": 0, "row_step": 7},
         {"point_step": 0, "width": 0, "row_step": 0, "data": np.empty(0, np.uint8)},
         {"point_step": 11},
-        {"width": 31},
-        {"height": 2},
+        {"width": 31, "row_step": 31 * 12},
+        {"width": 60, "point_step": 24, "row_step": 720, "fields": xyz_fields()},
+        {"width": 20, "point_step": 24, "row_step": 360},
+        {"height": 2, "row_step": 0},
+        {"fields": [field(name, 0) for name in "xyz"], "point_step": 16, "width": 22, "row_step": 352},
         {"height": 2**31, "width": 2**31},
         {"fields": []},
         {"fields": [field("x", 0), field("y", 4)]},
@@ -151,6 +154,100 @@ def test_a_cloud_that_does_not_hold_what_it_declares_is_damaged(given_fields: di
     cloud = message(settings_of.pop("data", XYZ.view(np.uint8)), **settings_of)
     with pytest.raises(DecodingError):
         decoder().xyz_m(cloud)
+
+
+def all_at_0() -> list[object]:
+    return [field(name, 0) for name in "xyz"]
+
+
+@pytest.mark.parametrize(
+    ("given_fields", "repair"),
+    [
+        ({"row_step": 0, "height": 5, "width": 6}, "row_step"),
+        ({"row_step": 999, "height": 5, "width": 6}, "row_step"),
+        ({"row_step": 6, "height": 5, "width": 6}, "row_step"),
+        ({"width": 31}, "width"),
+        ({"width": 0}, "width"),
+        ({"width": 2**32 - 1}, "width"),
+        ({"width": 700, "height": 5, "row_step": 72}, "width"),
+        ({"height": 0}, "height"),
+        ({"height": 64}, "height"),
+        ({"height": 2**31, "width": 6, "row_step": 72}, "height"),
+        ({"point_step": 0}, "point_step"),
+        ({"point_step": 0, "row_step": 0}, "point_step"),
+        ({"point_step": 5000, "row_step": 360}, "point_step"),
+        ({"fields": [field(name, 4 * place, 7, 30) for place, name in enumerate("xyz")]}, "count"),
+        ({"fields": [field(name, 4 * place, 7, 2) for place, name in enumerate("xyz")]}, "count"),
+        ({"fields": [field("z", 8, 7, 2), *xyz_fields()[:2]]}, "count"),
+        ({"fields": all_at_0()}, "offset"),
+    ],
+)
+def test_a_header_that_contradicts_the_data_is_put_right_where_they_leave_one_reading(
+    given_fields: dict[str, object], repair: str
+) -> None:
+    used = decoder()
+    cloud = message(XYZ.view(np.uint8), **{"fields": xyz_fields(), "point_step": 12, "width": 30, **given_fields})
+    assert np.array_equal(used.xyz_m(cloud), XYZ)
+    assert isinstance(used, RepairingDecoder)
+    [said] = used.repairs
+    assert said.startswith("/a: ")
+    assert repair in said
+
+
+@pytest.mark.parametrize(
+    "given_fields",
+    [
+        {},
+        {"fields": [field(name, 4 * place, 7, 0) for place, name in enumerate("xyz")]},
+        {"row_step": 0},
+        {"fields": [field(name.upper(), 4 * place) for place, name in enumerate("xyz")]},
+    ],
+)
+def test_a_header_that_fits_is_not_said_to_be_put_right(given_fields: dict[str, object]) -> None:
+    used = decoder()
+    cloud = message(XYZ.view(np.uint8), **{"fields": xyz_fields(), "point_step": 12, **given_fields})
+    assert np.array_equal(used.xyz_m(cloud), XYZ)
+    assert isinstance(used, RepairingDecoder)
+    assert not used.repairs
+
+
+@pytest.mark.parametrize(("order", "flag"), [("<", True), (">", False)])
+@pytest.mark.parametrize("width", [4, 8])
+def test_a_byte_order_that_is_declared_wrong_is_put_right(order: str, flag: bool, width: int) -> None:
+    used, datatype = decoder(), {4: 7, 8: 8}[width]
+    xyz = XYZ.copy()
+    xyz[3], xyz[5, 2], xyz[7] = np.nan, np.inf, 0
+    written = xyz.astype(f"{order}f{width}").view(np.uint8)
+    cloud = message(written, fields=xyz_fields(width, datatype), point_step=3 * width, is_bigendian=flag)
+    assert np.array_equal(used.xyz_m(cloud), np.delete(xyz, [3, 5], axis=0))
+    assert isinstance(used, RepairingDecoder)
+    [said] = used.repairs
+    assert "byte order" in said
+
+
+@pytest.mark.parametrize("big", [False, True])
+def test_numbers_that_are_distances_in_neither_order_are_refused(big: bool) -> None:
+    """Angles in ticks, said to be floats: as floats they are next to 0."""
+    ticks = np.random.default_rng(1).integers(0, 36_000, (60, 3), np.uint32)
+    cloud = message(ticks.view(np.uint8), fields=xyz_fields(), point_step=12, is_bigendian=big)
+    with pytest.raises(DecodingError, match="no distances"):
+        decoder().xyz_m(cloud)
+
+
+def test_coordinates_that_are_0_or_rounding_are_distances() -> None:
+    """A scanner of one row that was turned: z is 0 but for rounding."""
+    row = XYZ.copy()
+    row[:, 2] = 1e-17
+    assert np.array_equal(decoder().xyz_m(message(row.view(np.uint8), xyz_fields(), 12)), row)
+    nothing = np.zeros_like(row)
+    assert np.array_equal(decoder().xyz_m(message(nothing.view(np.uint8), xyz_fields(), 12)), nothing)
+
+
+def test_padded_rows_are_not_taken_for_a_wrong_row_step() -> None:
+    rows = np.zeros((5, 100), np.uint8)
+    rows[:, :72] = XYZ.view(np.uint8).reshape(5, 72)
+    cloud = message(rows, fields=xyz_fields(), point_step=12, height=5, width=6, row_step=100)
+    assert np.array_equal(decoder().xyz_m(cloud), XYZ)
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)

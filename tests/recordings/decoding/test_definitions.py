@@ -82,4 +82,4 @@ def test_only_the_names_that_ros_1_writes_in_capitals_may_be_written_so() -> Non
     definition = Definition("ros2msg", text.replace("float64 y", "float64 Y").encode())
     assert definition.data != text.encode()
     with pytest.raises(DecodingError, match="defined otherwise"):
-        RosTypes(lambda _: definition).store("geometry_msgs/msg/Quaternion")
+        RosTypes(lambda _: definition).store("geometry_msgs/msg/Quaternion", "cdr")

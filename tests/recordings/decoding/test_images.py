@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import schemas
-from auditor.recordings.decoding import Decoders, ImageDecoder
+from auditor.recordings.decoding import Decoders, DeepImageDecoder, ImageDecoder, RepairingDecoder
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
@@ -146,8 +146,11 @@ def test_padding_at_the_end_of_rows_is_left_out() -> None:
     [
         {"height": 47},
         {"height": 49},
-        {"step": 63},
-        {"step": 0},
+        {"height": 40, "step": 0},
+        {"step": 80, "data": np.zeros(48 * 72 + 5, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 70, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 128, np.uint8)},
+        {"step": 64, "data": np.zeros(48 * 192, np.uint8)},
         {"width": 65},
         {"encoding": "bgr8"},
         {"encoding": "rgb9"},
@@ -160,6 +163,39 @@ def test_an_image_that_does_not_hold_what_it_declares_is_damaged(fields: dict[st
     message = image_message(given_fields.pop("data", GREY), **given_fields)
     with pytest.raises(DecodingError):
         pixels(message, size_px=None)
+
+
+PADDED = np.hstack([GREY, np.full((48, 10), 7, np.uint8)])
+
+
+@pytest.mark.parametrize(
+    ("data", "step", "repair"),
+    [
+        (GREY, 0, "step"),
+        (GREY, 63, "step"),
+        (GREY, 80, "step"),
+        (GREY, 2**32 - 1, "step"),
+        (PADDED, 0, "step"),
+        (PADDED, 1, "step"),
+        (np.append(GREY, np.full(99, 7, np.uint8)), 64, "more data"),
+        (np.append(PADDED, np.full(4095, 7, np.uint8)), 74, "more data"),
+    ],
+)
+def test_rows_are_put_right_where_the_data_leave_one_reading(data: NDArray[np.uint8], step: int, repair: str) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    assert np.array_equal(decoder.pixels(image_message(data, "mono8", step=step), colour=True), GREY)
+    assert isinstance(decoder, RepairingDecoder)
+    [said] = decoder.repairs
+    assert said.startswith("/a: ")
+    assert repair in said
+
+
+def test_whole_rows_are_not_said_to_be_put_right() -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    assert isinstance(decoder, RepairingDecoder)
+    decoder.pixels(image_message(PADDED, "mono8"), colour=True)
+    decoder.pixels(image_message(BGR, "bgr8", step=192), colour=True)
+    assert not decoder.repairs
 
 
 @pytest.mark.parametrize("raw", [True, False])
@@ -249,7 +285,7 @@ def test_a_type_that_is_defined_otherwise_than_known_is_refused() -> None:
         decoder.pixels(message, colour=False)
 
 
-@pytest.mark.parametrize("text", ["this is no definition", "uint8[", "", "nowhere/Type a"])
+@pytest.mark.parametrize("text", ["this is no definition", "uint8[", "nowhere/Type a"])
 def test_an_ill_formed_definition_is_damage(text: str) -> None:
     decoder = Decoders(lambda _: Definition("ros2msg", text.encode())).image(schemas.IMAGE, "cdr")
     assert decoder is not None
@@ -299,3 +335,91 @@ def test_a_field_spelt_in_other_letters_is_another_definition() -> None:
     assert decoder is not None
     with pytest.raises(DecodingError, match="defined otherwise"):
         decoder.pixels(image_message(GREY, "mono8"), colour=False)
+
+
+@pytest.mark.parametrize("tail", [bytes(8192), b"\xff" * 3000, RANDOM.bytes(5000)], ids=["zeros", "ones", "old data"])
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_in_a_larger_buffer_is_read(tail: bytes, progressive: bool) -> None:
+    options = [cv2.IMWRITE_JPEG_PROGRESSIVE, int(progressive), cv2.IMWRITE_JPEG_RST_INTERVAL, 3]
+    plain = cv2.imencode(".jpg", BGR, options)[1].tobytes()
+    decoder = decoder_of(schemas.COMPRESSED_IMAGE)
+    pixels = decoder.pixels(picture_message(plain + tail, "jpeg"), colour=True)
+    assert np.array_equal(pixels, cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_COLOR))
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.9, 0.999])
+@pytest.mark.parametrize("tail", [bytes(8192), b"\xff" * 3000], ids=["zeros", "ones"])
+def test_a_jpeg_that_is_cut_and_filled_up_is_damaged(kept: float, tail: bytes) -> None:
+    plain = encode_picture(BGR, "jpeg")
+    with pytest.raises(DecodingError, match="cut"):
+        decoder_of(schemas.COMPRESSED_IMAGE).pixels(
+            picture_message(plain[: int(kept * len(plain))] + tail, "jpeg"), colour=True
+        )
+
+
+def test_a_jpeg_without_tables_is_read_as_cameras_of_usb_send_it() -> None:
+    """Motion JPEG leaves out the Huffman tables: they are the standard's."""
+    plain = encode_picture(BGR, "jpeg")
+    kept, place = plain[:2], 2
+    while plain[place + 1] != 0xDA:
+        end = place + 2 + int.from_bytes(plain[place + 2 : place + 4], "big")
+        kept += plain[place:end] if plain[place + 1] != 0xC4 else b""
+        place = end
+    pixels = decoder_of(schemas.COMPRESSED_IMAGE).pixels(picture_message(kept + plain[place:], "mjpeg"), colour=True)
+    assert np.array_equal(pixels, cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_COLOR))
+
+
+_WIDE = GREY.astype("<u2") * 16
+"""Values of 12 bits."""
+
+
+@pytest.mark.parametrize(
+    ("name", "like"),
+    [
+        ("bayerrg8", "bayer_rggb8"),
+        ("BayerRG8", "bayer_rggb8"),
+        ("BayerBG8", "bayer_bggr8"),
+        ("BayerGB8", "bayer_gbrg8"),
+        ("BayerGR8", "bayer_grbg8"),
+        ("SRGGB8", "bayer_rggb8"),
+        ("Mono8", "mono8"),
+        ("CV_8UC1", "mono8"),
+        ("GREY", "mono8"),
+    ],
+)
+def test_other_names_of_an_encoding_are_known(name: str, like: str) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    named, known = (decoder.pixels(image_message(GREY, one), colour=True) for one in (name, like))
+    assert np.array_equal(named, known)
+
+
+@pytest.mark.parametrize(
+    ("name", "like"),
+    [("RGB8", "rgb8"), ("RGB8Packed", "rgb8"), ("BGR8", "bgr8"), ("CV_8UC3", "bgr8"), ("bgr24", "bgr8")],
+)
+def test_other_names_of_colours_are_known(name: str, like: str) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    named, known = (decoder.pixels(image_message(BGR, one), colour=True) for one in (name, like))
+    assert np.array_equal(named, known)
+
+
+@pytest.mark.parametrize("name", ["BayerRG12", "bayer_rggb12", "BayerRG10", "bayer_rggb16", "Mono12", "mono16"])
+def test_values_of_more_than_8_bits_have_the_depth_that_they_fill(name: str) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    assert isinstance(decoder, DeepImageDecoder)
+    wide, plain = image_message(_WIDE.view(np.uint8), name), "mono8" if "ono" in name else "bayer_rggb8"
+    assert decoder.largest_value(wide) == 16 * int(GREY.max())
+    decoder.use_depth("/a", 12)
+    assert np.array_equal(decoder.pixels(wide, colour=True), decoder.pixels(image_message(GREY, plain), colour=True))
+
+
+@pytest.mark.parametrize("name", ["BayerRG12p", "BayerRG12Packed", "Mono12p", "Mono10Packed", "bayer", "bayerxx8"])
+def test_packed_and_unknown_encodings_are_refused_by_name(name: str) -> None:
+    with pytest.raises(DecodingError, match=name):
+        decoder_of(schemas.IMAGE).pixels(image_message(GREY, name), colour=True)
+
+
+def test_an_image_without_an_encoding_is_said_to_have_none() -> None:
+    """One byte a pixel may be grey or a mosaic."""
+    with pytest.raises(DecodingError, match="does not say its encoding"):
+        decoder_of(schemas.IMAGE).pixels(image_message(GREY, ""), colour=True)

@@ -15,6 +15,7 @@ from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
+from auditor.recordings.decoding.video import refuse_other_video
 from tests.making.foxglove_messages import (
     FoxgloveMessage,
     json_text,
@@ -166,3 +167,34 @@ def test_noise_in_a_video_raises_only_our_own_error(data: st.DataObject) -> None
         at = data.draw(st.integers(0, len(packet) - 1))
         packet[at : at + 3] = data.draw(st.binary(max_size=5)) or b"\0"
     decoded([bytes(packet) for packet in packets])
+
+
+@pytest.mark.parametrize(
+    ("declared", "says"),
+    [
+        ("h265", "H.265"),
+        ("hevc_nvenc", "H.265"),
+        ("libx265;yuv420p", "H.265"),
+        ("libsvtav1", "AV1"),
+        ("vp9", "VP9"),
+        ("libtheora", "Theora"),
+    ],
+)
+def test_other_videos_are_told_by_their_names(declared: str, says: str) -> None:
+    with pytest.raises(DecodingError, match=f"is {says}, which is not decoded"):
+        refuse_other_video(declared, b"\0\0\1\x67")
+
+
+@pytest.mark.parametrize("unit", [0x40, 0x42, 0x44, 0x46])
+@pytest.mark.parametrize("start", [b"\0\0\1", b"\0\0\0\1"])
+def test_h265_is_told_by_its_first_unit_where_nobody_names_it(unit: int, start: bytes) -> None:
+    with pytest.raises(DecodingError, match=r"H\.265"):
+        refuse_other_video("", start + bytes([unit, 1]) + bytes(40))
+
+
+@pytest.mark.parametrize(
+    "declared", ["h264", "libx264", "h264_vaapi;nv12;bgr8;8", "", "jpeg", "bgr8; png compressed bgr8"]
+)
+@pytest.mark.parametrize("unit", [0x67, 0x27, 0x09, 0x06, 0x41, 0x65])
+def test_h264_is_not_taken_for_another_video(declared: str, unit: int) -> None:
+    refuse_other_video(declared, b"\0\0\0\1" + bytes([unit, 1]) + bytes(40))

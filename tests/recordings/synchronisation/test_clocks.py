@@ -1,6 +1,7 @@
 """Sensors whose clocks are not those of the others, and cameras that do not expose together."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -39,6 +40,16 @@ def test_a_clock_of_another_time_is_put_with_the_others_by_the_times_of_recordin
     [remark] = timing.remarks
     assert RIG.topic(sensor) in remark
     assert ("ahead of" if ahead_ns > 0 else "behind") in remark
+    assert f" {ahead_ns / 1e9:+.3f} s, by 20 messages" in remark
+
+
+def test_a_clock_that_is_ahead_is_not_guessed_where_nothing_was_recorded_in_time() -> None:
+    """All log times are those of a copy: they show nothing of the stamps, which stay as they are."""
+    survey = surveyed({0: 37 * 10**9}, {})
+    clouds = tuple(
+        replace(c, samples=tuple(s._replace(log_time_ns=START_NS) for s in c.samples)) for c in survey.clouds
+    )
+    assert learn_timing(RIG, replace(survey, clouds=clouds)).remarks == ()
 
 
 def test_the_usual_delays_are_no_other_clock() -> None:

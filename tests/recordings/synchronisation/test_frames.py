@@ -305,6 +305,17 @@ def test_a_clock_that_jumps_back_costs_no_frame(tmp_path: Path) -> None:
     assert all(same_frame(a, b) for a, b in zip(frames, [*before, *after], strict=True))
 
 
+@pytest.mark.parametrize(("before", "behind"), [(3, 6), (8, 8), (12, 4), (70, 5)])
+def test_a_simulation_that_starts_again_costs_no_frame(before: int, behind: int, tmp_path: Path) -> None:
+    """Its stamps and log times repeat exactly, and its pictures do not."""
+    again = [make_frame(RIG, 100 + n, stamp_ns=START_NS + n * PERIOD_NS, offsets=OFFSETS) for n in range(behind)]
+    frames, skipped, counts = read(written(tmp_path, [*make_frames(RIG, before, offsets=OFFSETS), *again]))
+    assert len(frames) == before + behind
+    assert not skipped
+    assert all(same_frame(a, b) for a, b in zip(frames[before:], again, strict=True))
+    assert counts
+
+
 def test_one_sensor_that_lags_far_behind_is_late_and_no_jump_of_the_clock(tmp_path: Path) -> None:
     frames = make_frames(RIG, 30)
     for number in (15, 18, 21):

@@ -1,0 +1,71 @@
+"""point_cloud_interfaces/CompressedPointCloud2 of point_cloud_transport, with zlib, zstd or lz4 inside.
+
+The form is recognised by its first bytes, since `format` names a transport and not a form. Draco and cloudini need
+their makers' libraries, and are named.
+"""
+
+import zlib
+from types import SimpleNamespace
+from typing import Any
+
+import lz4.block
+import lz4.frame
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.model.frames import Message
+from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.safety.budget import CHUNKS, OverBudgetError, Spending
+
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_LZ4_FRAME = b"\x04\x22\x4d\x18"
+_GZIP = b"\x1f\x8b"
+_ZLIB = 0x78
+_ANY_ZLIB_HEAD = 47
+"""zlib's window bits for data with its own head or gzip's: point_cloud_transport writes the latter."""
+
+_NAMED = {b"DRACO": "Draco", b"CLOUDINI": "cloudini"}
+
+
+class CompressedCloudDecoder(PointCloudDecoder):
+    """Unpacks to no more bytes than the header of the cloud declares."""
+
+    def decoded(self, message: Message) -> Any:  # noqa: ANN401  # like the class that is generated of PointCloud2
+        """The cloud with the fields of sensor_msgs/PointCloud2."""
+        cloud = self._types.decode(message)
+        packed = bytes(cloud.compressed_data)
+        size = cloud.height * max(cloud.row_step, cloud.width * cloud.point_step)
+        try:
+            Spending(CHUNKS).allow(len(packed), size)
+            data = _unpacked(packed, size, cloud.format)
+        except (zlib.error, zstandard.ZstdError, lz4.block.LZ4BlockError, RuntimeError, EOFError) as error:
+            raise DecodingError(f"its compressed data are damaged ({error})", where=message.topic) from error
+        except OverBudgetError as error:
+            raise DecodingError(f"it {error}", where=message.topic) from error
+        fields = {name: getattr(cloud, name) for name in ("height", "width", "fields", "point_step", "row_step")}
+        return SimpleNamespace(**fields, is_bigendian=cloud.is_bigendian, data=_bytes(data))
+
+
+def _bytes(data: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(data, np.uint8)
+
+
+def _unpacked(packed: bytes, size: int, form: str) -> bytes:
+    """At most one byte more than `size`, so that a cloud that holds more is seen."""
+    for magic, name in _NAMED.items():
+        if packed.startswith(magic):
+            raise DecodingError(f"its points are compressed by {name}, which is not read")
+    if packed.startswith(_ZSTD):
+        with zstandard.ZstdDecompressor(max_window_size=CHUNKS.most_bytes).stream_reader(packed) as reader:
+            return bytes(reader.read(size + 1))
+    if packed.startswith(_LZ4_FRAME):
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, size + 1)
+        return unpacked
+    if packed.startswith(_GZIP) or (packed and packed[0] == _ZLIB):
+        return zlib.decompressobj(_ANY_ZLIB_HEAD).decompress(packed, size + 1)
+    if "lz4" in form.lower():
+        block: bytes = lz4.block.decompress(packed, uncompressed_size=size)
+        return block
+    raise DecodingError(f"the form {form[:40]!r} of its compressed points is not known")
