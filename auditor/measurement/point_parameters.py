@@ -124,7 +124,7 @@ class RoughRanges:
     """Sectors of the LiDAR's view in which neighbouring ranges differ."""
 
     gap: float = parameter(
-        0.0166, unit="focal lengths between the outer two of three neighbours: 1 degree", source=BY_HAND
+        0.035, unit="focal lengths between the outer two of three neighbours: 2 degrees", source=BY_HAND
     )
     farthest_m: float = parameter(40.0, unit="m", source=BY_HAND)
     strip: float = parameter(0.05, unit="focal lengths, step of the sectors", source=BY_HAND)

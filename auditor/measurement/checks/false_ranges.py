@@ -21,7 +21,7 @@ from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.arrays import Floats, Floats32, Indices, Mask
-from auditor.model.checks import Pair, conflict_cameras
+from auditor.model.checks import FEWEST_VOTERS, Pair, conflict_cameras
 
 _STRIPS = round(np.pi / FALSE_RANGES.strip)
 """Strips of the half circle ahead."""
@@ -87,10 +87,16 @@ def pair_ranges(
 
 
 def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], float]:
-    """By the cameras of some pairs, 0 to 1: how surely a cluster of points is false, or a sector is shifted."""
+    """By the cameras of some pairs, 0 to 1: how surely a cluster of points is false, or a sector is shifted.
+
+    One pair alone says nothing: what it mismatches looks as false.
+    """
+    several = [cameras for cameras in conflict_cameras([*pairs]) if len(cameras) > FEWEST_VOTERS]
+    if not several:
+        return {}
     contradicted, against = _clusters([*pairs.values()])
     found: dict[tuple[int, ...], float] = {}
-    for cameras in conflict_cameras([*pairs]):
+    for cameras in several:
         some = [place for place, pair in enumerate(pairs) if set(pair) <= set(cameras)]
         ratio = _ratio(contradicted[some].mean(axis=0), against[some].mean(axis=0))
         shift = _shift([pair.farther_m for place, pair in enumerate(pairs.values()) if place in some])
