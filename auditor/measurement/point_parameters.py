@@ -106,7 +106,7 @@ class FalseRanges:
     clean_share: float = parameter(
         0.5, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
     )
-    most_clusters: int = parameter(64, unit="clusters that are tested, evenly chosen", source=BY_HAND)
+    most_clusters: int = parameter(32, unit="clusters that are tested, evenly chosen", source=BY_HAND)
     half_ratio: float = parameter(20.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
     strip: float = parameter(0.0375, unit="radians, step of the sectors", source=BY_HAND)
     sector_strips: int = parameter(4, unit="steps of a sector: 8.6 degrees", source=_CLUSTERS)
@@ -115,6 +115,9 @@ class FalseRanges:
     )
     most_m: float = parameter(3.0, unit="m farther or nearer, of a point: more is another surface", source=BY_HAND)
     sector_fewest: int = parameter(60, unit="points of a sector and pair", source=BY_HAND)
+    not_shifted: float = parameter(
+        0.25, unit="share of a shifted sector's points that need not be", source=f"{_CLUSTERS}: puddles mirror"
+    )
     usual_m: float = parameter(0.4, unit="m that a sector may be shifted", source=_CLUSTERS)
     half_m: float = parameter(0.3, unit="m beyond it that are a half", source=_CLUSTERS)
 

@@ -4,21 +4,24 @@ Spoofed points are few among thousands, but each is off by tens of pixels. So a 
 a car and of one range, is tested by itself: that all the cameras can look at is contradicted, against what surfaces
 that are there have. Of a window that mirrors the street, or of a dark roof, cameras see something else as well; the
 rest of that surface they confirm. What they cannot look at counts a little for it too: of a plain wall only what lies
-before a pattern, at its edge, can be looked at.
+before a pattern, at its edge, can be looked at. At such an edge a patch shows what is behind it. So what is narrower or
+lower than a patch, as a pole or the upper edge of a fence, is no cluster.
 
 A delay moves all returns of a sector by the same, and hardly changes a disparity far away. Nearby the median of many
-points is far more precise than one, and the frame's other sectors show what the calibration is off by.
+points is far more precise than one, and the frame's other sectors show what the calibration is off by. Most of
+them have to be moved: in puddles cameras see what is mirrored, in parts of a sector.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import log1p
+from math import log1p, sqrt
 
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import PointVotes
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.arrays import Floats, Floats32, Indices, Mask
 from auditor.model.checks import FEWEST_VOTERS, Pair, conflict_cameras
@@ -26,7 +29,13 @@ from auditor.model.checks import FEWEST_VOTERS, Pair, conflict_cameras
 _STRIPS = round(np.pi / FALSE_RANGES.strip)
 """Strips of the half circle ahead."""
 
+_EVENLY = sqrt(12)
+"""The width of what is spread evenly, in standard deviations."""
+
 _SECTOR = FALSE_RANGES.sector_strips
+
+
+_QUARTILES = (FALSE_RANGES.not_shifted, 0.5, 1 - FALSE_RANGES.not_shifted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +58,13 @@ class PairRanges:
     """What a pair of cameras says of the LiDAR's ranges.
 
     `place` (3, M) are those of DirectedPoints; `contradicted` (M,) the points that the pair contradicts; `against` (M,)
-    by how much a point speaks for a surface that is there. `farther_m` (sectors,) is by how much the LiDAR's ranges are
-    too large, less the median sector's; NaN where unknown.
+    by how much a point speaks for a surface that is there. `patch` is how wide a patch is, in radians. `farther_m`
+    (sectors,) is by how much three quarters of a sector's ranges are too large at least, or too small, less the median
+    sector's median; NaN where unknown.
     """
 
     place: Floats32
+    patch: float
     contradicted: Mask
     against: Floats32
     farther_m: Floats
@@ -83,7 +94,8 @@ def pair_ranges(
     contradicted = votes.contradicted[points.upright]
     against = np.where(votes.confirmed[points.upright], np.float32(1), np.float32(FALSE_RANGES.undecided))
     against[contradicted] = 0
-    return PairRanges(points.place, contradicted, against, _farther_m(points, view, stereo, votes.clear, source))
+    patch = HALF * (2 * PATCH_CORRELATION.radius_px + 1) / view.rig.camera(view.reference).focal_px
+    return PairRanges(points.place, patch, contradicted, against, _farther_m(points, view, stereo, votes.clear, source))
 
 
 def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], float]:
@@ -126,7 +138,8 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
             surface &= np.abs(pair.place[0, some] - right) <= across[cluster]
-            contradicted[number, cluster] = np.count_nonzero(surface)
+            extent = pair.place[:2, some][:, surface].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
+            contradicted[number, cluster] = np.count_nonzero(surface) if extent.min() > pair.patch else 0
     return contradicted, against
 
 
@@ -146,7 +159,7 @@ def _ratio(contradicted: Floats, against: Floats) -> float:
 
 
 def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear: Mask, source: int) -> Floats:
-    """(sectors,) the medians of the LiDAR's depths less stereo's, of what is near, less the median sector's."""
+    """(sectors,) by how much the LiDAR's depths exceed stereo's, of what is near: see PairRanges."""
     seen = clear[points.near]
     near, strip = points.near[seen], points.strip[seen]
     camera = view.rig.camera(view.reference)
@@ -155,11 +168,13 @@ def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear
     farther = focal_times_baseline / view.disparity_px(source)[near] - focal_times_baseline / np.maximum(ds, 1)
     same = np.abs(farther) < FALSE_RANGES.most_m
     farther, bounds = farther[same], np.searchsorted(strip[same], np.arange(_STRIPS + 1))
-    found = np.full(_STRIPS - _SECTOR + 1, np.nan)
+    quartiles = np.full((len(_QUARTILES), _STRIPS - _SECTOR + 1), np.nan)
     for sector in np.flatnonzero(bounds[_SECTOR:] - bounds[:-_SECTOR] >= FALSE_RANGES.sector_fewest).tolist():
-        found[sector] = np.median(farther[bounds[sector] : bounds[sector + _SECTOR]])
-    known = ~np.isnan(found)
-    return found - np.median(found[known]) if known.any() else found
+        ordered = np.sort(farther[bounds[sector] : bounds[sector + _SECTOR]])
+        quartiles[:, sector] = ordered[[int(share * (ordered.size - 1)) for share in _QUARTILES]]
+    known = ~np.isnan(quartiles[1])
+    lower, _, upper = quartiles - (np.median(quartiles[1, known]) if known.any() else 0.0)
+    return np.asarray(np.where(known, np.maximum(lower, 0) + np.minimum(upper, 0), np.nan))
 
 
 def _shift(farther_m: Sequence[Floats]) -> float:

@@ -25,7 +25,8 @@ from auditor.model.rig import Rig
 class PointVotes:
     """What a pair says of each point of a view, (M,) masks.
 
-    `clear`: both cameras see it, and their images match fairly there, textured or not. Of these `confirmed` agree with
+    `clear`: both cameras see it, and their images match fairly there, textured or not, and not where the matcher's
+    range ends. Of these `confirmed` agree with
     stereo, and `contradicted` are nearer, and the images match less well at the LiDAR's disparity.
     """
 
@@ -87,7 +88,7 @@ def verify_conflicts(
 
     valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
     lidar_conflicts = verified(valid & over, LIDAR_CONFLICT.clearly_less)
-    clear = seen & (ncc_stereo > FALSE_RANGES.consistent)
+    clear = seen & (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
     contradicted = verified(clear & over & (d0 > ds), FALSE_RANGES.clearly_less)
     valid &= lidar_conflicts | ~over
     votes = PointVotes(clear, clear & ~over, contradicted)

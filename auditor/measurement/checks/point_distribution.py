@@ -84,7 +84,7 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
         return None
     roughest = float(found.max())
     rough = roughest * roughest / max(float(np.median(found)), ROUGH_RANGES.least_usual_m)
-    return rough / (rough + ROUGH_RANGES.half_m)
+    return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
 
 
 def _roughness_m(view: LidarView, focal_px: float) -> Floats:

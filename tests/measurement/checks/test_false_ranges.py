@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -90,6 +91,13 @@ def test_a_sector_that_is_shifted_is_false(shift_m):
     assert said(shifted, depth_m) > 0.3
 
 
+def test_a_sector_of_which_half_is_moved_is_not_shifted():
+    cloud = plane_frame(RIG, 9.0).cloud
+    shifted = ChangedRanges(14.0, 10.0, shift_m=1.2).apply(cloud, RIG).xyz_m
+    half = np.random.default_rng(0).random(len(shifted)) < 0.5
+    assert said(PointCloud(0, np.where(half[:, None], shifted, cloud.xyz_m)), 9.0) < 0.2
+
+
 def test_a_whole_cloud_that_is_shifted_is_no_sector():
     moved = ChangedRanges(360.0, 0.0, shift_m=0.5).apply(plane_frame(RIG, 9.0).cloud, RIG)
     assert said(moved, 9.0) == pytest.approx(0, abs=0.02)
@@ -124,11 +132,17 @@ def test_points_are_in_order_from_left_to_right_and_upright_above_the_road():
     np.testing.assert_allclose(np.exp(points.place[2]), view.range_m[points.upright], rtol=1e-5)
 
 
-# What pairs say, written down: N points at 15 m, close together.
-def pair(contradicted=0, confirmed=0, undecided=0, farther_m=(), beside_rad=0.0):
+PATCH = 0.01
+
+
+# What pairs say, written down: points at 15 m, spread over 2.3 degrees, and a patch of half a degree.
+def pair(contradicted=0, confirmed=0, undecided=0, farther_m=(), beside_rad=0.0, low_rad=0.02):
     count = contradicted + confirmed + undecided
     place = np.zeros((3, count), np.float32)
-    place[0] = np.linspace(-0.01, 0.01, count)
+    edges = np.cumsum([0, contradicted, confirmed, undecided])
+    for first, end in pairwise(edges.tolist()):
+        place[0, first:end] = np.linspace(-0.02, 0.02, end - first)
+        place[1, first:end] = np.resize([-low_rad, low_rad, 0], end - first)
     place[0, contradicted:] += np.float32(beside_rad)
     place[2] = np.log(15.0)
     mask = np.arange(count) < contradicted
@@ -136,7 +150,7 @@ def pair(contradicted=0, confirmed=0, undecided=0, farther_m=(), beside_rad=0.0)
     order = np.argsort(place[0], kind="stable")
     sectors = np.full(81, np.nan)
     sectors[: len(farther_m)] = farther_m
-    return PairRanges(place[:, order], mask[order], against[order], sectors)
+    return PairRanges(place[:, order], PATCH, mask[order], against[order], sectors)
 
 
 def test_one_pair_alone_says_nothing():
@@ -151,8 +165,13 @@ def told(*pairs):
 def test_of_a_surface_that_cameras_confirm_in_part_nothing_is_false():
     assert told(pair(40), pair(40)) > 0.4
     assert told(pair(40, confirmed=40), pair(40, confirmed=40)) == 0
-    assert told(pair(40, confirmed=40, beside_rad=0.09), pair(40, confirmed=40, beside_rad=0.09)) == 0
+    assert told(pair(40, confirmed=40, beside_rad=0.05), pair(40, confirmed=40, beside_rad=0.05)) == 0
     assert told(pair(40, confirmed=40, beside_rad=0.5), pair(40, confirmed=40, beside_rad=0.5)) > 0.4
+
+
+@pytest.mark.parametrize(("low_rad", "false"), [(0.002, False), (0.02, True)])
+def test_what_is_lower_than_a_patch_is_an_edge_and_no_cluster(low_rad, false):
+    assert (told(pair(40, low_rad=low_rad), pair(40, low_rad=low_rad)) > 0) is false
 
 
 def test_what_cannot_be_looked_at_counts_little_for_it():
@@ -168,9 +187,9 @@ def test_a_pair_that_sees_nothing_halves_what_the_other_says():
 
 def test_of_many_clusters_the_largest_has_to_be_larger():
     lonely = told(pair(12), pair(12))
-    crowd = replace(pair(12), place=np.zeros((3, 12), np.float32))
-    spread = np.concatenate([crowd.place + np.float32([[0.3 * n], [0], [2.7]]) for n in range(5)], axis=1)
-    of_many = PairRanges(spread, np.ones(60, dtype=np.bool_), np.zeros(60, np.float32), crowd.farther_m)
+    one = pair(12)
+    spread = np.concatenate([one.place + np.float32([[0.3 * n], [0], [0]]) for n in range(5)], axis=1)
+    of_many = PairRanges(spread, PATCH, np.ones(60, dtype=np.bool_), np.zeros(60, np.float32), one.farther_m)
     assert 0 < told(of_many, of_many) < lonely
 
 
