@@ -26,8 +26,9 @@ from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
 from auditor.lab.attacks.spoofing import find_object
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
+from auditor.measurement.checks.collect import shares_of_ranges
 from auditor.measurement.checks.count_grid import cells_of_points
-from auditor.measurement.checks.false_ranges import directed_points, false_ranges, pair_ranges
+from auditor.measurement.checks.false_ranges import directed_points, pair_ranges
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.point_distribution import (
@@ -144,7 +145,7 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays, rig: Ri
         rough = rough_ranges(view, camera.focal_px)
         if rough is not None:
             shares[SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,))] = rough
-    shares |= {SensorCheck(Check.FALSE_RANGES, LIDAR, them): share for them, share in false_ranges(ranges).items()}
+    shares |= shares_of_ranges(ranges)
     return np.array(sensor_statistics(rig_sensor_checks(rig), cells, shares), dtype=np.float64)
 
 

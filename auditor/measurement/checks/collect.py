@@ -108,11 +108,17 @@ class FrameChecks:
             for camera, other, share in ((i, k, of_source), (k, i, of_reference))
         }
         rough = {SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)): share for k, share in self.rough_ranges.items()}
-        false = {
-            SensorCheck(Check.FALSE_RANGES, LIDAR, them): share for them, share in false_ranges(self.ranges).items()
-        }
         others = isolated_points | of_light | rough
-        return dropout | false | {check: share for check, share in others.items() if share is not None}
+        return (
+            dropout
+            | shares_of_ranges(self.ranges)
+            | {check: share for check, share in others.items() if share is not None}
+        )
+
+
+def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, float]:
+    """The statistics of false ranges, by what pairs say of the LiDAR's ranges."""
+    return {SensorCheck(Check.FALSE_RANGES, LIDAR, them): share for them, share in false_ranges(ranges).items()}
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
