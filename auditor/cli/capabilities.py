@@ -62,7 +62,7 @@ def _of_lidar(rig: "Rig") -> list[str]:
 def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
     """How far away invented and removed surfaces are noticed, by the widest pair."""
     from auditor.measurement.parameters import DISPARITY_ERROR  # noqa: PLC0415 - OpenCV is heavy
-    from auditor.measurement.point_parameters import LOST_RETURNS  # noqa: PLC0415
+    from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS  # noqa: PLC0415
 
     # f b / z - f b / (1.5 z) is what Eq. 2 asks for.
     reach_m = max(_disparity_at_1_m(rig, pair) for pair in wide) * (1 - 1 / _BEHIND) / DISPARITY_ERROR.absolute_px
@@ -70,6 +70,8 @@ def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
         f"a bogus wall is told from textured surfaces {_BEHIND:g} times as far away, up to {reach_m:.0f} m at most",
         f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, below the LiDAR's horizon, "
         "where a whole car or more is gone",
+        f"invented cars of some dozens of points are noticed from {FALSE_RANGES.nearest_m:g} m on, where cameras see "
+        "something else",
         "not noticed: walls in front of the sky, or farther away; a few hundred points here and there; mostly a "
         "LiDAR and a camera that are forged to agree (docs/attacks.md)",
     ]

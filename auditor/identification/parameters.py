@@ -70,6 +70,7 @@ class WindowedMean:
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
 _LIGHT = f"{_PRIOR}, by counting version 12; tails widened on streets 9800 to 10159 (docs/decisions.md)"
 _TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
+_RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
@@ -96,6 +97,8 @@ class CheckPriors:
     striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.45, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
+    false_ranges: tuple[float, ...] = parameter((-3.88, 0.45, 0.15, 1.55), unit=_OF_PRIOR, source=_RANGES)
+    rough_ranges: tuple[float, ...] = parameter((-3.8, 0.7, 0.3, 1.45), unit=_OF_PRIOR, source=_RANGES)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
 
 

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
+from auditor.model.checks import ADDED_LATER, CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.rig import LIDAR, Triple
 
-_RARE = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT})
+_RARE = frozenset({*ADDED_LATER})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
 
 

@@ -7,7 +7,13 @@ pixels of it, px those of the full image.
 from dataclasses import dataclass
 
 from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
-from auditor.measurement.point_parameters import ISOLATED_POINTS, LOST_RETURNS, POINT_DROPOUT
+from auditor.measurement.point_parameters import (
+    FALSE_RANGES,
+    ISOLATED_POINTS,
+    LOST_RETURNS,
+    POINT_DROPOUT,
+    ROUGH_RANGES,
+)
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
@@ -345,6 +351,8 @@ MEASURING = (
     POINT_DROPOUT,
     ISOLATED_POINTS,
     LOST_RETURNS,
+    FALSE_RANGES,
+    ROUGH_RANGES,
     COUNT_GRID,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

@@ -9,6 +9,7 @@ _FEATURES = "stands in docs/causes.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
 _HOLES = "three real drives, streets 2000 to 2039, 5000 to 5041 and 6000 to 6017 (docs/decisions.md)"
 _FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and 9900 to 9939 (docs/decisions.md)"
+_CLUSTERS = "three real drives and streets 30000 to 30013, clean and attacked: chosen on them (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
 
@@ -86,6 +87,63 @@ class LostReturns:
     finer: int = parameter(2, unit="cells a cell of the count grid, and samples of surfaces", source=BY_HAND)
 
 
+@dataclass(frozen=True)
+class FalseRanges:
+    """Clusters of LiDAR points, and sectors, whose ranges pairs of cameras contradict."""
+
+    consistent: float = parameter(
+        0.4, unit="NCC at stereo's disparity, above which cameras see a surface", source=_CLUSTERS
+    )
+    clearly_less: float = parameter(0.2, unit="NCC less at the LiDAR's disparity: contradicted", source=_CLUSTERS)
+    nearest_m: float = parameter(6.0, unit="m, nearest of a cluster", source="docs/causes.md, rain: drops lie nearer")
+    above_road_m: float = parameter(0.25, unit="m above the road, at least", source=BY_HAND)
+    half_size_m: tuple[float, float] = parameter((1.1, 0.8), unit="m across and down: a car's back", source=_CLUSTERS)
+    around_m: tuple[float, float] = parameter(
+        (0.5, 1.0), unit="m beside and above it, in which what cameras confirm counts", source=_CLUSTERS
+    )
+    as_far: float = parameter(0.1, unit="of the natural logarithm of the range, either way", source=_CLUSTERS)
+    undecided: float = parameter(0.07, unit="of a confirmed point, that an undecided one counts", source=_CLUSTERS)
+    clean_share: float = parameter(
+        0.5, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
+    )
+    most_clusters: int = parameter(32, unit="clusters that are tested, evenly chosen", source=BY_HAND)
+    half_ratio: float = parameter(20.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
+    strip: float = parameter(0.0375, unit="radians, step of the sectors", source=BY_HAND)
+    sector_strips: int = parameter(4, unit="steps of a sector: 8.6 degrees", source=_CLUSTERS)
+    sector_ranges_m: tuple[float, float] = parameter(
+        (4.0, 15.0), unit="m, of the points of a sector: farther away stereo is less precise", source=_CLUSTERS
+    )
+    most_m: float = parameter(3.0, unit="m farther or nearer, of a point: more is another surface", source=BY_HAND)
+    sector_fewest: int = parameter(60, unit="points of a sector and pair", source=BY_HAND)
+    not_shifted: float = parameter(
+        0.25, unit="share of a shifted sector's points that need not be", source=f"{_CLUSTERS}: puddles mirror"
+    )
+    usual_m: float = parameter(0.5, unit="m that a sector may be shifted", source=_CLUSTERS)
+    half_m: float = parameter(0.3, unit="m beyond it that are a half", source=_CLUSTERS)
+
+
+@dataclass(frozen=True)
+class RoughRanges:
+    """Sectors of the LiDAR's view in which neighbouring ranges differ."""
+
+    gap: float = parameter(
+        0.035, unit="focal lengths between the outer two of three neighbours: 2 degrees", source=BY_HAND
+    )
+    farthest_m: float = parameter(40.0, unit="m", source=BY_HAND)
+    strip: float = parameter(0.05, unit="focal lengths, step of the sectors", source=BY_HAND)
+    sector_strips: int = parameter(2, unit="steps of a sector: 6 degrees", source=_CLUSTERS)
+    fewest: int = parameter(40, unit="points of a sector", source=BY_HAND)
+    quantile: float = parameter(
+        0.25, unit="quantile of a sector's differences: leaves and edges are rough, the road is not", source=_CLUSTERS
+    )
+    least_usual_m: float = parameter(0.001, unit="m, the frame's median sector at least", source=BY_HAND)
+    half_m: float = parameter(
+        0.5, unit="m of roughness, times how much more it is than usual, that is a half", source=_CLUSTERS
+    )
+
+
 POINT_DROPOUT = PointDropout()
 ISOLATED_POINTS = IsolatedPoints()
 LOST_RETURNS = LostReturns()
+FALSE_RANGES = FalseRanges()
+ROUGH_RANGES = RoughRanges()

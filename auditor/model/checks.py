@@ -16,14 +16,15 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are nine.
+    """One kind of statistic of a sensor; there are eleven.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
     next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
     LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
-    light in some rows that the other cameras do not have.
+    light in some rows that the other cameras do not have. FALSE_RANGES: pairs of cameras contradict a cluster of LiDAR
+    points, or see a sector of them nearer or farther away. ROUGH_RANGES: neighbouring ranges of a sector differ.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -35,9 +36,11 @@ class Check(StrEnum):
     COLOURED_LIGHT = "coloured_light"
     LOST_RETURNS = "lost_returns"
     STRIPED_LIGHT = "striped_light"
+    FALSE_RANGES = "false_ranges"
+    ROUGH_RANGES = "rough_ranges"
 
 
-LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
+LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS, Check.ROUGH_RANGES})
 """The checks of the LiDAR alone, in the view of a camera."""
 
 DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS})
@@ -49,10 +52,16 @@ CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCON
 IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT)
+ADDED_LATER = (
+    Check.COLOURED_LIGHT,
+    Check.LOST_RETURNS,
+    Check.STRIPED_LIGHT,
+    Check.FALSE_RANGES,
+    Check.ROUGH_RANGES,
+)
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT}
+SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT, Check.FALSE_RANGES}
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
 SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
@@ -69,8 +78,8 @@ class SensorCheck(NamedTuple):
     """One check of a sensor by `others`, ascending.
 
     Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
-    DIRECTION_CHECKS all cameras of the pairs that are
-    compared with the LiDAR; of LIDAR_CHECKS the one camera whose view the points are in.
+    DIRECTION_CHECKS and FALSE_RANGES all cameras of the pairs that are compared with the LiDAR; of LIDAR_CHECKS the one
+    camera whose view the points are in.
     """
 
     check: Check
@@ -128,15 +137,15 @@ def sensor_checks_of(
     """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
-    LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two; lost returns never by one
-    pair alone.
+    LiDAR's conflicts, lost returns and false ranges by the pairs of all cameras, and of all but one or two; the latter
+    two never by one pair alone.
     """
     partners: dict[int, list[int]] = {}
     for i, k in sorted(matched):
         partners.setdefault(i, []).append(k)
         partners.setdefault(k, []).append(i)
     return (
-        *(SensorCheck(Check.LIDAR_CONFLICT, LIDAR, cameras) for cameras in _conflict_cameras(conflicts)),
+        *(SensorCheck(Check.LIDAR_CONFLICT, LIDAR, cameras) for cameras in conflict_cameras(conflicts)),
         *(
             SensorCheck(check, camera, others)
             for check in CAMERA_CHECKS
@@ -151,7 +160,7 @@ def sensor_checks_of(
         ),
         *(
             SensorCheck(Check.LOST_RETURNS, LIDAR, cameras)
-            for cameras in _conflict_cameras(conflicts)
+            for cameras in conflict_cameras(conflicts)
             if len(cameras) > FEWEST_VOTERS  # one pair's wrong matches look like a surface
         ),
         *(
@@ -159,6 +168,12 @@ def sensor_checks_of(
             for camera in sorted(partners)
             for others in _voters(tuple(sorted(partners[camera])))
         ),
+        *(
+            SensorCheck(Check.FALSE_RANGES, LIDAR, cameras)
+            for cameras in conflict_cameras(conflicts)
+            if len(cameras) > FEWEST_VOTERS  # what one pair mismatches looks as false
+        ),
+        *(SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)) for k in views),
     )
 
 
@@ -183,7 +198,8 @@ def cameras_of(pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:
     return tuple(sorted({camera for pair in pairs for camera in pair}))
 
 
-def _conflict_cameras(conflicts: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
+def conflict_cameras(conflicts: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
+    """The cameras by whose pairs the LiDAR is checked: all of these pairs', and all but one or two of them."""
     cameras = cameras_of(conflicts)
     left_out = (absent for number in range(MOST_LEFT_OUT + 1) for absent in combinations(cameras, number))
     remaining = (cameras_of(pair for pair in conflicts if set(pair).isdisjoint(absent)) for absent in left_out)

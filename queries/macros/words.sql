@@ -21,6 +21,8 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
         WHEN 'point_dropout' THEN 'the LiDAR lacks points' || coalesce(' in the view of S_' || k, '')
         WHEN 'isolated_points' THEN 'the LiDAR has isolated points' || coalesce(' in the view of S_' || k, '')
         WHEN 'lost_returns' THEN 'the LiDAR has no return from what the cameras see'
+        WHEN 'false_ranges' THEN 'the LiDAR has points where the cameras see nothing'
+        WHEN 'rough_ranges' THEN 'the LiDAR''s ranges are noisy in a part' || coalesce(' of the view of S_' || k, '')
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 

@@ -50,6 +50,8 @@ KINDS = ("clean", "facula", "wall")
 LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
     "lost returns": ((collect, "scanned_view"), (collect, "count_lost_returns")),
     "light of one colour": ((light, "coloured_light"),),
+    "false ranges": ((collect, "directed_points"), (collect, "pair_ranges"), (collect, "false_ranges")),
+    "rough ranges": ((collect, "rough_ranges"),),
     "light in rows": ((Rows, "of"), (Rows, "above")),
 }
 """The functions of each check, and where they are called from."""

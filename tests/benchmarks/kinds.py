@@ -28,6 +28,7 @@ def options_of(text: str | None, *, frames: int, attacked: int) -> argparse.Argu
     parser.add_argument("--streets", type=int, default=0, help="this many streets in place of the real drives")
     parser.add_argument("--first", type=int, default=6000)
     parser.add_argument("--frames", type=int, default=frames, help="of each street")
+    parser.add_argument("--scale", type=float, default=1.0, help="of each street")
     parser.add_argument("--attacked", type=int, default=attacked, help="frames of each drive that are attacked")
     parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
     return parser
@@ -40,7 +41,7 @@ def scenes_of(options: argparse.Namespace, measured: Measure) -> list[Scene]:
     todo: list[tuple[str, str, Recorded | Street]] = [
         (f"street {seed}", source.family, source)
         for seed in range(options.first, options.first + options.streets)
-        for source in (Street(seed, options.frames, CAMERAS),)
+        for source in (Street(seed, options.frames, CAMERAS, options.scale),)
     ]
     if not todo:
         data = Path(os.environ["AUDITOR_TEST_DATA"])

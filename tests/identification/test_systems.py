@@ -14,6 +14,7 @@ from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
 
+OF_PAIRS = (*DIRECTION_CHECKS, Check.FALSE_RANGES)
 OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
 """The checks of a camera by other cameras."""
 
@@ -37,22 +38,24 @@ def subjects(checks):
 def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
     one = system(4)
     assert subjects(counting(one)) == {
-        *((check, 0, (1, 2, 3, 4)) for check in DIRECTION_CHECKS),
+        *((check, 0, (1, 2, 3, 4)) for check in OF_PAIRS),
         *((check, n, tuple(m for m in range(1, 5) if m != n)) for check in OF_CAMERAS for n in range(1, 5)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
+        (Check.ROUGH_RANGES, 0, (4,)),
     }
     assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
-        "and the six pairs; light of one colour, in rows or over all of an image, and lost returns do not count"
+        "and the six pairs; light of one colour or in rows, lost returns, false and rough ranges do not count"
     )
 
 
 def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
     assert subjects(counting(system(4), 2)) == {
-        *((check, 0, (1, 3, 4)) for check in DIRECTION_CHECKS),
+        *((check, 0, (1, 3, 4)) for check in OF_PAIRS),
         *((check, n, tuple(m for m in (1, 3, 4) if m != n)) for check in OF_CAMERAS for n in (1, 3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
+        (Check.ROUGH_RANGES, 0, (4,)),
     }
 
 
@@ -63,6 +66,7 @@ def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
         *((check, n, (7 - n,)) for check in OF_CAMERAS for n in (3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
+        (Check.ROUGH_RANGES, 0, (4,)),
     }
     assert {check.nameable for check in found if check.check in CAMERA_CHECKS} == {(3, 4), (4, 3)}
 

@@ -41,6 +41,8 @@ def test_wilsons_interval_in_sql_is_pythons_and_stays_within_0_and_1(tmp_path):
         (("striped_light", 2, None), "S_2 has light in some rows that others do not"),
         (("striped_light", 2, 3), "S_2 or S_3 alone has light in some rows"),
         (("lost_returns", 0, None), "the LiDAR has no return from what the cameras see"),
+        (("false_ranges", 0, None), "the LiDAR has points where the cameras see nothing"),
+        (("rough_ranges", 0, 3), "the LiDAR's ranges are noisy in a part of the view of S_3"),
     ],
 )
 def test_evidence_is_told_of_a_sensor_or_of_two_cameras_alone(tmp_path, evidence, words):

@@ -24,7 +24,7 @@ _KINDS = (
     *("blur", "electromagnetic", "dimmed", "soiled", "shifted", "pattern"),
 )
 _LIDAR_KINDS = (
-    *("wall", "far-wall", "removed", "seen-through", "saturated", "pulses"),
+    *("wall", "far-wall", "ghost", "jitter", "shift", "removed", "seen-through", "saturated", "pulses"),
     *("hidden", "scattered", "turned", "rain"),
 )
 _EITHER = ("delayed", "frozen")
@@ -43,11 +43,13 @@ _EITHER = ("delayed", "frozen")
     "--size",
     type=FiniteRange(min=0),
     help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
-    "(grey levels), share of the rows that the shutter's stripes light, height of what is projected (px of such an "
-    "image), blur (px), electromagnetic stripes (number), range of a far wall or of an object that is removed "
-    "or seen through (m), hidden or noisy sector, turned LiDAR (degrees), scattered points, "
+    "(grey levels), points of a ghost, jitter or shift of a sector (m), share of the rows that the shutter's stripes "
+    "light, height of what is projected (px of such an image), blur (px), electromagnetic stripes (number), range of a "
+    "far wall or of an object that is removed or seen through (m), hidden or noisy sector, turned LiDAR (degrees), "
+    "scattered points, "
     "rain (mm/h), delay (frames), shift (rows), soil (blobs), share of light that dims.",
 )
+@click.option("--range", "range_m", type=FiniteRange(min=1), help="How far away a ghost is, in m; 8 unless told.")
 @click.option(
     "--pattern",
     type=LocalPath(exists=True, dir_okay=False),
@@ -81,6 +83,7 @@ def command(
     auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
     auditor attack clean.mcap attacked.mcap --on S_3 --kind blue --strength mild
     auditor attack clean.mcap attacked.mcap --on S_0 --kind removed --size 20
+    auditor attack clean.mcap attacked.mcap --on S_0 --kind ghost --size 120 --range 12
     auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
 
     The ground truth travels inside the copy and comes into the store with it.
@@ -90,6 +93,8 @@ def command(
 
     told = _Wanted(**wanted)
     _check_span(told.from_s, told.to_s)
+    if told.range_m is not None and told.kind != "ghost":
+        raise SettingError("only a ghost has a range of its own", where="--range", remedy="use --kind ghost")
     with no_remains(target):
         run_within(limits(source), _attack, source, target, rig, told)
     answer(target)
@@ -102,6 +107,7 @@ class _Wanted:
     sensors: tuple[int, ...]
     kind: str | None
     size: float | None
+    range_m: float | None
     pattern: Path | None
     strength: str
     seed: int
@@ -147,6 +153,7 @@ def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
             wanted.kind,
             wanted.size,
             pattern,
+            wanted.range_m,
         )
 
 

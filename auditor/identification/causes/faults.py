@@ -379,7 +379,7 @@ def _covers_most(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     disagrees = hypothesis.cause in FAULTS and hypothesis.sensor != LIDAR
 
     def is_of_it(one: Evidence) -> bool:
-        conflict = one.check_name in DIRECTION_CHECKS
+        conflict = one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES
         return hypothesis.sensor in (one.i, one.k) or (conflict and disagrees)
 
     covered = sum(one.score for one in verdict.evidence if is_of_it(one))

@@ -21,13 +21,14 @@ from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripe
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.attacks.rain import Rain
-from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject
+from auditor.lab.attacks.spoofing import ChangedRanges, GhostCar, RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Camera
 
 OfLight = Facula | LaserPattern | Stripes | ColouredFacula | InfraredFacula | Veil | ProjectedObject
 OnCamera = OfLight | AcousticBlur | ElectromagneticStripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
-OnLidar = BogusWall | HiddenSector | RemovedObject | RandomRanges | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
+Spoofed = BogusWall | GhostCar | RemovedObject | RandomRanges | ChangedRanges
+OnLidar = Spoofed | HiddenSector | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
 
 _STRIPES_PX = 40.0
 _SHUTTER_LEVEL, _SHUTTER_DUTY = 120.0, 0.1
@@ -40,6 +41,10 @@ _AZIMUTHS_DEG = (-25.0, 25.0)
 _FAR_WALL_M, _OBJECT_M, _BEHIND_M = 30.0, 20.0, 60.0
 _SECTOR_DEG = 20.0
 _SATURATED_LOST, _NOISE_M = 0.7, 100.0
+_GHOST_POINTS, _GHOST_M = 60.0, 8.0
+_LATERALS_M = (-3.0, 3.0)
+_JITTER_M, _SHIFT_M = 0.3, 1.0
+_JITTERY_DEG = 10.0
 _PULSES_M = 150.0  # a pulse each microsecond
 
 PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
@@ -48,11 +53,12 @@ PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
 
 @dataclass(frozen=True)
 class Drawing:
-    """The inputs of a drawn attack: a random generator, a facula's strength, and the kind's size."""
+    """The inputs of a drawn attack: a random generator, a facula's strength, the kind's size, and a ghost's range."""
 
     rng: np.random.Generator
     strength: str
     size: float | None
+    range_m: float | None = None
 
     def sized(self, usual: float) -> float:
         """The requested size, or the usual one."""
@@ -112,6 +118,15 @@ def _sector(draw: Drawing, lost: float, farthest_m: float) -> RandomRanges:
     return RandomRanges(draw.sized(_SECTOR_DEG), azimuth_deg, lost, farthest_m, draw.seed)
 
 
+def _ghost(draw: Drawing) -> GhostCar:
+    range_m = _GHOST_M if draw.range_m is None else draw.range_m
+    return GhostCar(round(draw.sized(_GHOST_POINTS)), range_m, float(draw.rng.uniform(*_LATERALS_M)), draw.seed)
+
+
+def _changed(draw: Drawing, width_deg: float, shift_m: float, noise_m: float) -> ChangedRanges:
+    return ChangedRanges(width_deg, float(draw.rng.uniform(*_AZIMUTHS_DEG)), shift_m, noise_m, draw.seed)
+
+
 ON_CAMERA: Mapping[str, Callable[[Drawing, Camera], OnCamera]] = {
     "facula": _facula,
     "spot": _spot,
@@ -136,6 +151,9 @@ number of electromagnetic stripes; share of light; blobs; rows."""
 ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
     "wall": _wall,
     "far-wall": lambda draw: replace(draw_wall(draw.rng), range_m=draw.sized(_FAR_WALL_M)),
+    "ghost": _ghost,
+    "jitter": lambda draw: _changed(draw, _JITTERY_DEG, 0.0, draw.sized(_JITTER_M)),
+    "shift": lambda draw: _changed(draw, _SECTOR_DEG, draw.sized(_SHIFT_M), 0.0),
     "removed": lambda draw: RemovedObject(draw.sized(_OBJECT_M)),
     "seen-through": lambda draw: RemovedObject(draw.sized(_OBJECT_M), _BEHIND_M),
     "saturated": lambda draw: _sector(draw, _SATURATED_LOST, _NOISE_M),
@@ -145,8 +163,8 @@ ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
     "turned": lambda draw: TurnedLidar(draw.sized(1)),
     "rain": lambda draw: Rain(draw.sized(25), draw.seed),
 }
-"""By name and size: width of a wall, range of a far one and of an object in m; degrees of a sector; points; degrees of
-yaw; mm/h."""
+"""By name and size: width of a wall, range of a far one and of an object in m; points of a ghost; m of jitter and of
+shift; degrees of a sector; points; degrees of yaw; mm/h."""
 
 
 KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)

@@ -1,4 +1,4 @@
-"""Attacks on the LiDAR by light beyond the paper's wall: objects that vanish, noise in a sector.
+"""Attacks on the LiDAR by light beyond the paper's wall: ghost cars, objects that vanish, noise or a delay in a sector.
 
 A spoofer sees a LiDAR's pulses and answers with its own. What it takes, and which LiDARs let it, is in docs/attacks.md.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.lab.attacks.faults import lidar_axes
-from auditor.lab.attacks.paper import Described, road_below_m
+from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
 from auditor.model.arrays import Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
@@ -26,6 +26,9 @@ _MOST_BESIDE, _MOST_ABOVE, _MOST_NEARER, _MOST_BEHIND = 0.25, 0.05, 0.1, 0.3  # 
 _FEWEST = 60
 _LEAST_WIDTH_M, _LEAST_HEIGHT_M = 1.4, 1.0
 _NEAREST_M = 1.0
+
+
+_GHOST_WIDTH_M = 1.8
 
 
 class Spot(NamedTuple):
@@ -78,14 +81,76 @@ class RandomRanges(Described):
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud with the sector's points lost or moved along their beams. Raises SettingError without a LiDAR."""
-        right, _, forward = (cloud.xyz_m @ lidar_axes(rig).T).T
-        inside = np.abs(np.rad2deg(np.arctan2(right, forward)) - self.azimuth_deg) <= self.width_deg / 2
+        inside = _in_sector(cloud, rig, self.azimuth_deg, self.width_deg)
         rng = np.random.default_rng([self.seed, cloud.stamp_ns])
         distance = np.linalg.norm(cloud.xyz_m, axis=1)
         seen = rng.uniform(_NEAREST_M, self.farthest_m, distance.size) / np.maximum(distance, _NEAREST_M)
         kept = ~inside | (rng.random(distance.size) >= self.lost)
         moved = cloud.xyz_m * np.where(inside, seen, 1.0)[:, None]
         return PointCloud(cloud.stamp_ns, np.asarray(moved[kept], dtype=np.float32))
+
+
+@dataclass(frozen=True)
+class GhostCar(Described):
+    """The back of a car that is not there: `points` spoofed returns, `range_m` ahead and `lateral_m` to the right.
+
+    A detector takes 60 points at 8 m for a car (Cao et al., CCS 2019), or 200, as many as a spoofer placed (Sun et al.,
+    USENIX Security 2020). They replace the returns of as many beams of those that meet the back, which stands on the
+    road; the others return from behind it as before, so that it has no shadow.
+    """
+
+    points: int
+    range_m: float
+    lateral_m: float = 0.0
+    seed: int = 0
+
+    name = "ghost car"
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with the car in it; its points keep their order, added ones come last.
+
+        Raises SettingError for a rig without a LiDAR.
+        """
+        back = BogusWall(self.range_m, self.lateral_m, width_m=_GHOST_WIDTH_M, seed=self.seed).apply(cloud, rig).xyz_m
+        xyz = np.concatenate([cloud.xyz_m, back[len(cloud.xyz_m) :]])
+        shown = np.arange(len(xyz)) < len(cloud.xyz_m)
+        on_back = np.flatnonzero(~shown | (xyz != back).any(axis=1))
+        rng = np.random.default_rng([self.seed, cloud.stamp_ns])
+        spoofed = rng.choice(on_back, min(self.points, on_back.size), replace=False)
+        xyz[spoofed], shown[spoofed] = back[spoofed], True
+        return PointCloud(cloud.stamp_ns, xyz[shown])
+
+
+@dataclass(frozen=True)
+class ChangedRanges(Described):
+    """All returns of a sector come `shift_m` farther away, nearer where it is negative, and with noise of `noise_m`.
+
+    A relay delays each echo by the same, or by a time that jitters: 0.3 m are 2 ns. The noise is normal, `noise_m` its
+    standard deviation. The sector is `width_deg` wide, its middle `azimuth_deg` to the right.
+    """
+
+    width_deg: float
+    azimuth_deg: float
+    shift_m: float = 0.0
+    noise_m: float = 0.0
+    seed: int = 0
+
+    name = "changed ranges"
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with the sector's points moved along their beams. Raises SettingError without a LiDAR."""
+        rng = np.random.default_rng([self.seed, cloud.stamp_ns])
+        distance = np.maximum(np.linalg.norm(cloud.xyz_m, axis=1), _NEAREST_M)
+        seen = np.maximum(distance + self.shift_m + self.noise_m * rng.standard_normal(distance.size), _NEAREST_M)
+        inside = _in_sector(cloud, rig, self.azimuth_deg, self.width_deg)
+        moved = cloud.xyz_m * np.where(inside, seen / distance, 1.0)[:, None]
+        return PointCloud(cloud.stamp_ns, np.asarray(moved, dtype=np.float32))
+
+
+def _in_sector(cloud: PointCloud, rig: Rig, azimuth_deg: float, width_deg: float) -> Mask:
+    """(N,) mask of the points of a sector."""
+    right, _, forward = (cloud.xyz_m @ lidar_axes(rig).T).T
+    return np.asarray(np.abs(np.rad2deg(np.arctan2(right, forward)) - azimuth_deg) <= width_deg / 2)
 
 
 def find_object(points: Points, range_m: float) -> Spot:

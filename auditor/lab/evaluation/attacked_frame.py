@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.catalogue import OnCamera, OnLidar
 from auditor.lab.evaluation.attacks import Attack, Attacks, of_two
-from auditor.measurement.checks.collect import FrameChecks, collect_checks, with_pairs
+from auditor.measurement.checks.collect import FrameChecks, collect_checks, shares_of_ranges, with_pairs
 from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
@@ -82,6 +82,7 @@ class AttackedFrame:
         """The statistics in the order of `sensor_checks`, as far as measuring these triples gives them."""
         collected = [self.frame_checks(pair, attacks) for pair in self.pairs(triples)]
         shares = {check: share for one in collected for check, share in one.shares.items()}
+        shares |= shares_of_ranges({pair: said for one in collected for pair, said in one.ranges.items()})
         return sensor_statistics(self.sensor_checks, _cells(collected), shares)
 
     def added_light(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> dict[int, AddedLight]:

@@ -18,6 +18,7 @@ from auditor.measurement.checks.count_grid import (
     sums_of_pair,
     sums_of_some,
 )
+from auditor.measurement.checks.false_ranges import PairRanges, directed_points, false_ranges, pair_ranges
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
@@ -27,7 +28,13 @@ from auditor.measurement.checks.photometric_consistency import (
     matchable,
     photometric_consistency,
 )
-from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
+from auditor.measurement.checks.point_distribution import (
+    isolated,
+    isolated_ratio,
+    isolated_shares,
+    point_dropout,
+    rough_ranges,
+)
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
@@ -57,7 +64,8 @@ class FrameChecks:
     both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
     `striped_light`: what the source, and what the reference, has of light in rows that the other has not.
     `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
-    are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
+    are isolated. `ranges`: what pairs say of the LiDAR's ranges; `rough_ranges`: how rough those of a sector are, None
+    where too few points are in view. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
     `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
     """
 
@@ -67,6 +75,8 @@ class FrameChecks:
     striped_light: Mapping[Pair, tuple[float | None, float | None]]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
+    ranges: Mapping[Pair, PairRanges]
+    rough_ranges: Mapping[int, float | None]
     unmasked: Mapping[Pair, PairCounts]
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
     consistencies: Mapping[Pair, PairConsistency]
@@ -97,7 +107,18 @@ class FrameChecks:
             for (i, k), (of_source, of_reference) in self.striped_light.items()
             for camera, other, share in ((i, k, of_source), (k, i, of_reference))
         }
-        return dropout | {check: share for check, share in (isolated_points | of_light).items() if share is not None}
+        rough = {SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)): share for k, share in self.rough_ranges.items()}
+        others = isolated_points | of_light | rough
+        return (
+            dropout
+            | shares_of_ranges(self.ranges)
+            | {check: share for check, share in others.items() if share is not None}
+        )
+
+
+def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, float]:
+    """The statistics of false ranges, by what pairs say of the LiDAR's ranges."""
+    return {SensorCheck(Check.FALSE_RANGES, LIDAR, them): share for them, share in false_ranges(ranges).items()}
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
@@ -151,6 +172,7 @@ def collect_checks(
         if k in views and resolves_depth(rig, j, k)
     }
     scanned = {k: scanned_view(views[k]) for k in dict.fromkeys(k for _, k in verified_conflicts)}
+    directed = {k: directed_points(views[k], scanned[k].road_m) for k in scanned}
     places = {
         pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
     }
@@ -177,6 +199,12 @@ def collect_checks(
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
+        ranges={
+            (j, k): pair_ranges(directed[k], views[k], maps[j, k], conflicts.votes, j)
+            for (j, k), conflicts in verified_conflicts.items()
+            if conflicts.votes is not None
+        },
+        rough_ranges={k: rough_ranges(view, rig.camera(k).focal_px) for k, view in views.items()},
         unmasked={pair: sums[pair].counts for pair in hidden},
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
@@ -220,6 +248,7 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
         lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
         striped_light={pair: one.striped_light[own] for pair, one in of_pairs.items() if own in one.striped_light},
+        ranges={pair: one.ranges[own] for pair, one in of_pairs.items() if own in one.ranges},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={
             pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts

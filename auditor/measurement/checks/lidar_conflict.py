@@ -16,8 +16,23 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency, 
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.arrays import Image, Indices, Mask
 from auditor.model.rig import Rig
+
+
+@dataclass(frozen=True, eq=False)
+class PointVotes:
+    """What a pair says of each point of a view, (M,) masks.
+
+    `clear`: both cameras see it, and their images match fairly there, textured or not, and not where the matcher's
+    range ends. Of these `confirmed` agree with
+    stereo, and `contradicted` are nearer, and the images match less well at the LiDAR's disparity.
+    """
+
+    clear: Mask
+    confirmed: Mask
+    contradicted: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +41,14 @@ class VerifiedConflicts:
 
     `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): the point is seen by both
     cameras, has texture, and its images are consistent at stereo's disparity. `lidar_conflicts` (M,): valid points with
-    which the cameras disagree.
+    which the cameras disagree. `votes` are those on a view's own points.
     """
 
     row: NDArray[np.int32]
     column: NDArray[np.int32]
     valid: Mask
     lidar_conflicts: Mask
+    votes: PointVotes | None = None
 
 
 def verify_conflicts(
@@ -48,23 +64,35 @@ def verify_conflicts(
     `half_res` are the half-resolution grey images of the reference and the source, `consistency` compares them.
     """
     d0, place = view.disparity_px(source), view.place(stereo.step, stereo.disparity_px.shape[1])
-    valid = stereo.valid.take(place) & stereo.textured.take(place)
-    valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
-    valid &= visible_to_source(view, rig, source, d0)
+    seen = stereo.valid.take(place) & (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
+    seen &= visible_to_source(view, rig, source, d0)
     ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
-    valid &= ncc_stereo > PATCH_CORRELATION.consistent
-    over = inconsistent(d0, stereo.disparity_px.take(place))
-    flagged = np.flatnonzero(valid & over)
-    # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
-    stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
-    sample = flagged[::stride]
-    ncc_lidar = ncc_at(*half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
-    verified = ncc_lidar < ncc_stereo[sample] - np.float32(LIDAR_CONFLICT.clearly_less)
-    verified[verified] = ~_occluded(view, stereo, rig, source, sample[verified])
-    lidar_conflicts = np.zeros(valid.size, dtype=np.bool_)
-    # Points lie in row-major order: those left out are neighbours of the verified one.
-    lidar_conflicts[flagged] = verified.repeat(stride)[: flagged.size]
-    return VerifiedConflicts(view.row, view.column, valid & (lidar_conflicts | ~over), lidar_conflicts)
+    ds = stereo.disparity_px.take(place)
+    over = inconsistent(d0, ds)
+
+    def verified(candidates: Mask, clearly_less: float) -> Mask:
+        """(M,) those of the candidates where the images match clearly less well at the LiDAR's disparity."""
+        flagged = np.flatnonzero(candidates)
+        # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
+        stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
+        sample = flagged[::stride]
+        ncc_lidar = ncc_at(
+            *half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF)
+        )
+        less = ncc_lidar < ncc_stereo[sample] - np.float32(clearly_less)
+        less[less] = ~_occluded(view, stereo, rig, source, sample[less])
+        found = np.zeros(candidates.size, dtype=np.bool_)
+        # Points lie in row-major order: those left out are neighbours of the verified one.
+        found[flagged] = less.repeat(stride)[: flagged.size]
+        return found
+
+    valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
+    lidar_conflicts = verified(valid & over, LIDAR_CONFLICT.clearly_less)
+    clear = seen & (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
+    contradicted = verified(clear & over & (d0 > ds), FALSE_RANGES.clearly_less)
+    valid &= lidar_conflicts | ~over
+    votes = PointVotes(clear, clear & ~over, contradicted)
+    return VerifiedConflicts(view.row, view.column, valid, lidar_conflicts, votes)
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

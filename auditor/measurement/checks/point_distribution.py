@@ -1,8 +1,9 @@
-"""The checks of the LiDAR alone: isolated points, and strips of a view that lack points.
+"""The checks of the LiDAR alone: isolated points, strips of a view that lack points, and sectors of rough ranges.
 
 An object, real or bogus, returns many points at one range. Drops of rain return one each, all around the sensor and
 near it: their light fades with the fourth power of range. Points spoofed at random ranges are isolated far away, too.
-An attack that removes points leaves a strip without any.
+An attack that removes points leaves a strip without any. And a surface, the road above all, has the range between those
+of a point's neighbours: where most points of a sector do not, their echoes came at no fixed time.
 """
 
 from math import isnan
@@ -10,8 +11,8 @@ from math import isnan
 import numpy as np
 
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT
-from auditor.model.arrays import Mask
+from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, ROUGH_RANGES
+from auditor.model.arrays import Floats, Mask
 from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
@@ -69,3 +70,39 @@ def point_dropout(view: LidarView, width_px: int) -> float:
     strips = np.convolve(steps, np.ones(min(POINT_DROPOUT.strip_steps, steps.size)), mode="valid")
     usual = float(np.median(strips))
     return max(1.0 - float(strips.min()) / usual, 0.0) if usual > 0 else 1.0
+
+
+def rough_ranges(view: LidarView, focal_px: float) -> float | None:
+    """How rough the roughest sector of a view is, 0 to 1; None where too few sectors have enough points.
+
+    Roughness is the lower quartile of by how much a point's range differs from what lies between its neighbours' in the
+    same row: leaves, edges and other clutter hardly ever cover three quarters of a sector, which holds some road. It
+    counts times by how much more it is than that of the median sector.
+    """
+    found = _roughness_m(view, focal_px)
+    if found.size < ROUGH_RANGES.sector_strips:
+        return None
+    roughest = float(found.max())
+    rough = roughest * roughest / max(float(np.median(found)), ROUGH_RANGES.least_usual_m)
+    return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
+
+
+def _roughness_m(view: LidarView, focal_px: float) -> Floats:
+    """The roughness of each sector that has enough points; points lie in row-major order."""
+    u, range_m = view.u_px.astype(np.float64), view.range_m.astype(np.float64)
+    before, here, after = slice(0, -2), slice(1, -1), slice(2, None)
+    span = u[after] - u[before]
+    between = (view.row[before] == view.row[after]) & (span > 0) & (span <= ROUGH_RANGES.gap * focal_px)
+    between &= range_m[here] < ROUGH_RANGES.farthest_m
+    share = (u[here] - u[before])[between] / span[between]
+    expected = range_m[before][between] * (1 - share) + range_m[after][between] * share
+    differs = np.abs(range_m[here][between] - expected)
+    strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.intp)
+    order = np.argsort(strip, kind="stable")
+    bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
+    found = []
+    for first, end in zip(bounds, bounds[ROUGH_RANGES.sector_strips :], strict=False):
+        if end - first >= ROUGH_RANGES.fewest:
+            place = int(ROUGH_RANGES.quantile * (end - first - 1))
+            found.append(np.partition(differs[order[first:end]], place)[place])
+    return np.array(found)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject, find_object
+from auditor.lab.attacks.spoofing import ChangedRanges, GhostCar, RandomRanges, RemovedObject, find_object
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.model.checks import Check, CountedPair
@@ -98,3 +98,41 @@ def test_a_copied_wall_has_one_camera_agree_with_the_lidar_and_the_other_pair_di
     assert cells[conflict].total.sum() < 0.3 * only_lidar[conflict].total.sum()
     other = CountedPair(Check.LIDAR_CONFLICT, 2, 3, 0)
     assert cells[other].total.sum() > 0.9 * only_lidar[other].total.sum()
+
+
+@pytest.mark.parametrize("points", [20, 60])
+def test_a_ghost_car_has_its_points_at_its_range_and_no_shadow(street: Street, points: int) -> None:
+    cloud, _ = street
+    xyz = GhostCar(points, 8.0, -1.0).apply(cloud, RIG).xyz_m
+    kept = len(cloud.xyz_m)
+    moved = np.flatnonzero((xyz[:kept] != cloud.xyz_m).any(axis=1))
+    ghost = np.concatenate([xyz[moved], xyz[kept:]])
+    assert len(ghost) == points
+    np.testing.assert_allclose(ghost[:, 0], 8.0, atol=0.15)
+    assert np.abs(ghost[:, 1] - 1.0).max() < 0.95  # a metre to the left
+    assert ghost[:, 2].max() < 1.6 - ROAD_M
+    behind = (np.abs(xyz[:, 1] / xyz[:, 0] - 0.125) < 0.08) & (xyz[:, 0] > 10)
+    assert behind.sum() > 100
+
+
+def test_a_ghost_car_has_no_more_points_than_beams_meet_its_back(street: Street) -> None:
+    cloud, _ = street
+    beams = len(GhostCar(10**6, 30.0).apply(cloud, RIG).xyz_m)
+    changed = (GhostCar(10**6, 30.0).apply(cloud, RIG).xyz_m[: len(cloud.xyz_m)] != cloud.xyz_m).any(axis=1)
+    assert 10 < changed.sum() < 400
+    assert beams < len(cloud.xyz_m) + 400
+
+
+@pytest.mark.parametrize(("shift_m", "noise_m"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 0.3)])
+def test_changed_ranges_are_those_of_a_sector_and_stay_on_their_beams(
+    street: Street, shift_m: float, noise_m: float
+) -> None:
+    cloud, _ = street
+    xyz = ChangedRanges(10.0, 0.0, shift_m, noise_m, seed=2).apply(cloud, RIG).xyz_m
+    aside = np.abs(np.rad2deg(np.arctan2(cloud.xyz_m[:, 1], cloud.xyz_m[:, 0])))
+    np.testing.assert_array_equal(xyz[aside > 5.01], cloud.xyz_m[aside > 5.01])
+    before, after = (np.linalg.norm(points, axis=1) for points in (cloud.xyz_m, xyz))
+    np.testing.assert_allclose(xyz / after[:, None], cloud.xyz_m / before[:, None], atol=1e-5)
+    change = (after - before)[aside < 4.99]
+    assert change.mean() == pytest.approx(shift_m, abs=0.03)
+    assert change.std() == pytest.approx(noise_m, abs=0.03)

@@ -17,6 +17,7 @@ from auditor.identification.statistics import CONFLICT_WINDOW, fitted, window_su
 from auditor.identification.systems import System
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.attacks.spoofing import ChangedRanges, GhostCar
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check
@@ -62,9 +63,23 @@ def verdict(request, attacked_frame):
     [
         ({0: WALL}, {Check.LIDAR_CONFLICT}),
         ({0: HiddenSector(8.0, 0.0)}, {Check.LOST_RETURNS}),
+        ({0: GhostCar(120, 12.0, 1.0)}, {Check.FALSE_RANGES}),
+        ({0: BogusWall(range_m=25.0, lateral_m=-2.0)}, {Check.FALSE_RANGES}),
+        ({0: ChangedRanges(20.0, 5.0, shift_m=1.0)}, {Check.FALSE_RANGES}),
+        ({0: ChangedRanges(10.0, 5.0, noise_m=0.3)}, {Check.ROUGH_RANGES}),
         *(({camera: FACULA}, {Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY}) for camera in (1, 2, 3)),
     ],
-    ids=["wall", "hidden sector", "facula on S_1", "facula on S_2", "facula on S_3"],
+    ids=[
+        "wall",
+        "hidden sector",
+        "ghost",
+        "far wall",
+        "shift",
+        "jitter",
+        "facula on S_1",
+        "facula on S_2",
+        "facula on S_3",
+    ],
 )
 def test_the_attacked_sensor_is_named_by_its_own_checks(verdict, attacks, checks):
     found = verdict(attacks)

@@ -11,7 +11,7 @@ from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.checks import DIRECTION_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
+from auditor.model.checks import DIRECTION_CHECKS, LIDAR_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.textured_scenes import RIG, scene
@@ -45,7 +45,8 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
         ),
     }
     assert set(frame_checks.shares) == {
-        *(SensorCheck(check, 0, (3,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)),
+        *(SensorCheck(check, 0, (3,)) for check in LIDAR_CHECKS),
+        SensorCheck(Check.FALSE_RANGES, 0, (1, 2, 3)),
         *(SensorCheck(Check.STRIPED_LIGHT, *pair) for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
     }
     for counted, of_grid in cells.items():
