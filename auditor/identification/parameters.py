@@ -73,6 +73,7 @@ _TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (doc
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
+_IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
@@ -97,6 +98,7 @@ class CheckPriors:
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
+    parallax_conflict: tuple[float, ...] = parameter((-3.0, 0.7, 0.4, 1.2), unit=_OF_PRIOR, source=_IN_TIME)
 
 
 @dataclass(frozen=True)

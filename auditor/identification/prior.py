@@ -40,6 +40,15 @@ _OF_CAMERAS = {
 }
 """By check the priors of one voter, of two, and of more."""
 
+_OF_ANY_NUMBER = {
+    Check.LOST_RETURNS: CHECK_PRIORS.lost_returns,
+    Check.POINT_DROPOUT: CHECK_PRIORS.point_dropout,
+    Check.ISOLATED_POINTS: CHECK_PRIORS.isolated_points,
+    Check.COLOURED_LIGHT: CHECK_PRIORS.coloured_light,
+    Check.PARALLAX_CONFLICT: CHECK_PRIORS.parallax_conflict,
+}
+"""By check the prior, however many take part."""
+
 
 class Prior(NamedTuple):
     """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
@@ -87,14 +96,8 @@ def prior_of_check(check: SensorCheck) -> Prior:
     others = len(check.others)
     if check.check is Check.LIDAR_CONFLICT:
         return Prior(*(CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict))
-    if check.check is Check.LOST_RETURNS:
-        return Prior(*CHECK_PRIORS.lost_returns)
-    if check.check is Check.POINT_DROPOUT:
-        return Prior(*CHECK_PRIORS.point_dropout)
-    if check.check is Check.ISOLATED_POINTS:
-        return Prior(*CHECK_PRIORS.isolated_points)
-    if check.check is Check.COLOURED_LIGHT:
-        return Prior(*CHECK_PRIORS.coloured_light)
+    if check.check in _OF_ANY_NUMBER:
+        return Prior(*_OF_ANY_NUMBER[check.check])
     alone, two, more = _OF_CAMERAS[check.check]
     return Prior(*(alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more))
 

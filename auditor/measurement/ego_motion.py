@@ -8,10 +8,14 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.time_parameters import EGO_MOTION
 from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
 from auditor.model.optics.geometry import Matrix
+
+Rows = NDArray[np.signedinteger]
+"""Rows or columns of pixels: (M,)."""
 
 _WINDOW = (EGO_MOTION.flow_window_px, EGO_MOTION.flow_window_px)
 
@@ -33,7 +37,7 @@ def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
 
 
 def ego_motion(
-    now: Image, before: Image, intrinsics: Matrix, points_m: Matrix, pixels: tuple[Indices, Indices]
+    now: Image, before: Image, intrinsics: Matrix, points_m: Matrix, pixels: tuple[Rows, Rows]
 ) -> Motion | None:
     """The motion between two half-resolution grey images (h, w); None where too few corners tell it.
 
@@ -58,10 +62,11 @@ def ego_motion(
         return None
     inliers = fitting.ravel()
     turn, translation = cv2.solvePnPRefineLM(there[inliers], where[inliers], intrinsics, None, turn, translation)
-    return Motion(np.asarray(cv2.Rodrigues(turn)[0]), np.asarray(translation).ravel())
+    rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+    return Motion(rotation, np.asarray(translation, dtype=np.float64).ravel())
 
 
-def _corners(image: Image, row: Indices, column: Indices) -> Indices:
+def _corners(image: Image, row: Rows, column: Rows) -> Indices:
     """The points with the strongest corners, one a block of the image at most."""
     strength = np.asarray(cv2.cornerMinEigenVal(image, EGO_MOTION.corner_px))[row, column]
     blocks = -(-image.shape[1] // EGO_MOTION.block_px)
@@ -77,12 +82,14 @@ def _followed(now: Image, before: Image, corners_px: Floats32) -> tuple[Floats32
     """Where corners (C, 2) lie in the image before, and which of them lead back to where they began."""
     if not len(corners_px):
         return corners_px, np.zeros(0, dtype=np.bool_)
-    there, there_found, _ = cv2.calcOpticalFlowPyrLK(
-        now, before, corners_px, None, winSize=_WINDOW, maxLevel=EGO_MOTION.flow_levels
-    )
-    back, back_found, _ = cv2.calcOpticalFlowPyrLK(
-        before, now, there, None, winSize=_WINDOW, maxLevel=EGO_MOTION.flow_levels
-    )
-    seen = (there_found.ravel() > 0) & (back_found.ravel() > 0)
-    seen &= np.abs(back - corners_px).max(axis=1) < EGO_MOTION.returns_px
-    return np.asarray(there, dtype=np.float32), seen
+    there, seen = _flow(now, before, corners_px)
+    back, seen_back = _flow(before, now, there)
+    returned = np.abs(back - corners_px).max(axis=1) < EGO_MOTION.returns_px
+    return there, seen & seen_back & returned
+
+
+def _flow(image: Image, other: Image, points_px: Floats32) -> tuple[Floats32, Mask]:
+    """Where points (C, 2) of one image lie in the other, and whether they were found."""
+    guess, levels = points_px.copy(), EGO_MOTION.flow_levels
+    found, seen, _ = cv2.calcOpticalFlowPyrLK(image, other, points_px, guess, winSize=_WINDOW, maxLevel=levels)
+    return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

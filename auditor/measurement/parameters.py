@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import ISOLATED_POINTS, LOST_RETURNS, POINT_DROPOUT
+from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
@@ -374,6 +375,8 @@ MEASURING = (
     POINT_DROPOUT,
     ISOLATED_POINTS,
     LOST_RETURNS,
+    EGO_MOTION,
+    PARALLAX_CONFLICT,
     COUNT_GRID,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

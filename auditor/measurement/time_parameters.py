@@ -41,6 +41,10 @@ class ParallaxConflict:
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(0.2, unit="NCC elsewhere less that at the LiDAR's range", source=_DRIVES)
     agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
+    nearby_px: tuple[int, int] = parameter(
+        (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND
+    )
+    most_grown: float = parameter(2.0, unit="times its size now that a patch was a moment ago, at most", source=BY_HAND)
     cluster_px: int = parameter(12, unit="px, cells in which neighbouring conflicts are one thing", source=BY_HAND)
     moving_px: float = parameter(
         0.6, unit="px by which what moves as a whole misses where it is found, the median", source=_DRIVES

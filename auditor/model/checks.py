@@ -16,14 +16,15 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are nine.
+    """One kind of statistic of a sensor; there are ten.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
     next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
     LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
-    light in some rows that the other cameras do not have.
+    light in some rows that the other cameras do not have. PARALLAX_CONFLICT: a camera's pictures of two moments agree
+    with each other and not with the LiDAR.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -35,13 +36,14 @@ class Check(StrEnum):
     COLOURED_LIGHT = "coloured_light"
     LOST_RETURNS = "lost_returns"
     STRIPED_LIGHT = "striped_light"
+    PARALLAX_CONFLICT = "parallax_conflict"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
 """The checks of the LiDAR alone, in the view of a camera."""
 
-DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS})
-"""The checks of the LiDAR by pairs of cameras, counted by its directions."""
+DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.PARALLAX_CONFLICT})
+"""The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
 """The checks of a camera by the other cameras."""
@@ -49,7 +51,7 @@ CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCON
 IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT)
+ADDED_LATER = (Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT, Check.PARALLAX_CONFLICT)
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
 SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT}
@@ -69,8 +71,8 @@ class SensorCheck(NamedTuple):
     """One check of a sensor by `others`, ascending.
 
     Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
-    DIRECTION_CHECKS all cameras of the pairs that are
-    compared with the LiDAR; of LIDAR_CHECKS the one camera whose view the points are in.
+    DIRECTION_CHECKS all cameras of the pairs that are compared with the LiDAR, of PARALLAX_CONFLICT the one whose past
+    is; of LIDAR_CHECKS the one camera whose view the points are in.
     """
 
     check: Check
@@ -96,7 +98,7 @@ class CountedPair(NamedTuple):
     """What is counted on one grid: a check of the camera pair i < k, in the image of one of them.
 
     `sensor` is that camera; of DIRECTION_CHECKS it is the LiDAR, and the grid is one of its directions. ADDED_LIGHT
-    counts removed light as well, with the other sign.
+    counts removed light as well, with the other sign. i = k is a camera with its own past.
     """
 
     check: Check
@@ -113,7 +115,7 @@ class CountedPair(NamedTuple):
 def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
     """The checks that frames of a rig are judged by, in their fixed order."""
     views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}
-    return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views))
+    return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views), rig.references if rig.by_time else ())
 
 
 def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
@@ -123,9 +125,12 @@ def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
 
 @lru_cache(maxsize=64)
 def sensor_checks_of(
-    matched: Sequence[tuple[int, int]], conflicts: Sequence[tuple[int, int]], views: Sequence[int]
+    matched: Sequence[tuple[int, int]],
+    conflicts: Sequence[tuple[int, int]],
+    views: Sequence[int],
+    pasts: Sequence[int] = (),
 ) -> tuple[SensorCheck, ...]:
-    """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
+    """All sensor checks of matched pairs, LiDAR conflicts, views of the LiDAR, and cameras' pasts, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
     LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two; lost returns never by one
@@ -159,6 +164,7 @@ def sensor_checks_of(
             for camera in sorted(partners)
             for others in _voters(tuple(sorted(partners[camera])))
         ),
+        *(SensorCheck(Check.PARALLAX_CONFLICT, LIDAR, (k,)) for k in pasts),
     )
 
 

@@ -50,6 +50,7 @@ class LeastDeviations:
     coloured_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
     lost_returns: float = parameter(0.05, unit="log odds", source=BY_HAND)
     striped_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    parallax_conflict: float = parameter(0.05, unit="log odds", source=BY_HAND)
     disparity_error: float = parameter(0.05, unit="log odds", source=BY_HAND)
     lidar_disagreement: float = parameter(0.05, unit="log odds", source=BY_HAND)
     row_misalignment: float = parameter(0.05, unit="log odds", source=BY_HAND)

@@ -26,15 +26,14 @@ from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera
 
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
-_DOWN, _RIGHT = (
-    axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1]
-)
+_DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
 _BESIDE = PARALLAX_CONFLICT.beside_px
+_SECOND_NS = 10**9
 _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1)
-_HALVED = np.array([[1 / HALF, 0, 0.5 / HALF - 0.5], [0, 1 / HALF, 0.5 / HALF - 0.5], [0, 0, 1]])
+_MIDDLE = (1 / HALF - 1) / 2
+_HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
-_NONE_AROUND = np.ones((3, 5), dtype=np.uint8)
-"""Half px around a pixel within which the LiDAR's nearest point is taken for it: rows and columns."""
+_NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Moment:
         depth = np.full(self.half.shape, np.inf, dtype=np.float32)
         place = self.view.place(HALF, self.half.shape[1])
         np.minimum.at(depth.ravel(), place, self.point_m[:, 2].astype(np.float32))
-        return np.asarray(cv2.erode(depth, _NONE_AROUND), dtype=np.float32)
+        return np.asarray(cv2.erode(depth, _NEARBY), dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,10 @@ def parallax_conflicts(now: Moment, before: Moment | None) -> VerifiedConflicts:
 
 def _sought(now: Moment, before: Moment) -> _Sought | None:
     """The points to be compared; None where there is no motion to compare them by."""
-    if not 0 < now.stamp_ns - before.stamp_ns <= PARALLAX_CONFLICT.most_s * 1e9 or before.half.shape != now.half.shape:
+    if (
+        not 0 < now.stamp_ns - before.stamp_ns <= PARALLAX_CONFLICT.most_s * _SECOND_NS
+        or before.half.shape != now.half.shape
+    ):
         return None
     row, column = now.view.row // HALF, now.view.column // HALF
     some = np.flatnonzero(textured(now.half)[row, column])
@@ -179,16 +181,16 @@ def _best_elsewhere(patches: Floats32, norms: Floats32, before: Image, sought: _
 
 
 def _between(ncc: Floats32, best: Indices) -> Floats:
-    """(P,) by how much the peak of a parabola through a best NCC and its neighbours lies beside it, half a step at most.
+    """(P,) by how much the peak of a parabola through a best NCC and its neighbours lies beside it.
 
-    `ncc` is (offsets, P).
+    It is half a step at most. `ncc` is (offsets, P).
     """
     middle, points = np.clip(best, 1, len(ncc) - 2), np.arange(best.size)
     lower, at, upper = ncc[middle - 1, points], ncc[middle, points], ncc[middle + 1, points]
     curvature = lower - 2 * at + upper
     is_peak = (curvature < 0) & (middle == best) & (np.minimum(lower, upper) > -1)
-    beside = 0.5 * (lower - upper) / np.where(is_peak, curvature, np.float32(-1))
-    return np.where(is_peak, np.clip(beside, -0.5, 0.5), 0.0)
+    beside = (lower - upper) / np.where(is_peak, curvature, np.float32(-1)) / 2
+    return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
 def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: int) -> Floats32:
@@ -197,7 +199,7 @@ def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, off
     What came nearer was smaller a moment ago.
     """
     nearness = (sought.parallax_px + offset) / sought.parallax_px
-    scale = 1 / np.maximum(1 + nearness * sought.approached, 0.5)
+    scale = 1 / np.maximum(1 + nearness * sought.approached, 1 / PARALLAX_CONFLICT.most_grown)
     others, other_norms = _patches(before, sought.predicted + offset * sought.along, scale)
     return np.asarray(np.einsum("mp,mp->m", patches, others) / (norms * other_norms), dtype=np.float32)
 
