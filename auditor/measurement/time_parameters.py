@@ -46,6 +46,9 @@ class ParallaxConflict:
     )
     most_grown: float = parameter(2.0, unit="times its size now that a patch was a moment ago, at most", source=BY_HAND)
     cluster_px: int = parameter(12, unit="px, cells in which neighbouring conflicts are one thing", source=BY_HAND)
+    changed_alike_m: float = parameter(
+        0.3, unit="m by which the depths of one thing change otherwise, from one point to the next", source=BY_HAND
+    )
     moving_px: float = parameter(
         0.6, unit="px by which what moves as a whole misses where it is found, the median", source=_DRIVES
     )

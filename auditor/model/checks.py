@@ -130,7 +130,7 @@ def sensor_checks_of(
     views: Sequence[int],
     pasts: Sequence[int] = (),
 ) -> tuple[SensorCheck, ...]:
-    """All sensor checks of matched pairs, LiDAR conflicts, views of the LiDAR, and cameras' pasts, in their fixed order.
+    """All sensor checks of these matched pairs, LiDAR conflicts, views of the LiDAR, and pasts, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
     LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two; lost returns never by one

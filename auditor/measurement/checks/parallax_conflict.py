@@ -223,32 +223,32 @@ _STEPS = (_RIGHT, _DOWN)
 def _moving(before: Moment, things: _Sought, place: Floats) -> Mask:
     """(P,) mask of the points found elsewhere, at `place` (P, 2), that belong to things that move.
 
-    Neighbouring points are one thing. It moves where one translation takes all of them to where they are found, by
-    which their depth changes as the LiDAR saw it change; half of them have to fit.
+    Neighbouring points whose depth changed alike are one thing. It moves where one translation takes them to where they
+    are found, by which their depth changes as the LiDAR saw it change; half of them have to fit.
     """
     moving = np.zeros(things.point.size, dtype=np.bool_)
     row, column = np.rint(place[:, ::-1].T / HALF).astype(np.intp)
     height, width = before.half.shape
     depth_m = before.nearest_m[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    for thing in _things(things.pixel):
-        missed_px = _missed_px(before.camera.intrinsics, things.point_m[thing], place[thing], depth_m[thing])
+    # What the LiDAR had not seen there may move along with the camera.
+    deeper_m = np.where(np.isfinite(depth_m), depth_m - things.point_m[:, 2], 0.0)
+    for thing in _things(things.pixel, deeper_m):
+        missed_px = _missed_px(before.camera.intrinsics, things.point_m[thing], place[thing], deeper_m[thing])
         moving[thing] = np.median(missed_px) < PARALLAX_CONFLICT.moving_px
     return moving
 
 
-def _missed_px(K: Matrix, point_m: Matrix, place: Floats, depth_m: Floats32) -> Floats:
+def _missed_px(K: Matrix, point_m: Matrix, place: Floats, deeper_m: Floats) -> Floats:
     """(P,) by how many px a thing that moves as a whole misses where its points (P, 3) are found."""
-    seen = np.isfinite(depth_m)
-    nearer_m = float(np.median(depth_m[seen] - point_m[seen, 2])) if seen.any() else 0.0
     ray = (place - K[:2, 2]) / (K[0, 0], K[1, 1])
-    depth = point_m[:, 2:] + nearer_m
+    depth = point_m[:, 2:] + float(np.median(deeper_m))
     aside_m = np.median(ray * depth - point_m[:, :2], axis=0)
     missed = ((point_m[:, :2] + aside_m) / depth - ray) * (K[0, 0], K[1, 1])
     return np.asarray(np.hypot(*missed.T))
 
 
-def _things(pixel: Floats) -> list[Indices]:
-    """The points (P, 2) in groups of neighbours: cells that touch."""
+def _things(pixel: Floats, deeper_m: Floats) -> list[Indices]:
+    """The points (P, 2) in groups of neighbours, in cells that touch, whose depths changed (P,) alike."""
     if not len(pixel):
         return []
     cell = (pixel / PARALLAX_CONFLICT.cluster_px).astype(np.intp)
@@ -257,5 +257,6 @@ def _things(pixel: Floats) -> list[Indices]:
     marked[cell[:, 0], cell[:, 1]] = 1
     _, labels = cv2.connectedComponents(cv2.dilate(marked, np.ones((3, 3), np.uint8)))
     label = labels[cell[:, 0], cell[:, 1]]
-    order = np.argsort(label, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    order = np.lexsort((deeper_m, label))
+    apart = np.diff(deeper_m[order]) > PARALLAX_CONFLICT.changed_alike_m
+    return np.split(order, np.flatnonzero(apart | (np.diff(label[order]) > 0)) + 1)
