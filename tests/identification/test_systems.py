@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from auditor.identification.systems import System, measured_triples
 from auditor.model.checks import (
     CAMERA_CHECKS,
-    DIRECTION_CHECKS,
     LIDAR_CHECKS,
     Check,
     sensor_checks_of,
@@ -16,6 +15,9 @@ PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in
 
 OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
 """The checks of a camera by other cameras."""
+
+OF_PAIRS = (Check.LIDAR_CONFLICT, Check.LOST_RETURNS)
+"""The checks of the LiDAR by pairs of cameras."""
 
 
 def system(cameras, *, lidar=True, views=None, fallback=None):
@@ -37,7 +39,7 @@ def subjects(checks):
 def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
     one = system(4)
     assert subjects(counting(one)) == {
-        *((check, 0, (1, 2, 3, 4)) for check in DIRECTION_CHECKS),
+        *((check, 0, (1, 2, 3, 4)) for check in OF_PAIRS),
         *((check, n, tuple(m for m in range(1, 5) if m != n)) for check in OF_CAMERAS for n in range(1, 5)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
@@ -49,7 +51,7 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
 
 def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
     assert subjects(counting(system(4), 2)) == {
-        *((check, 0, (1, 3, 4)) for check in DIRECTION_CHECKS),
+        *((check, 0, (1, 3, 4)) for check in OF_PAIRS),
         *((check, n, tuple(m for m in (1, 3, 4) if m != n)) for check in OF_CAMERAS for n in (1, 3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),

@@ -208,8 +208,8 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     """(P, pixels) patches of an image around centres (P, 2), without their means, and their norms (P,)."""
     if not len(centres):
         return np.zeros((0, _RIGHT.size), dtype=np.float32), np.zeros(0, dtype=np.float32)
-    size = np.ones(len(centres)) if scale is None else scale
-    column, row = ((centres[:, [axis]] + size[:, None] * step).astype(np.float32) for axis, step in enumerate(_STEPS))
+    middle, size = centres.astype(np.float32), np.float32(1) if scale is None else scale.astype(np.float32)[:, None]
+    column, row = (middle[:, [axis]] + size * step for axis, step in enumerate(_STEPS))
     sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     patches = np.asarray(sampled, dtype=np.float32)
     patches -= patches.mean(axis=1, keepdims=True)

@@ -101,7 +101,10 @@ def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: 
 
 def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
     """A rig of each camera with the LiDAR; further topics of one camera are left out."""
-    for view in {view.frame_id or view.image.topic.name: view for view in reversed(views)}.values():
+    of_cameras: dict[str, View] = {}
+    for view in views:
+        of_cameras.setdefault(view.frame_id or view.image.topic.name, view)
+    for view in of_cameras.values():
         placed = place([view], frames, [], survey.conventions.positions)
         lidar = _lidar(placed, survey.clouds, frames, []) if placed else None
         if placed is not None and lidar is not None:
