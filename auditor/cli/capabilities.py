@@ -18,8 +18,9 @@ _HELD_LIGHT = (
 
 _BY_TIME = (
     "one camera and a LiDAR: the LiDAR is checked by the camera's own past while the vehicle moves, and S_0 is named",
-    "not looked at: light on the camera, which no other camera sees; anything while the vehicle stands; what lies "
-    "where it drives to (the focus of expansion), has no texture, or is farther away than parallax tells",
+    "not looked at: light on the camera, which no other camera sees; points that are removed from the LiDAR; anything "
+    "while the vehicle stands; what lies where it drives to (the focus of expansion), has no texture, or is farther "
+    "away than parallax tells",
     "not told apart: a bogus wall and what moves along with the vehicle as far as the camera shows; an attack on the "
     "camera that moves as a scene at another range would",
 )

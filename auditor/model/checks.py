@@ -114,8 +114,10 @@ class CountedPair(NamedTuple):
 
 def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
     """The checks that frames of a rig are judged by, in their fixed order."""
+    if rig.by_time:  # of a camera that looks anywhere nobody knows where its view has points
+        return sensor_checks_of((), (), (), rig.references)
     views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}
-    return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views), rig.references if rig.by_time else ())
+    return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views))
 
 
 def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:

@@ -12,7 +12,13 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from auditor.model.frames import Frame
-from auditor.model.optics.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.optics.geometry import (
+    Matrix,
+    invert,
+    motion,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from auditor.model.rig import Rig
 from auditor.recordings.decoding.pictures import encode_picture
 
@@ -135,10 +141,14 @@ def ddad(folder: Path) -> Iterator[FoxgloveMessage]:
             topic = f"/{name.lower()}"
             yield FoxgloveMessage("/tf", "foxglove.FrameTransform", at, transform("LIDAR", name, placed, at))
             yield FoxgloveMessage(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **known})
-            yield FoxgloveMessage(f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture})
+            yield FoxgloveMessage(
+                f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture}
+            )
     for file in sorted((folder / "point_cloud" / "LIDAR").glob("*.npz")):
         points = np.load(file)["data"][:, :3].astype(np.float32)
-        yield FoxgloveMessage("/lidar", "foxglove.PointCloud", _ddad_ns(file), cloud_fields(points, _ddad_ns(file), "LIDAR"))
+        yield FoxgloveMessage(
+            "/lidar", "foxglove.PointCloud", _ddad_ns(file), cloud_fields(points, _ddad_ns(file), "LIDAR")
+        )
 
 
 def _ddad_ns(file: Path) -> int:
