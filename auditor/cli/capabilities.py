@@ -16,6 +16,15 @@ _HELD_LIGHT = (
 )
 """Rigs do not say which cameras have colours."""
 
+_BY_TIME = (
+    "one camera and a LiDAR: the LiDAR is checked by the camera's own past while the vehicle moves, and S_0 is named",
+    "not looked at: light on the camera, which no other camera sees; points that are removed from the LiDAR; anything "
+    "while the vehicle stands; what lies where it drives to (the focus of expansion), has no texture, or is farther "
+    "away than parallax tells",
+    "not told apart: a bogus wall and what moves along with the vehicle as far as the camera shows; an attack on the "
+    "camera that moves as a scene at another range would",
+)
+
 
 def short_pairs(rig: "Rig") -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
@@ -25,6 +34,8 @@ def short_pairs(rig: "Rig") -> list[Pair]:
 
 def capabilities(rig: "Rig") -> list[str]:
     """What can be identified at most, which cameras check the LiDAR, and what is missing for more."""
+    if rig.by_time:
+        return list(_BY_TIME)
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:

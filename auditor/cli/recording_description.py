@@ -110,7 +110,11 @@ def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading
-    dark = f"in none of {first.measured} frames at its beginning could three sensors be compared: too little texture"
+    if rig.by_time:
+        why = "could the LiDAR be compared with the camera's own past: the vehicle stands, or too little texture"
+    else:
+        why = "could three sensors be compared: too little texture"
+    dark = f"in none of {first.measured} frames at its beginning {why}"
     return Reading((*reading.remarks, dark), complete=False)
 
 

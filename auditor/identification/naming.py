@@ -35,6 +35,7 @@ from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
+_STANDS = "the camera saw too little move by its range, as where the vehicle stands: nothing was compared"
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
 
 
@@ -208,7 +209,7 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
         posterior=best,
         log10_ratio=found.ratio,
     )
-    doubt = _doubt(found, len(system.sensors) - len(absent))
+    doubt = "" if system.by_time and found.attacked else _doubt(found, len(system.sensors) - len(absent))
     if not doubt:
         shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in found.attacked)
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, evidence=shown)
@@ -262,7 +263,7 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
     alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""
-    conflicts = any(one.check is Check.LIDAR_CONFLICT for one in _measured(system, columns, measured))
+    conflicts = system.by_time or any(one.check is Check.LIDAR_CONFLICT for one in _measured(system, columns, measured))
     unchecked = _LIDAR_UNCHECKED if LIDAR in present and not conflicts else ""
     return "; ".join(filter(None, (without, alone, unchecked)))
 
@@ -270,6 +271,8 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:
     """Why no three of the sensors present were compared in a frame."""
     missing = f"{listed(outside)} missing: " if outside else ""
+    if system.by_time and not outside:
+        return _STANDS
     if len(present) < FEWEST_COMPARED:
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
     possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]

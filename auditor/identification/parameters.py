@@ -74,6 +74,7 @@ _RANGES = "three real drives and streets 30000 to 30013, clean and attacked: wid
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/causes.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/causes.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/causes.md)"
+_IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
@@ -100,6 +101,7 @@ class CheckPriors:
     false_ranges: tuple[float, ...] = parameter((-3.88, 0.45, 0.15, 1.55), unit=_OF_PRIOR, source=_RANGES)
     rough_ranges: tuple[float, ...] = parameter((-3.8, 0.7, 0.3, 1.45), unit=_OF_PRIOR, source=_RANGES)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
+    parallax_conflict: tuple[float, ...] = parameter((-3.0, 0.93, 0.2, 0.9), unit=_OF_PRIOR, source=_IN_TIME)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,6 @@ _OF_CAMERAS = {
 }
 """By check the priors of one voter, of two, and of more."""
 
-
 _OF_ANY = {
     Check.LOST_RETURNS: CHECK_PRIORS.lost_returns,
     Check.POINT_DROPOUT: CHECK_PRIORS.point_dropout,
@@ -48,6 +47,7 @@ _OF_ANY = {
     Check.COLOURED_LIGHT: CHECK_PRIORS.coloured_light,
     Check.FALSE_RANGES: CHECK_PRIORS.false_ranges,
     Check.ROUGH_RANGES: CHECK_PRIORS.rough_ranges,
+    Check.PARALLAX_CONFLICT: CHECK_PRIORS.parallax_conflict,
 }
 """By check the prior, however many cameras take part."""
 

@@ -35,6 +35,7 @@ _NONE = np.zeros(0)
 
 _LOCALISED_FROM: Mapping[Check, float] = {
     Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
+    Check.PARALLAX_CONFLICT: LOCALISED_FROM.lidar_conflict,
     Check.ADDED_LIGHT: LOCALISED_FROM.light,
     Check.REMOVED_LIGHT: LOCALISED_FROM.light,
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,

@@ -71,8 +71,9 @@ LOST_WINDOW = Window(*WINDOWED_MEAN.lost_window, WINDOWED_MEAN.lost_pseudo_count
 IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
 
-_MEAN_OF_ALL = frozenset({Check.LIDAR_CONFLICT, Check.COLOURED_LIGHT})
-_WINDOWS = {Check.LIDAR_CONFLICT: CONFLICT_WINDOW, Check.LOST_RETURNS: LOST_WINDOW}
+_OF_POINTS = frozenset({Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT})
+_MEAN_OF_ALL = _OF_POINTS | {Check.COLOURED_LIGHT}
+_WINDOWS = {**dict.fromkeys(_OF_POINTS, CONFLICT_WINDOW), Check.LOST_RETURNS: LOST_WINDOW}
 
 
 def sensor_statistics(
@@ -133,7 +134,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     window = _WINDOWS.get(check, IMAGE_WINDOW)
     steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
-    windows = [fitted(window, one) for one in N] if check is Check.LIDAR_CONFLICT else [window] * len(N)
+    windows = [fitted(window, one) for one in N] if check in _OF_POINTS else [window] * len(N)
     pseudo_count, fewest = (
         np.array([getattr(one, name) for one in windows])[:, None, None] for name in ("pseudo_count", "fewest")
     )
@@ -146,7 +147,7 @@ def vote(check: Check, voters: WindowMeans) -> float | None:
     A camera's voters are other cameras, the LiDAR's are pairs. Two at least must have compared the window, where there
     are two.
 
-    Of LiDAR conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is attacked
+    Of conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is attacked
     itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
     their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, and
     for lost returns, it is the smallest.

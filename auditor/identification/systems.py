@@ -12,6 +12,9 @@ from auditor.model.rig import LIDAR, Triple
 _RARE = frozenset({*ADDED_LATER})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
 
+_OF_PAIRS = frozenset({Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT})
+"""Checks that compare the LiDAR with two pictures, wherever it has points."""
+
 
 @dataclass(frozen=True)
 class System:
@@ -24,6 +27,11 @@ class System:
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
     fallback: Triple | None = None
+
+    @property
+    def by_time(self) -> bool:
+        """Whether a lone camera and its own past check the LiDAR, the one sensor that is looked at."""
+        return any(one.check is Check.PARALLAX_CONFLICT for one in self.sensor_checks)
 
     @property
     def judged_together(self) -> int:
@@ -54,10 +62,11 @@ class System:
 def measured_triples(one: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:
     """The triples, the fallback among them, whose sensors were all compared by these measured checks.
 
-    The LiDAR is compared with the cameras of its conflicts, a camera with those that it was matched with.
+    The LiDAR is compared with the cameras of its conflicts, or with a lone camera and its past, a camera with those
+    that it was matched with.
     """
     triples = one.triples if one.fallback is None else (*one.triples, one.fallback)
-    conflicts = {camera for c in measured if c.check is Check.LIDAR_CONFLICT for camera in c.others}
+    conflicts = {camera for c in measured if c.check in _OF_PAIRS for camera in c.others}
     lit = {c.sensor for c in measured if c.check in CAMERA_CHECKS}
 
     def is_measured(triple: Triple) -> bool:

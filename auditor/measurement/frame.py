@@ -18,6 +18,7 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_m
 from auditor.measurement.fault_features.added_light import added_light, with_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.looked_at import looked_at
+from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
@@ -105,28 +106,34 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
     """Compare all disparity maps of a frame: each pair of cameras is matched once, the LiDAR projected once a view.
 
     Images are (H, W) or (H, W, 3) uint8 of the rig's sizes; cameras that are not rectified are so first. A triple with
-    an absent sensor has no counts. Raises RigError where the cameras have no view in common.
+    an absent sensor has no counts. One frame alone has no past, so that a lone camera is compared with nothing. Raises
+    RigError where the cameras have no view in common.
     """
+    return _measured(frame, rig, matcher, OwnPast())
+
+
+def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: OwnPast) -> Measured:
     prepared = _prepare(frame, rig, matcher)
-    return _compare(prepared, _match([prepared], matcher)[0])
+    return _compare(prepared, _match([prepared], matcher)[0], past)
 
 
 def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
-    """What `measure` gives for each frame, in their order; skipped ones pass through.
+    """What `measure` gives for each frame, in their order; skipped ones pass through. A lone camera has its own past.
 
     A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
     the caller's thread compares the last. Other matchers get frame after frame, and there is no thread.
     """
+    past = OwnPast()
     at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
     if pairs_at_once(matcher) == 1:
-        yield from (item if isinstance(item, Skipped) else measure(item, rig, matcher) for item in frames)
+        yield from (item if isinstance(item, Skipped) else _measured(item, rig, matcher, past) for item in frames)
         return
     groups = prefetch(_grouped(frames, rig, matcher, max(1, at_once)))
     with closing(prefetch(_matched(groups, matcher))) as done:
         for group, maps in done:
             of_frames = iter(maps)
             for item in group:
-                yield item if isinstance(item, Skipped) else _compare(item, next(of_frames))
+                yield item if isinstance(item, Skipped) else _compare(item, next(of_frames), past)
 
 
 def _grouped(
@@ -189,8 +196,10 @@ def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) ->
     return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
-def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
-    if prepared.views:
+def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: OwnPast) -> Measured:
+    if prepared.whole.rig.by_time:
+        arrays = past.compare(prepared.whole)
+    elif prepared.views:
         parts = {pair: compare(part, its) for (pair, part), its in zip(prepared.parts.items(), maps, strict=True)}
         arrays = join(prepared.whole, parts, prepared.views)
     else:

@@ -14,6 +14,7 @@ from auditor.measurement.point_parameters import (
     POINT_DROPOUT,
     ROUGH_RANGES,
 )
+from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
@@ -353,6 +354,8 @@ MEASURING = (
     LOST_RETURNS,
     FALSE_RANGES,
     ROUGH_RANGES,
+    EGO_MOTION,
+    PARALLAX_CONFLICT,
     COUNT_GRID,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

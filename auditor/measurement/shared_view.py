@@ -134,7 +134,7 @@ def present(triples: Sequence[Triple], frame: Frame) -> list[Triple]:
 def matched(triples: Collection[Triple]) -> list[Pair]:
     """(i, k) of all cameras that triples compare, each once."""
     sources = ((source, triple.k) for triple in triples for source in triple[:2])
-    return list(dict.fromkeys(pair for pair in sources if pair[0] != LIDAR))
+    return list(dict.fromkeys((i, k) for i, k in sources if i not in (LIDAR, k)))
 
 
 def lidar_views(frame: Frame, rig: Rig, triples: Collection[Triple]) -> dict[int, LidarView]:

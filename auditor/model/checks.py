@@ -16,7 +16,7 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are eleven.
+    """One kind of statistic of a sensor; there are twelve.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
@@ -25,6 +25,7 @@ class Check(StrEnum):
     LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
     light in some rows that the other cameras do not have. FALSE_RANGES: pairs of cameras contradict a cluster of LiDAR
     points, or see a sector of them nearer or farther away. ROUGH_RANGES: neighbouring ranges of a sector differ.
+    PARALLAX_CONFLICT: a camera's pictures of two moments agree with each other and not with the LiDAR.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -38,13 +39,14 @@ class Check(StrEnum):
     STRIPED_LIGHT = "striped_light"
     FALSE_RANGES = "false_ranges"
     ROUGH_RANGES = "rough_ranges"
+    PARALLAX_CONFLICT = "parallax_conflict"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS, Check.ROUGH_RANGES})
 """The checks of the LiDAR alone, in the view of a camera."""
 
-DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS})
-"""The checks of the LiDAR by pairs of cameras, counted by its directions."""
+DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.PARALLAX_CONFLICT})
+"""The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
 """The checks of a camera by the other cameras."""
@@ -58,6 +60,7 @@ ADDED_LATER = (
     Check.STRIPED_LIGHT,
     Check.FALSE_RANGES,
     Check.ROUGH_RANGES,
+    Check.PARALLAX_CONFLICT,
 )
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
@@ -78,8 +81,8 @@ class SensorCheck(NamedTuple):
     """One check of a sensor by `others`, ascending.
 
     Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
-    DIRECTION_CHECKS and FALSE_RANGES all cameras of the pairs that are compared with the LiDAR; of LIDAR_CHECKS the one
-    camera whose view the points are in.
+    DIRECTION_CHECKS and FALSE_RANGES all cameras of the pairs that are compared with the LiDAR, of PARALLAX_CONFLICT
+    the one whose past is; of LIDAR_CHECKS the one camera whose view the points are in.
     """
 
     check: Check
@@ -105,7 +108,7 @@ class CountedPair(NamedTuple):
     """What is counted on one grid: a check of the camera pair i < k, in the image of one of them.
 
     `sensor` is that camera; of DIRECTION_CHECKS it is the LiDAR, and the grid is one of its directions. ADDED_LIGHT
-    counts removed light as well, with the other sign.
+    counts removed light as well, with the other sign. i = k is a camera with its own past.
     """
 
     check: Check
@@ -121,6 +124,8 @@ class CountedPair(NamedTuple):
 
 def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
     """The checks that frames of a rig are judged by, in their fixed order."""
+    if rig.by_time:  # of a camera that looks anywhere nobody knows where its view has points
+        return sensor_checks_of((), (), (), rig.references)
     views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}
     return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views))
 
@@ -132,9 +137,12 @@ def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
 
 @lru_cache(maxsize=64)
 def sensor_checks_of(
-    matched: Sequence[tuple[int, int]], conflicts: Sequence[tuple[int, int]], views: Sequence[int]
+    matched: Sequence[tuple[int, int]],
+    conflicts: Sequence[tuple[int, int]],
+    views: Sequence[int],
+    pasts: Sequence[int] = (),
 ) -> tuple[SensorCheck, ...]:
-    """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
+    """All sensor checks of these matched pairs, LiDAR conflicts, views of the LiDAR, and pasts, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
     LiDAR's conflicts, lost returns and false ranges by the pairs of all cameras, and of all but one or two; the latter
@@ -174,6 +182,7 @@ def sensor_checks_of(
             if len(cameras) > FEWEST_VOTERS  # what one pair mismatches looks as false
         ),
         *(SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)) for k in views),
+        *(SensorCheck(Check.PARALLAX_CONFLICT, LIDAR, (k,)) for k in pasts),
     )
 
 

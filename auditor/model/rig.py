@@ -28,7 +28,7 @@ MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 
 
 class Triple(NamedTuple):
-    """Sensors i < j < k whose disparity maps are compared in the view of the reference camera k."""
+    """Sensors i < j < k whose disparity maps are compared in the view of camera k; j = k is a lone camera's past."""
 
     i: int
     j: int
@@ -137,6 +137,11 @@ class Rig:
         return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + 1))
 
     @property
+    def by_time(self) -> bool:
+        """Whether its LiDAR is compared with one camera at two times: there is no other."""
+        return self.lidar is not None and self.n == 1
+
+    @property
     def max_attacked(self) -> int:
         """How many attacked sensors can be identified at once: N - 3 (the paper's n - 2, where N = n + 1)."""
         return max(len(self.sensors) - 3, 0)
@@ -169,7 +174,7 @@ class Rig:
     @cached_property
     def required_pairs(self) -> tuple[tuple[int, int], ...]:
         """`pairs` without that of the fallback, without which a rig is measured too."""
-        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
+        named = ((source, t.k) for t in self.triples for source in t[:2] if source not in (LIDAR, t.k))
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
@@ -290,8 +295,10 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     """All triples of a rig with n cameras, in fixed order: k = n downwards, then i < j < k.
 
     References are cameras with two lower-numbered sensors at least; with a LiDAR k = 2 is one only where n = 2, since
-    Algorithm 2 never descends below k = 3.
+    Algorithm 2 never descends below k = 3. With a lone camera its own past is the third of a triple.
     """
+    if lidar and n == 1:
+        return (Triple(LIDAR, 1, 1),)
     lowest = 0 if lidar else 1
     last_reference = 2 if lidar and n == 2 else 3
     return tuple(

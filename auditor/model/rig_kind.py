@@ -84,6 +84,8 @@ class RigKind:
     def __str__(self) -> str:
         sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
+        if len(self.sizes_px) == 1:
+            return f"LiDAR + 1 camera {sizes} f={focals}px"
         baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
 

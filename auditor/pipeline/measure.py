@@ -23,7 +23,6 @@ from auditor.measurement import (
     RepeatedData,
     instruction_sets,
     localise,
-    measure,
     measure_stream,
     use_one_thread,
 )
@@ -77,6 +76,7 @@ from auditor.store.records import content_id
 
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
+_SUCCESSIVE_FRAMES = (0, 4, 1)  # of a lone camera: each is compared with the one before
 _VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")
 
 
@@ -291,8 +291,10 @@ def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     frames = (frame for frame in stream if isinstance(frame, Frame))
     measured = compared = 0
-    for frame in islice(frames, *_CALIBRATION_FRAMES):
-        found, evidence = measure(frame, rig, matcher)
+    chosen = islice(frames, *(_SUCCESSIVE_FRAMES if rig.by_time else _CALIBRATION_FRAMES))
+    for item in measure_stream(chosen, rig, matcher):
+        assert not isinstance(item, Skipped)
+        found, evidence = item
         check.add(evidence, FaultFeatures().update(evidence))
         measured += 1
         compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)

@@ -6,15 +6,17 @@ from them (`python -m tests.benchmarks.rates`). A scene that is there already is
     python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked [--constant]]
     python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
 
-With --stretch 40 80 frames 40 to 79 of each source are measured alone.
+With --stretch 40 80 frames 40 to 79 of each source are measured alone; with --alone 4 camera S_4 and the LiDAR, of
+which each attacked frame follows one that is attacked alike.
 """
 
 import argparse
 import pickle
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, repeat
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +25,11 @@ from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
 from auditor.lab.attacks.spoofing import RandomRanges
 from auditor.lab.evaluation.sources import Recorded, Street
-from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.frame import Measured
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.scenes import Case, Scene
@@ -103,14 +106,29 @@ def measured(
     frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, every: int = 1, constant: bool = False
 ) -> Iterator[Case]:
     """The cases of a drive: every frame as it is, and every so many under attacks, drawn anew unless `constant`."""
-    features, rng = FaultFeatures(), np.random.default_rng(seed)
+    features, rng, before = FaultFeatures(), np.random.default_rng(seed), None
     for place, frame in enumerate(frames):
         rng = np.random.default_rng(seed) if constant else rng
-        clean, arrays = measure(frame, rig, MATCHER)
+        clean, arrays = _last([before, frame], rig)
         yield case_of(replace(clean, fault_features=features.update(arrays)), rig)
         if attacked and place % every == 0:
-            for name, sensors, changed in attacks_on(frame, rig, rng):
-                yield case_of(measure(changed, rig, MATCHER)[0], rig, name, sensors)
+            earlier = attacks_on(before, rig, deepcopy(rng)) if rig.by_time and before else repeat((None, None, None))
+            for (*_, past), (name, sensors, changed) in zip(earlier, attacks_on(frame, rig, rng), strict=False):
+                yield case_of(_last([past, changed], rig)[0], rig, name, sensors)
+        before = frame if rig.by_time else None
+
+
+def _last(frames: Sequence[Frame | None], rig: Rig) -> Measured:
+    """What is measured of the last of some frames that follow one another."""
+    *_, last = measure_stream([frame for frame in frames if frame is not None], rig, MATCHER)
+    assert not isinstance(last, Skipped)
+    return last
+
+
+def alone(frame: Frame, camera: int) -> Frame:
+    """What one camera and the LiDAR have of a frame."""
+    image, presence = replace(frame.images[camera], sensor=1), {LIDAR: frame.presence[LIDAR], 1: frame.presence[camera]}
+    return replace(frame, images={1: image}, presence=presence)
 
 
 def scene_of(
@@ -122,22 +140,25 @@ def scene_of(
     every: int = 1,
     stretch: tuple[int, int | None] = (0, None),
     constant: bool = False,
+    camera: int | None = None,
 ) -> Scene:
     """Measure a source, or a stretch of it: from a frame to before another."""
     with source.open(colour=True) as drives:
         drive = drives[0]
+        rig = drive.rig if camera is None else Rig(drive.rig.lidar, (replace(drive.rig.camera(camera), number=1),))
         kinds: dict[int, str] = {}
 
         def frames() -> Iterator[Frame]:
             for item in islice(drive.frames, *stretch):
                 if isinstance(item, Frame):
-                    kinds.update({n: "c" if one.pixels.ndim > 2 else "g" for n, one in item.images.items()})
-                    yield item
+                    frame = item if camera is None else alone(item, camera)
+                    kinds.update({n: "c" if one.pixels.ndim > 2 else "g" for n, one in frame.images.items()})
+                    yield frame
 
         seed = zlib.crc32(name.encode())
-        drawn = measured(frames(), drive.rig, attacked=attacked, seed=seed, every=every, constant=constant)
+        drawn = measured(frames(), rig, attacked=attacked, seed=seed, every=every, constant=constant)
         cases = tuple(drawn)
-        return Scene(name, family, drive.rig, "".join(kinds[n] for n in sorted(kinds)), cases)
+        return Scene(name, family, rig, "".join(kinds[n] for n in sorted(kinds)), cases)
 
 
 def main() -> None:
@@ -152,6 +173,7 @@ def main() -> None:
     parser.add_argument("--attacked", action="store_true")
     parser.add_argument("--constant", action="store_true", help="an attack is the same in all frames of a drive")
     parser.add_argument("--every", type=int, default=1, help="frames, of which one is attacked")
+    parser.add_argument("--alone", type=int, help="the camera that is measured with the LiDAR alone")
     parser.add_argument("--stretch", type=int, nargs=2, default=(0, None), help="first frame, and one past the last")
     options = parser.parse_args()
     use_one_thread()
@@ -173,6 +195,7 @@ def main() -> None:
                 every=options.every,
                 stretch=tuple(options.stretch),
                 constant=options.constant,
+                camera=options.alone,
             )
             path.write_bytes(pickle.dumps(scene))
             print(f"{name}: {len(scene.cases)} cases, {family}, cameras {scene.kinds}", flush=True)

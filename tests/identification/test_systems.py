@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from auditor.identification.systems import System, measured_triples
 from auditor.model.checks import (
     CAMERA_CHECKS,
-    DIRECTION_CHECKS,
     LIDAR_CHECKS,
     Check,
     sensor_checks_of,
@@ -14,9 +13,11 @@ from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
 
-OF_PAIRS = (*DIRECTION_CHECKS, Check.FALSE_RANGES)
 OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
 """The checks of a camera by other cameras."""
+
+OF_PAIRS = (Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.FALSE_RANGES)
+"""The checks of the LiDAR by pairs of cameras."""
 
 
 def system(cameras, *, lidar=True, views=None, fallback=None):

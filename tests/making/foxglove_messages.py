@@ -12,7 +12,13 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from auditor.model.frames import Frame
-from auditor.model.optics.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.optics.geometry import (
+    Matrix,
+    invert,
+    motion,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from auditor.model.rig import Rig
 from auditor.recordings.decoding.pictures import encode_picture
 
@@ -116,6 +122,38 @@ def nuscenes(folder: Path) -> Iterator[FoxgloveMessage]:
     fields = [{"name": name, "offset": 4 * n, "type": 7} for n, name in enumerate(("x", "y", "z", "intensity", "ring"))]
     cloud = cloud_fields(points[:, :3], at, "top", data=points.tobytes(), point_stride=20, fields=fields)
     yield FoxgloveMessage("/lidar_top", "foxglove.PointCloud", at, cloud)
+
+
+def ddad(folder: Path) -> Iterator[FoxgloveMessage]:
+    """The three frames of three cameras and a LiDAR in a folder of the DGP layout: the vehicle stands."""
+    calibration = json.loads(next((folder / "calibration").glob("*.json")).read_text())
+    for name, inner, outer in zip(*(calibration[key] for key in ("names", "intrinsics", "extrinsics")), strict=True):
+        turn, at_m = outer["rotation"], outer["translation"]
+        rotation = rotation_from_quaternion(*(turn[f"q{axis}"] for axis in "xyzw"))
+        placed = motion(rotation, np.array([at_m[axis] for axis in "xyz"]))
+        K = np.array([[inner["fx"], inner["skew"], inner["cx"]], [0, inner["fy"], inner["cy"]], [0, 0, 1]])
+        P = np.hstack([K, np.zeros((3, 1))])
+        matrices = {"K": K.ravel().tolist(), "R": np.eye(3).ravel().tolist(), "P": P.ravel().tolist()}
+        for file in sorted((folder / "rgb" / name).glob("*.jpg")):
+            at, frame = _ddad_ns(file), {"frame_id": name, "timestamp": stamp(_ddad_ns(file))}
+            known = {"width": 1936, "height": 1216, "D": [], "distortion_model": "", **matrices}
+            picture = {"data": file.read_bytes(), "format": "jpeg"}
+            topic = f"/{name.lower()}"
+            yield FoxgloveMessage("/tf", "foxglove.FrameTransform", at, transform("LIDAR", name, placed, at))
+            yield FoxgloveMessage(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **known})
+            yield FoxgloveMessage(
+                f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture}
+            )
+    for file in sorted((folder / "point_cloud" / "LIDAR").glob("*.npz")):
+        points = np.load(file)["data"][:, :3].astype(np.float32)
+        yield FoxgloveMessage(
+            "/lidar", "foxglove.PointCloud", _ddad_ns(file), cloud_fields(points, _ddad_ns(file), "LIDAR")
+        )
+
+
+def _ddad_ns(file: Path) -> int:
+    """Files are named by tenths of microseconds."""
+    return int(file.stem) * 100
 
 
 def protobuf_message(schema: str, fields: dict[str, Any]) -> Any:

@@ -88,7 +88,7 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
     return (
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
         *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
-        *((Cause.WHITE_BALANCE, camera) for camera in cameras),
+        *((Cause.WHITE_BALANCE, camera) for camera in cameras if len(cameras) > 1),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
         (Cause.GLARE, None),
@@ -110,7 +110,8 @@ def fault_scores(
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
     if len(seen.cameras) > FEWEST_VOTERS:
         found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
-    found |= {(Cause.WHITE_BALANCE, camera): one for camera, one in zip(seen.cameras, _warmth(seen), strict=True)}
+    if len(seen.cameras) > 1:
+        found |= {(Cause.WHITE_BALANCE, camera): one for camera, one in zip(seen.cameras, _warmth(seen), strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)

@@ -52,6 +52,7 @@ class LeastDeviations:
     striped_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
     false_ranges: float = parameter(0.05, unit="log odds", source=BY_HAND)
     rough_ranges: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    parallax_conflict: float = parameter(0.05, unit="log odds", source=BY_HAND)
     disparity_error: float = parameter(0.05, unit="log odds", source=BY_HAND)
     lidar_disagreement: float = parameter(0.05, unit="log odds", source=BY_HAND)
     row_misalignment: float = parameter(0.05, unit="log odds", source=BY_HAND)

@@ -1,7 +1,7 @@
 """All checks of one frame, pair by pair."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -62,6 +62,7 @@ class FrameChecks:
 
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
     both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
+    `parallax_conflicts`: counts of LiDAR points with which a camera and its own past (k, k) disagree.
     `striped_light`: what the source, and what the reference, has of light in rows that the other has not.
     `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
     are isolated. `ranges`: what pairs say of the LiDAR's ranges; `rough_ranges`: how rough those of a sector are, None
@@ -81,11 +82,16 @@ class FrameChecks:
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
     consistencies: Mapping[Pair, PairConsistency]
     lights: Mapping[Pair, LightDifference]
+    parallax_conflicts: Mapping[Pair, Cells] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
         """The counts of the checks that are counted on grids."""
-        of_lidar = {Check.LIDAR_CONFLICT: self.lidar_conflicts, Check.LOST_RETURNS: self.lost_returns}
+        of_lidar = {
+            Check.LIDAR_CONFLICT: self.lidar_conflicts,
+            Check.LOST_RETURNS: self.lost_returns,
+            Check.PARALLAX_CONFLICT: self.parallax_conflicts,
+        }
         counted = {CountedPair(check, *p, LIDAR): cells for check, of in of_lidar.items() for p, cells in of.items()}
         return counted | _by_camera(self.counts)
 

@@ -77,8 +77,10 @@ def compared_shares(rig: Rig) -> dict[int, float]:
     """The share of each camera's picture, by its number, that is compared with another camera's.
 
     Cameras that stand on one line are compared in the view that all of them see whole, others pair by pair in what
-    both see. Cameras that see nothing in common have a share of 0.
+    both see. Cameras that see nothing in common have a share of 0, and so has a lone one.
     """
+    if rig.n == 1:
+        return {1: 0.0}
     return shown_shares(rig) if rig.shares_view else _shares(rig, [(rig.pair(*pair), pair) for pair in rig.pairs])
 
 

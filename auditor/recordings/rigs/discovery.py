@@ -52,8 +52,8 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     if not found.rigs:
         raise RigError(
             "no triple possible: " + "; ".join(_summary(survey, found.reasons)),
-            remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; "
-            "or describe the rig in a rig file",
+            remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; or a camera "
+            "and a LiDAR whose place beside it tf gives; or describe the rig in a rig file",
         )
     return found.rigs
 
@@ -63,13 +63,18 @@ def search_rigs(survey: Survey) -> FoundRigs:
 
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
     attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
-    they are measured.
+    they are measured. Where there is no such group, each camera is a rig of its own with the LiDAR: its own past stands
+    in for a second camera.
     """
     reasons: list[str] = []
     frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
-    for group in grouped(find_views(survey, reasons), frames):
+    views = find_views(survey, reasons)
+    unread = len(reasons)
+    for group in grouped(views, frames):
         rigs.extend(_rigs_of(group, survey, frames, reasons))
+    if not rigs and (rigs := list(_lone_rigs(views, survey, frames))):
+        del reasons[unread:]
     rigs.sort(key=lambda rig: -len(rig.sensors))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
@@ -92,6 +97,19 @@ def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: 
             return
     reasons.extend(why + beside)
     yield from rectified
+
+
+def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
+    """A rig of each camera with the LiDAR; further topics of one camera are left out."""
+    of_cameras: dict[str, View] = {}
+    for view in views:
+        of_cameras.setdefault(view.frame_id or view.image.topic.name, view)
+    for view in of_cameras.values():
+        placed = place([view], frames, [], survey.conventions.positions)
+        lidar = _lidar(placed, survey.clouds, frames, []) if placed else None
+        if placed is not None and lidar is not None:
+            camera = _rectified_camera(placed, 0) if view.rectified else _turned_camera(placed, 0)
+            yield Rig(lidar, (replace(camera, number=1),))
 
 
 def _rectified_rig(
@@ -215,7 +233,7 @@ def check_rig(rig: Rig, survey: Survey) -> None:
                 where="rig",
                 remedy="take the rig file of this vehicle",
             )
-    if len(rig.sensors) < MIN_SENSORS:
+    if len(rig.sensors) < MIN_SENSORS and not rig.by_time:
         raise RigError(f"no triple possible: the rig has {len(rig.sensors)} sensors of at least 3", where="rig")
     if not rig.is_rectified:
         common_view(rig)

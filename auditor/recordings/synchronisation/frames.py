@@ -245,7 +245,8 @@ class _FrameMaker:
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
         if group.edge or reason:
             return self._skip(group, stamp_ns, EDGE if group.edge else reason, group.members)
-        if len(group.members) < MIN_SENSORS:
+        fewest = min(MIN_SENSORS, len(self._rig.sensors))
+        if len(group.members) < fewest:
             return self._skip(group, stamp_ns, TOO_FEW, group.members)
         images: dict[int, CameraImage] = {}
         cloud: PointCloud | None = None
@@ -260,7 +261,7 @@ class _FrameMaker:
                 problems[sensor] = error.what
                 self._counts[sensor].damage(len(waiting.messages))
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
-        if len(good) < MIN_SENSORS:
+        if len(good) < fewest:
             return self._skip(group, stamp_ns, TOO_FEW, good)
         for sensor, waiting in good.items():
             self._counts[sensor].use(waiting.against, len(waiting.messages))

@@ -142,11 +142,32 @@ def test_transforms_that_run_in_a_circle_end() -> None:
         find_rigs(survey)
 
 
-def test_cameras_that_look_elsewhere_give_no_triple_and_are_named() -> None:
+def test_cameras_that_look_elsewhere_are_each_a_rig_with_the_lidar() -> None:
     infos = {name: info(name, P(0.0)) for name in ("front", "left", "back")}
     turns = {"front": at(0), "left": turned(60, at(0.5)), "back": turned(180, at(1)), "top": LIDAR_AT}
-    with pytest.raises(RigError, match=r"no triple possible.*\(front\).*LiDAR top"):
-        find_rigs(look(infos, turns))
+    survey = look(infos, turns)
+    rigs = find_rigs(survey)
+    assert sorted(camera.name for rig in rigs for camera in rig.cameras) == ["back", "front", "left"]
+    for rig in rigs:
+        check_rig(rig, survey)
+        assert (rig.by_time, rig.triples, rig.pairs, rig.max_attacked) == (True, ((0, 1, 1),), (), 0)
+        assert rig.lidar is not None
+        [camera] = rig.cameras
+        seen = invert(turns[camera.name]) @ turns["top"]
+        np.testing.assert_allclose(motion(camera.rotation, np.zeros(3)) @ rig.lidar.rig_SE3_lidar, seen, atol=1e-9)
+    assert not search_rigs(survey).reasons
+
+
+def test_cameras_that_look_elsewhere_are_no_rig_without_a_lidar_and_are_named() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("front", "left")}
+    with pytest.raises(RigError, match=r"no triple possible.*\(front\).*\(left\)"):
+        find_rigs(look(infos, {"front": at(0), "left": turned(60, at(0.5))}))
+
+
+def test_two_topics_of_one_camera_are_one_rig() -> None:
+    infos = {name: info("one", P(0.0)) for name in ("a", "b")}
+    [rig] = find_rigs(look(infos, {"one": at(0), "top": LIDAR_AT}))
+    assert rig.by_time
 
 
 def test_two_groups_of_cameras_are_two_rigs() -> None:
@@ -267,11 +288,14 @@ def test_cameras_that_are_unreadable_or_see_little_together_are_left_out_with_th
     ]
 
 
-def test_cameras_one_behind_the_other_are_no_rig() -> None:
+def test_cameras_one_behind_the_other_are_each_a_rig_with_the_lidar() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("front", "rear")}
-    survey = look(infos, {"front": at(0), "rear": at(0.0, 0.0, -1.5), "top": LIDAR_AT}, images="image_raw")
+    places = {"front": at(0), "rear": at(0.0, 0.0, -1.5), "top": LIDAR_AT}
+    rigs = find_rigs(look(infos, places, images="image_raw"))
+    assert sorted(rig.cameras[0].name for rig in rigs) == ["front", "rear"]
+    del places["top"]
     with pytest.raises(RigError, match="front, rear stand one behind the other"):
-        find_rigs(survey)
+        find_rigs(look(infos, places, images="image_raw"))
 
 
 def test_a_camera_behind_another_is_audited_with_those_it_is_not_behind() -> None:
@@ -455,12 +479,12 @@ def test_a_rig_file_of_a_vehicle_with_other_images_is_refused() -> None:
         check_rig(Rig.from_dict(description), survey)
 
 
-def test_six_real_cameras_that_look_all_around_give_no_triple(real_data: Path) -> None:
+def test_six_real_cameras_that_look_all_around_are_six_rigs(real_data: Path) -> None:
     calibrations = json.loads((real_data / "nuscenes_one_frame" / "calibration.json").read_text())["images"]
     infos, places = {}, {}
     for name, camera in calibrations.items():
         infos[name] = info(name, np.hstack([np.array(camera["cam2img"])[:3, :3], np.zeros((3, 1))]))
         places[name] = invert(np.array(camera["lidar2cam"]))
-    with pytest.raises(RigError, match="no triple possible") as caught:
-        find_rigs(look(infos, places, parent="top"))
-    assert all(name in caught.value.what for name in infos)
+    rigs = find_rigs(look(infos, places, parent="top"))
+    assert {rig.cameras[0].name for rig in rigs} == set(infos)
+    assert all(rig.by_time for rig in rigs)

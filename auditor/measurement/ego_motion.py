@@ -1,0 +1,95 @@
+"""Ego-motion: how a camera moved between two of its pictures.
+
+Corners at LiDAR points are followed from one picture into the other and back. Where they are found and how far away
+they are gives the motion by perspective-n-point, whatever share of them moves by itself or has a wrong range.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.time_parameters import EGO_MOTION
+from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
+from auditor.model.optics.geometry import Matrix
+
+Rows = NDArray[np.signedinteger]
+"""Rows or columns of pixels: (M,)."""
+
+_WINDOW = (EGO_MOTION.flow_window_px, EGO_MOTION.flow_window_px)
+
+
+class Motion(NamedTuple):
+    """A point x of the camera's frame, in metres, lies at `rotation` x + `translation_m` in its frame of a moment ago.
+
+    `rotation` is (3, 3), `translation_m` (3,).
+    """
+
+    rotation: Matrix
+    translation_m: Matrix
+
+
+def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
+    """(M, 2) pixels, column and row, of (M, 3) points in the camera's frame."""
+    seen = points_m @ intrinsics.T
+    return np.asarray(seen[:, :2] / seen[:, 2:])
+
+
+def ego_motion(
+    now: Image, before: Image, intrinsics: Matrix, points_m: Matrix, pixels: tuple[Rows, Rows]
+) -> Motion | None:
+    """The motion between two half-resolution grey images (h, w); None where too few corners tell it.
+
+    `intrinsics` (3, 3) are those of the half-resolution images; `points_m` (M, 3) LiDAR points in the camera's frame
+    now, `pixels` their rows and columns (M,).
+    """
+    chosen = _corners(now, *pixels)
+    found, seen = _followed(now, before, pixels_of(intrinsics, points_m[chosen]).astype(np.float32))
+    if np.count_nonzero(seen) < EGO_MOTION.fewest:
+        return None
+    there, where = points_m[chosen][seen], found[seen].astype(np.float64)
+    solved, turn, translation, fitting = cv2.solvePnPRansac(
+        there,
+        where,
+        intrinsics,
+        None,
+        iterationsCount=EGO_MOTION.trials,
+        reprojectionError=EGO_MOTION.inlier_px,
+        confidence=EGO_MOTION.confidence,
+    )
+    if not solved or fitting is None or len(fitting) < max(EGO_MOTION.fewest, EGO_MOTION.least_share * len(there)):
+        return None
+    inliers = fitting.ravel()
+    turn, translation = cv2.solvePnPRefineLM(there[inliers], where[inliers], intrinsics, None, turn, translation)
+    rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+    return Motion(rotation, np.asarray(translation, dtype=np.float64).ravel())
+
+
+def _corners(image: Image, row: Rows, column: Rows) -> Indices:
+    """The points with the strongest corners, one a block of the image at most."""
+    strength = np.asarray(cv2.cornerMinEigenVal(image, EGO_MOTION.corner_px))[row, column]
+    blocks = -(-image.shape[1] // EGO_MOTION.block_px)
+    block = row // EGO_MOTION.block_px * blocks + column // EGO_MOTION.block_px
+    order = np.lexsort((-strength, block))
+    first: Integers = np.diff(block[order], prepend=-1)
+    best = order[first > 0]
+    strongest = np.argsort(-strength[best], kind="stable")[: EGO_MOTION.most_corners]
+    return np.asarray(best[strongest])
+
+
+def _followed(now: Image, before: Image, corners_px: Floats32) -> tuple[Floats32, Mask]:
+    """Where corners (C, 2) lie in the image before, and which of them lead back to where they began."""
+    if not len(corners_px):
+        return corners_px, np.zeros(0, dtype=np.bool_)
+    there, seen = _flow(now, before, corners_px)
+    back, seen_back = _flow(before, now, there)
+    returned = np.abs(back - corners_px).max(axis=1) < EGO_MOTION.returns_px
+    return there, seen & seen_back & returned
+
+
+def _flow(image: Image, other: Image, points_px: Floats32) -> tuple[Floats32, Mask]:
+    """Where points (C, 2) of one image lie in the other, and whether they were found."""
+    guess, levels = points_px.copy(), EGO_MOTION.flow_levels
+    found, seen, _ = cv2.calcOpticalFlowPyrLK(image, other, points_px, guess, winSize=_WINDOW, maxLevel=levels)
+    return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

@@ -1,0 +1,58 @@
+"""The numbers of what a camera's own past says that can change a count; part of `parameters.MEASURING`."""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+_DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04, each camera alone: chosen on them (docs/decisions.md)"
+
+
+@dataclass(frozen=True)
+class EgoMotion:
+    """How a camera moved between two pictures, from corners that both show and the LiDAR's range at them."""
+
+    corner_px: int = parameter(3, unit="half px, window of a corner", source=BY_HAND)
+    block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
+    most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
+    flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
+    flow_levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
+    returns_px: float = parameter(0.3, unit="half px by which a corner misses itself, there and back", source=BY_HAND)
+    inlier_px: float = parameter(0.75, unit="half px by which a corner misses the motion", source=BY_HAND)
+    trials: int = parameter(100, unit="trials of RANSAC", source="bounds the work; no experiment recorded")
+    confidence: float = parameter(0.99, unit="probability that a trial is free of outliers", source=BY_HAND)
+    fewest: int = parameter(20, unit="corners that fit the motion", source=BY_HAND)
+    least_share: float = parameter(
+        0.3, unit="share of the corners followed that fit the motion", source="0.55 to 0.9 on three drives; by hand"
+    )
+
+
+@dataclass(frozen=True)
+class ParallaxConflict:
+    """Where a camera's pictures of two moments agree with each other and not with the LiDAR."""
+
+    most_s: float = parameter(0.35, unit="s between the two pictures", source="two frames of 10 Hz lost; by hand")
+    least_px: float = parameter(2.0, unit="px of parallax at the LiDAR's range", source=_DRIVES)
+    nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
+    most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")
+    patch_px: int = parameter(9, unit="px, width and height of a patch", source=_DRIVES)
+    farther_px: int = parameter(32, unit="px of parallax less that are tried at most", source=BY_HAND)
+    nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)
+    beside_px: int = parameter(1, unit="px either way that count as at the LiDAR's range", source=_DRIVES)
+    consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
+    clearly_less: float = parameter(0.2, unit="NCC elsewhere less that at the LiDAR's range", source=_DRIVES)
+    agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
+    nearby_px: tuple[int, int] = parameter(
+        (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND
+    )
+    most_grown: float = parameter(2.0, unit="times its size now that a patch was a moment ago, at most", source=BY_HAND)
+    cluster_px: int = parameter(12, unit="px, cells in which neighbouring conflicts are one thing", source=BY_HAND)
+    changed_alike_m: float = parameter(
+        0.3, unit="m by which the depths of one thing change otherwise, from one point to the next", source=BY_HAND
+    )
+    moving_px: float = parameter(
+        0.6, unit="px by which what moves as a whole misses where it is found, the median", source=_DRIVES
+    )
+
+
+EGO_MOTION = EgoMotion()
+PARALLAX_CONFLICT = ParallaxConflict()

@@ -1,0 +1,126 @@
+"""What a camera's own past says of the LiDAR's points."""
+
+from dataclasses import replace
+from functools import cache
+
+import cv2
+import numpy as np
+
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement import measure_stream
+from auditor.measurement.checks.parallax_conflict import Moment, _missed_px, _things, parallax_conflicts
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import Check, CountedPair
+from auditor.model.frames import Frame, Skipped
+
+DRIVE = make_drive(2, 8, n_cameras=1)
+WALL = BogusWall(range_m=9.0, lateral_m=-1.5, seed=1)
+SGBM = find_matcher("sgbm")
+K = np.array([[700.0, 0, 310], [0, 700, 90], [0, 0, 1]])
+
+
+@cache
+def frame_of(number: int) -> Frame:
+    return DRIVE.frame(number)
+
+
+def moment(number: int, *, wall: bool = False, at_s: float = 0.0) -> Moment:
+    frame = frame_of(number)
+    cloud = WALL.apply(frame.cloud, DRIVE.rig) if wall else frame.cloud
+    return Moment(frame.stamp_ns + int(at_s * 1e9), frame.images[1].pixels, lidar_view(cloud, DRIVE.rig, 1))
+
+
+def on_wall(moment: Moment) -> np.ndarray:
+    right, _, ahead = DRIVE.rig.lidar.rig_SE3_lidar[:3, :3] @ moment.view.point_m.T
+    return (np.abs(ahead - WALL.range_m) < 0.1) & (np.abs(right - WALL.lateral_m) < WALL.width_m / 2)
+
+
+def test_points_of_a_bogus_wall_are_conflicts_and_others_are_not():
+    now = moment(4, wall=True)
+    found = parallax_conflicts(now, moment(3, wall=True))
+    wall = on_wall(now)
+    assert np.count_nonzero(found.lidar_conflicts & wall) > 50
+    assert np.count_nonzero(found.lidar_conflicts & ~wall) < 0.02 * np.count_nonzero(found.valid & ~wall)
+
+
+def test_a_clean_frame_has_next_to_no_conflicts():
+    for number in (2, 5):
+        found = parallax_conflicts(moment(number), moment(number - 1))
+        assert np.count_nonzero(found.valid) > 300
+        assert np.count_nonzero(found.lidar_conflicts) < 0.02 * np.count_nonzero(found.valid)
+
+
+def test_conflicts_are_valid():
+    found = parallax_conflicts(moment(4, wall=True), moment(3))
+    assert not (found.lidar_conflicts & ~found.valid).any()
+
+
+def test_a_vehicle_that_stands_compares_nothing():
+    now, noise = moment(3, wall=True), np.random.default_rng(0)
+    again = np.clip(now.grey + noise.normal(0, 1.5, now.grey.shape), 0, 255).astype(np.uint8)
+    before = replace(now, stamp_ns=now.stamp_ns - 10**8, grey=again)
+    assert not parallax_conflicts(now, before).valid.any()
+
+
+def test_the_first_frame_and_one_behind_a_gap_compare_nothing():
+    now = moment(4)
+    assert not parallax_conflicts(now, None).valid.any()
+    assert not parallax_conflicts(now, moment(3, at_s=-0.4)).valid.any()
+    assert not parallax_conflicts(now, moment(3, at_s=0.2)).valid.any(), "a clock that was set back"
+    assert parallax_conflicts(now, moment(2)).valid.any(), "one frame was dropped"
+
+
+def test_a_picture_without_texture_compares_nothing():
+    now, before = (replace(moment(n), grey=np.full((375, 1242), 128, dtype=np.uint8)) for n in (4, 3))
+    assert not parallax_conflicts(now, before).valid.any()
+
+
+def test_a_cloud_of_few_points_compares_nothing():
+    now, before = moment(4), moment(3)
+    frame = frame_of(4)
+    few = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[::2000])
+    assert not parallax_conflicts(replace(now, view=lidar_view(few, DRIVE.rig, 1)), before).valid.any()
+    none = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[:0])
+    assert parallax_conflicts(replace(now, view=lidar_view(none, DRIVE.rig, 1)), before).valid.size == 0
+
+
+def test_a_camera_that_only_turned_compares_nothing():
+    now = moment(4)
+    matrix = now.camera.intrinsics
+    turn = cv2.Rodrigues(np.array([0.0, 0.02, 0.0]))[0]
+    turned = cv2.warpPerspective(now.grey, matrix @ turn @ np.linalg.inv(matrix), (1242, 375))
+    before = replace(now, stamp_ns=now.stamp_ns - 10**8, grey=turned)
+    assert np.count_nonzero(parallax_conflicts(now, before).valid) < 5
+
+
+def test_what_moves_as_the_lidar_saw_it_move_misses_nothing_and_a_scene_behind_a_wall_does():
+    rng = np.random.default_rng(1)
+    point_m = np.column_stack([rng.uniform(-1.25, 1.25, 40), rng.uniform(-0.75, 0.75, 40), np.full(40, 10.0)])
+    before_m = point_m + np.array([0.3, 0.0, 0.8])
+    place = (before_m @ K.T)[:, :2] / before_m[:, 2:]
+    assert _missed_px(K, point_m, place, np.full(40, 0.8)).max() < 1e-6
+    behind_m = point_m * 3 + np.array([0.0, 0.0, 1.0])
+    scene = (behind_m @ K.T)[:, :2] / behind_m[:, 2:]
+    assert np.median(_missed_px(K, point_m, scene, np.zeros(40))) > 0.6, "the wall comes no nearer, the scene does"
+
+
+def test_neighbours_are_one_thing_where_their_depths_changed_alike():
+    left = [(10.0, 10.0), (15.0, 12.0), (22.0, 14.0)]
+    pixel = np.array([*left, *left, (200.0, 10.0)])
+    things = _things(pixel, np.array([0.0, 0.1, 0.0, 1.5, 1.4, 1.5, 0.0]))
+    assert sorted(sorted(one.tolist()) for one in things) == [[0, 1, 2], [3, 4, 5], [6]]
+    assert _things(pixel[:0], np.zeros(0)) == []
+
+
+def test_a_stream_compares_each_frame_with_the_one_before_across_skipped_ones():
+    frames = [frame_of(1), frame_of(2), Skipped(3, 0, "too few"), frame_of(4)]
+    measured = [one for one in measure_stream(frames, DRIVE.rig, SGBM) if not isinstance(one, Skipped)]
+    counted = CountedPair(Check.PARALLAX_CONFLICT, 1, 1, 0)
+    valid = [int(one.cells[counted].valid.sum()) for one, _ in measured]
+    assert valid[0] == 0
+    assert min(valid[1:]) > 200
+    first, second, _ = (one.counts for one, _ in measured)
+    assert first[0].gated_valid_px == 0
+    assert second[0].disparity_error("gated") < 0.02
