@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
-from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
+from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
@@ -88,6 +88,7 @@ def sensor_statistics(
     of_lidar = {check: [counted for counted in cells if counted.check is check] for check in DIRECTION_CHECKS}
     directions = {check: window_means_of(grids, cells) for check, grids in of_lidar.items() if grids}
     of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
+    coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
         if one.check is Check.STRIPED_LIGHT:
@@ -103,7 +104,8 @@ def sensor_statistics(
         if windows is None or not able or (len(able) < len(one.others) and one.check is not Check.COLOURED_LIGHT):
             return None
         voters = windows.of([others.index(other) for other in able])
-        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters)
+        alike = np.array([(other in coloured) == (one.sensor in coloured) for other in able], dtype=np.bool_)
+        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters, alike)
 
     return tuple(statistic(one) for one in sensor_checks)
 
@@ -141,11 +143,12 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     return WindowMeans((B / ((N + pseudo_count) * steps)).astype(np.float32), fewest <= N)
 
 
-def vote(check: Check, voters: WindowMeans) -> float | None:
+def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float | None:
     """The largest over all windows of what a sensor's voters say of it there; None where no window has enough voters.
 
     A camera's voters are other cameras, the LiDAR's are pairs. Two at least must have compared the window, where there
-    are two.
+    are two; and where some of a camera's voters have colours as it has, or are grey as it is, and others are not, one
+    of those `alike` (V,) at least: plants are brighter in near infrared, so that all others share one error.
 
     Of conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is attacked
     itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
@@ -153,11 +156,11 @@ def vote(check: Check, voters: WindowMeans) -> float | None:
     for lost returns, it is the smallest.
     """
     if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
-        return _largest(_mean(voters), voters)
+        return _largest(_mean(voters), voters, alike)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:
         smallest = np.sqrt(np.maximum(_mean(voters), 0) * np.maximum(smallest, 0))
-    return _largest(smallest, voters)
+    return _largest(smallest, voters, alike)
 
 
 def _mean(voters: WindowMeans) -> Floats:
@@ -166,9 +169,11 @@ def _mean(voters: WindowMeans) -> Floats:
     return np.asarray(total / np.maximum(_count(voters), 1))
 
 
-def _largest(said: NDArray[np.floating], voters: WindowMeans) -> float | None:
+def _largest(said: NDArray[np.floating], voters: WindowMeans, alike: Flags | None) -> float | None:
     """The largest of (rows, columns) where two voters, or the only one, compared a window; 0 at least."""
     enough = _count(voters) >= min(FEWEST_VOTERS, len(voters.means))
+    if alike is not None and alike.any():
+        enough &= voters.known[alike].any(axis=0)
     return max(float(said[enough].max()), 0.0) if enough.any() else None
 
 

@@ -173,6 +173,26 @@ def test_two_voters_must_have_compared_a_window_and_the_others_need_not():
     assert by_three((0, 0, 0)) is None
 
 
+def beside_colours(others, seen_by_grey):
+    """Of grey S_1 by grey S_3 and by S_2 and S_4, which have colours; S_3 compares the patch as far as told."""
+    counted = {
+        of(Check.PHOTOMETRIC_INCONSISTENCY, 1, other, 1): cells(
+            seen, patch(12, columns=slice(0, 8)) * (np.asarray(seen) > 0)
+        )
+        for other, seen in ((2, FULL), (3, seen_by_grey), (4, FULL))
+    }
+    counted[of(Check.COLOURED_LIGHT, 2, 4, 2)] = cells(FULL, 0)
+    return sensor_statistics([SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, others)], counted, {})[0]
+
+
+def test_of_voters_of_both_kinds_one_of_the_sensors_own_must_have_compared_a_window():
+    elsewhere = patch(FULL, rows=slice(0, 12), columns=slice(13, 16))
+    assert beside_colours((2, 3, 4), FULL) == pytest.approx(mean(12))
+    assert beside_colours((2, 3, 4), elsewhere) == 0, "plants differ to both cameras with colours"
+    assert beside_colours((2, 3, 4), 0) is None
+    assert beside_colours((2, 4), 0) == pytest.approx(mean(12)), "no other grey camera votes"
+
+
 def test_a_check_is_measured_only_where_all_its_voters_were_there():
     counted = {of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1): cells(FULL, patch(12))}
     checks = [SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, others) for others in ((2, 3), (2,), (3,))]
