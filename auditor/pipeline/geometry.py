@@ -26,6 +26,7 @@ from auditor.recordings import (
     Survey,
     contradictions,
     find_rigs,
+    read_by,
     rigs_in_force,
     search_rigs,
     synchronise,
@@ -51,17 +52,21 @@ def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
     Raises RigError where there is no rig.
     """
     found = contradictions(surveyed)
-    if not found.sentences:
+    if not (found.sentences or found.doubts):
         return rigs_in_force(recording, surveyed)
     candidates = _candidates(recording, surveyed, found)
     best, fit = _best(candidates)
+    if fit < GEOMETRY_FIT.fits and not found.sentences:
+        return rigs_in_force(recording, surveyed)
     rigs = rigs_in_force(recording, best.survey)
     if fit < GEOMETRY_FIT.fits:
         said = " and ".join(found.sentences[:2])
         return rigs._replace(withheld=f"{said}, and the images and points fit neither: {_REPAIR}")
     if best.survey.conventions == surveyed.conventions:
         return rigs
-    remark = f"{found.sentences[0]}: {best.survey.conventions}, for so the images and points fit"
+    turned = best.survey.conventions.axes is not surveyed.conventions.axes
+    what = (found.doubts if turned else found.sentences)[0]
+    remark = f"{what}: {best.survey.conventions}, for so the images and points fit"
     return rigs._replace(remarks=(remark, *rigs.remarks))
 
 
@@ -69,7 +74,7 @@ def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigI
     """When the rig of an id is in force, however the recording's calibrations are read; None where it never is."""
     for conventions in contradictions(surveyed).candidates:
         try:
-            rigs = rigs_in_force(recording, replace(surveyed, conventions=conventions)).rigs
+            rigs = rigs_in_force(recording, read_by(surveyed, conventions)).rigs
         except RigError:
             continue
         for one in rigs:
@@ -102,7 +107,7 @@ def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -
     """Each way to read the calibrations that gives a rig of its own, the standard's first. Raises RigError."""
     candidates: dict[str, _Candidate] = {}
     for conventions in found.candidates:
-        survey = replace(surveyed, conventions=conventions)
+        survey = read_by(surveyed, conventions)
         try:
             rig = find_rigs(survey)[0]
             if rig.rig_id not in candidates:

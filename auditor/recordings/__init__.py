@@ -4,6 +4,7 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
+from auditor.recordings.rigs.cameras import read_by
 from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
@@ -56,6 +57,7 @@ __all__ = [
     "located",
     "open_recording",
     "outside_topics",
+    "read_by",
     "read_path",
     "read_poses",
     "read_rig",

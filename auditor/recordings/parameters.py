@@ -115,6 +115,9 @@ class RigLimits:
         0.1, unit="share of a distance by which P and tf may differ", source="tf is often of the mounting; by hand"
     )
     positions_agree_m: float = parameter(0.02, unit="m of the same", source=BY_HAND)
+    steepest: float = parameter(
+        0.7, unit="sine of the angle by which a camera may look up or down", source="cameras of vehicles 0.3; by hand"
+    )
     most_exposures_apart_ns: int = parameter(
         50 * 10**6,
         unit="ns between the exposures of two cameras of a rig",

@@ -1,6 +1,6 @@
 """Geometry and clocks that contradict themselves are put right by the images and points, or no verdict is given."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,13 @@ from auditor.cli import run
 from auditor.errors import ThresholdsError
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.model.frames import Frame
-from auditor.model.optics.geometry import Matrix
+from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.measure import rigs_through
 from auditor.recordings import RigsInForce, open_recording, survey, write_mcap
 from auditor.recordings.writers import frames as writer
+from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Store
 from tests.making.calibrations import calibrate
 
@@ -87,6 +88,29 @@ def test_positions_of_p_that_tf_contradicts_are_those_that_fit(
     [one] = found.rigs
     assert [camera.topic for camera in one.rig.cameras] == [camera.topic for camera in drive.rig.cameras]
     assert one.rig.baseline_m(1, one.rig.n) == pytest.approx(drive.rig.baseline_m(1, drive.rig.n), abs=1e-6)
+
+
+def test_frames_of_bodies_are_taken_for_what_they_are(
+    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """tf has x ahead and z up in the frames of the cameras."""
+    optical_SE3_body = motion(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
+    transforms = MessageMaker.transforms
+
+    def of_bodies(maker: MessageMaker, parent: str, children: Mapping[str, Matrix], stamp_ns: int) -> bytes:
+        lidar = drive.rig.lidar.name if drive.rig.lidar else ""
+        turned = {n: place if lidar in n else place @ optical_SE3_body for n, place in children.items()}
+        return transforms(maker, parent, turned, stamp_ns)
+
+    monkeypatch.setattr(MessageMaker, "transforms", of_bodies)
+    write_mcap(tmp_path / "bodies.mcap", drive.rig, drive.frames())
+    found = found_in(tmp_path / "bodies.mcap")
+    assert not found.withheld
+    assert "x of their frames was taken to look ahead" in found.remarks[0]
+    assert found.rigs[0].rig.lidar is not None
+    assert drive.rig.lidar is not None
+    true, read = drive.rig.lidar.rig_SE3_lidar, found.rigs[0].rig.lidar.rig_SE3_lidar
+    np.testing.assert_allclose(read, true, atol=1e-9)
 
 
 def test_k_and_p_of_a_larger_picture_are_scaled_and_that_is_said(drive: SyntheticDrive, tmp_path: Path) -> None:

@@ -7,17 +7,19 @@ from functools import cached_property
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.optics.geometry import Matrix, camera_centre
+from auditor.model.optics.geometry import Matrix, camera_centre, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
-from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
 from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
-from auditor.recordings.rigs.conventions import Scale
+from auditor.recordings.rigs.conventions import Axes, Conventions, Scale
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
 """kitti2bag writes rectified images as image_raw, with the K and D of the unrectified camera."""
+
+_BODY_R_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,7 @@ class View:
     lens: Lens
     info_topic: str = ""
     repairs: tuple[str, ...] = ()
+    axes: Axes = Axes.OPTICAL
 
     @property
     def name(self) -> str:
@@ -38,8 +41,8 @@ class View:
 
     @property
     def frame_id(self) -> str:
-        """The coordinate frame of its pictures."""
-        return self.info.header.frame_id or self.image.frame_id
+        """The coordinate frame of its pictures: z looks ahead."""
+        return optical_frame(self.info.header.frame_id or self.image.frame_id, self.axes)
 
     @property
     def K(self) -> Matrix:
@@ -66,6 +69,21 @@ class View:
         return self.info.rotation.T if turned else np.eye(3)
 
 
+def read_by(survey: Survey, conventions: Conventions) -> Survey:
+    """A survey whose calibrations are read by other conventions; frames of bodies get optical ones in tf."""
+    frames = {view.frame_id for view in find_views(survey, [])} if conventions.axes is Axes.BODY else set()
+    optical = (
+        Transform(frame, optical_frame(frame, conventions.axes), motion(_BODY_R_OPTICAL, np.zeros(3)))
+        for frame in sorted(frames)
+    )
+    return replace(survey, conventions=conventions, transforms=(*survey.transforms, *optical))
+
+
+def optical_frame(frame_id: str, axes: Axes) -> str:
+    """The frame whose z axis looks ahead, of a camera whose frame is called so."""
+    return frame_id if axes is Axes.OPTICAL else f"{frame_id} (optical)"
+
+
 def find_views(survey: Survey, reasons: list[str]) -> list[View]:
     """One view a camera: of several topics of the same camera the rectified, then the uncompressed one.
 
@@ -85,7 +103,8 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
         except RigError as error:
             reasons.append(f"{image.topic.name}: {error.what}")
             continue
-        best.setdefault(topic, _in_known_frame(replace(view, info_topic=topic), in_tf))
+        view = _in_known_frame(replace(view, info_topic=topic), in_tf)
+        best.setdefault(topic, replace(view, axes=survey.conventions.axes))
     views = sorted(best.values(), key=lambda view: view.image.topic.name)
     names = (view.name for view in views)
     return first_ones(views, RIG_LIMITS.most_candidates, "cameras are calibrated", names, reasons)

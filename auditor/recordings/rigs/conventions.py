@@ -31,12 +31,24 @@ class Scale(StrEnum):
     RECORDED = "recorded"
 
 
+class Axes(StrEnum):
+    """How the frames of cameras lie in tf.
+
+    OPTICAL: x right, y down, z ahead, as ROS has it for frames of pictures. BODY: x ahead, y left, z up, as it has it
+    for everything else.
+    """
+
+    OPTICAL = "optical"
+    BODY = "body"
+
+
 @dataclass(frozen=True)
 class Conventions:
     """How camera infos and tf are read. The first values are those of the standard (sensor_msgs/CameraInfo)."""
 
     positions: Positions = Positions.P
     scale: Scale = Scale.DECLARED
+    axes: Axes = Axes.OPTICAL
 
     def __str__(self) -> str:
         """What differs from the standard, in words; empty where nothing does."""
@@ -46,7 +58,8 @@ class Conventions:
             Positions.NEGATED: "the camera positions of P were negated",
         }
         scales = {Scale.DECLARED: "", Scale.RECORDED: "K and P were taken as those of the recorded pictures"}
-        return " and ".join(filter(None, (positions[self.positions], scales[self.scale])))
+        axes = {Axes.OPTICAL: "", Axes.BODY: "x of their frames was taken to look ahead"}
+        return " and ".join(filter(None, (positions[self.positions], scales[self.scale], axes[self.axes])))
 
 
 STANDARD = Conventions()

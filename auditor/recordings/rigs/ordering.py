@@ -15,7 +15,7 @@ from auditor.model.optics.geometry import Matrix, angle_between, motion
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.calibrations import contradicts_size
 from auditor.recordings.rigs.cameras import View, find_views
-from auditor.recordings.rigs.conventions import Conventions, Positions, Scale
+from auditor.recordings.rigs.conventions import Axes, Conventions, Positions, Scale
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.synchronisation.survey import Survey
 
@@ -132,11 +132,12 @@ def place(
 class Contradictions(NamedTuple):
     """What a recording says twice of its calibration, and differently, a sentence each; and all ways to read it.
 
-    The first candidate is the standard's.
+    The first candidate is the standard's. `doubts` are sentences on what is odd and may be right all the same.
     """
 
     sentences: tuple[str, ...]
     candidates: tuple[Conventions, ...]
+    doubts: tuple[str, ...] = ()
 
 
 def contradictions(survey: Survey) -> Contradictions:
@@ -145,12 +146,24 @@ def contradictions(survey: Survey) -> Contradictions:
     sizes = [_of_size(view, survey) for view in views]
     places = [_of_places(group, frames) for group in grouped(views, frames)]
     sentences = tuple(filter(None, (*sizes, *places)))
+    upwards = tuple(filter(None, (_of_axes(view, survey, frames) for view in views)))
     candidates = tuple(
-        Conventions(positions, scale)
+        Conventions(positions, scale, axes)
         for positions in ((Positions.P, Positions.TF) if any(places) else (Positions.P,))
         for scale in (Scale if any(sizes) else (Scale.DECLARED,))
+        for axes in (Axes if upwards else (Axes.OPTICAL,))
     )
-    return Contradictions(sentences, candidates)
+    return Contradictions(sentences, candidates, upwards)
+
+
+def _of_axes(view: View, survey: Survey, frames: FrameTree) -> str:
+    """That a camera looks up or down by tf, as one does whose frame is that of its body; empty where it does not."""
+    for cloud in survey.clouds:
+        lidar_SE3_view = frames.between(cloud.frame_id, view.frame_id)
+        if lidar_SE3_view is not None and abs(lidar_SE3_view[2, 2]) > RIG_LIMITS.steepest:
+            way = "up" if lidar_SE3_view[2, 2] > 0 else "down"
+            return f"by tf {view.name} looks {way}, seen from {cloud.topic.name}"
+    return ""
 
 
 def _of_size(view: View, survey: Survey) -> str:

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.recordings import contradictions, find_rigs, search_rigs
+from auditor.model.optics.geometry import motion
+from auditor.recordings import contradictions, find_rigs, read_by, search_rigs
 from auditor.recordings.decoding import CameraInfo, Header
 from auditor.recordings.rigs.calibrations import of_pictures
 from auditor.recordings.rigs.cameras import find_views
-from auditor.recordings.rigs.conventions import STANDARD, Conventions, Positions, Scale
+from auditor.recordings.rigs.conventions import STANDARD, Axes, Conventions, Positions, Scale
 from auditor.recordings.synchronisation.survey import Survey
 from tests.recordings.rigs.test_discovery import LIDAR_AT, K, P, at, info, look, x_of
 
@@ -26,7 +27,7 @@ def of_size(width_px: int, height_px: int, **changes: object) -> CameraInfo:
 
 
 def test_p_and_tf_that_agree_leave_one_way_to_read_them() -> None:
-    assert contradictions(surveyed()) == ((), (STANDARD,))
+    assert contradictions(surveyed()) == ((), (STANDARD,), ())
 
 
 @pytest.mark.parametrize("sign", [-1.0, 2.0, 1.2])
@@ -71,6 +72,33 @@ def test_a_binning_may_have_been_divided_by_already() -> None:
     found = contradictions(replace(survey, camera_infos=wide))
     assert found.candidates == (STANDARD, Conventions(scale=Scale.RECORDED))
     assert "declares 1280 x 960 px, binned by 2, and the pictures have 640 x 480 px" in found.sentences[0]
+
+
+OPTICAL_SE3_BODY = motion(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
+
+
+@pytest.mark.parametrize("offsets", [True, False])
+def test_frames_of_bodies_are_another_way_to_read_tf(offsets: bool) -> None:
+    infos = {name: info(name, P(x if offsets else 0)) for name, x in X_M.items()}
+    bodies = {name: at(x) @ OPTICAL_SE3_BODY for name, x in X_M.items()}
+    upright = motion(OPTICAL_SE3_BODY[:3, :3], np.array([0.0, -0.1, -0.3]))
+    survey = look(infos, {**bodies, "top": upright})
+    found = contradictions(survey)
+    assert bool(found.sentences) is offsets, "P has the places of optical frames"
+    assert "by tf left looks up, seen from" in found.doubts[0]
+    assert found.candidates[0] == STANDARD
+    assert Conventions(axes=Axes.BODY) in found.candidates
+    [rig] = find_rigs(read_by(survey, Conventions(axes=Axes.BODY)))
+    [true] = find_rigs(look({name: info(name, P(x)) for name, x in X_M.items()}, {**PLACES, "top": upright}))
+    assert {camera.name: round(float(camera.centre_m[0]), 6) for camera in rig.cameras} == X_M
+    assert rig.lidar
+    assert true.lidar
+    np.testing.assert_allclose(rig.lidar.rig_SE3_lidar, true.lidar.rig_SE3_lidar, atol=1e-12)
+
+
+def test_optical_frames_are_read_in_one_way_whatever_else_is_wrong() -> None:
+    assert {one.axes for one in contradictions(surveyed(-1.0)).candidates} == {Axes.OPTICAL}
+    assert len(read_by(surveyed(), STANDARD).transforms) == len(surveyed().transforms)
 
 
 def test_a_frame_that_tf_does_not_know_is_that_of_the_pictures() -> None:
