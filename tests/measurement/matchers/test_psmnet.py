@@ -233,11 +233,6 @@ def test_a_package_that_is_not_installed_is_named_with_its_extra(matcher: str, p
     assert f"needs the package {package}; pip install 'auditor[" in done.stderr
 
 
-def test_psmnet_without_weights_says_so() -> None:
-    with pytest.raises(SettingError, match="--weights: psmnet needs weights"):
-        find_matcher("psmnet")
-
-
 def test_the_evidence_room_is_entered_without_torch() -> None:
     code = "import sys, auditor.measurement, auditor.measurement.disparity.matchers; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=False).returncode == 0

@@ -48,10 +48,6 @@ def _sgbm_full(options: MatcherOptions) -> Matcher:
 
 
 def _psmnet(options: MatcherOptions) -> Matcher:
-    if options.weights is None:
-        raise SettingError(
-            "psmnet needs weights", where="--weights", remedy="name a checkpoint, or train one on clean recordings"
-        )
     try:
         from auditor.measurement.disparity.matchers.psmnet import open_psmnet  # noqa: PLC0415 - torch takes seconds to import
     except ModuleNotFoundError as error:

@@ -10,9 +10,9 @@ from auditor.errors import SettingError
 class MatcherOptions:
     """Options of matchers that are networks; what is None or left at its default was not given.
 
-    `weights` file, `align_corners` convention and `max_disparity` in pixels of PSMNet, `device` cpu, cuda or cuda:1,
-    `precision` fp32, tf32, fp16 or bf16, whether it is `compiled` for the device, `threads` of the CPU that one process
-    may use.
+    `weights` file of psmnet, which otherwise has those that come with auditor; its `align_corners` convention and
+    `max_disparity` in pixels; `device` cpu, cuda or cuda:1; `precision` fp32, tf32, fp16 or bf16; whether it is
+    `compiled` for the device; `threads` of the CPU that one process may use.
     """
 
     weights: Path | None = None

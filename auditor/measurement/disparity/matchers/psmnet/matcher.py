@@ -13,6 +13,7 @@ from torch import Tensor
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.options import MatcherOptions
 from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, make_engine, seen
+from auditor.measurement.disparity.matchers.psmnet.shipped import shipped_weights
 from auditor.measurement.disparity.matchers.psmnet.weights import Weights, load_weights, settle
 
 _LARGEST_BATCH = 16
@@ -166,11 +167,13 @@ class PsmnetMatcher:
 
 
 def open_psmnet(options: MatcherOptions) -> PsmnetMatcher:
-    """The matcher with the weights in a file; raises SettingError as `load_weights` and PsmnetMatcher do."""
-    assert options.weights is not None
+    """The matcher with the weights in a file, or those that come with auditor.
+
+    Raises SettingError as `load_weights`, `shipped_weights` and PsmnetMatcher do.
+    """
     torch.set_num_threads(options.threads)
     return PsmnetMatcher(
-        load_weights(options.weights),
+        shipped_weights() if options.weights is None else load_weights(options.weights),
         align_corners=options.align_corners,
         max_disparity=options.max_disparity,
         device=options.device,

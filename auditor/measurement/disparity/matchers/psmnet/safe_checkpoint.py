@@ -5,6 +5,7 @@ file whose training left numpy scalars or its arguments beside the weights. So i
 stand-ins that forget what they are given, and each refusal is one line.
 """
 
+import hashlib
 import io
 import json
 import pickle
@@ -83,11 +84,12 @@ _STAND_INS = [
 ]
 
 
-def read_weights_file(path: Path) -> WeightsFile:
+def read_weights_file(path: Path, *, file_sha256: str | None = None) -> WeightsFile:
     """Read a safetensors file or one of torch, distinguished by their content, prefix `module.` or not.
 
     torch reads with `weights_only=True` and inert stand-ins for what training runs leave beside the parameters. Raises
-    SettingError where the file is none of these or asks for anything else.
+    SettingError where the file is none of these or asks for anything else, and before anything in it is read where its
+    SHA-256 is not `file_sha256`.
     """
     try:
         if path.stat().st_size > MAX_MODEL_BYTES:
@@ -95,6 +97,12 @@ def read_weights_file(path: Path) -> WeightsFile:
         content = path.read_bytes()  # once: what is hashed is what is loaded
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=path, remedy="name a file of weights") from error
+    if file_sha256 is not None and hashlib.sha256(content).hexdigest() != file_sha256:
+        raise SettingError(
+            "damaged or changed: these are not the weights that come with auditor",
+            where=path,
+            remedy="install auditor again, or name others with --weights",
+        )
     if content[8:9] == b"{":
         return _read_safetensors(path, content)
     return _read_torch(path, content)

@@ -72,14 +72,15 @@ class WeightsReport:
     problems: tuple[str, ...]
 
 
-def load_weights(path: Path) -> Weights:
+def load_weights(path: Path, *, file_sha256: str | None = None) -> Weights:
     """The weights in a .tar, .pth or .pt file of torch or a .safetensors file, with or without the prefix `module.`.
 
     Nothing in the file is run: torch reads with `weights_only=True`, and there is no other way. Optimiser state,
     losses and whatever else training left beside the parameters are ignored. Raises SettingError where the file
-    cannot be read safely, and with the missing and unexpected names where it holds another network.
+    cannot be read safely or has not the SHA-256 that it must have, and with the missing and unexpected names where it
+    holds another network.
     """
-    file = read_weights_file(path)
+    file = read_weights_file(path, file_sha256=file_sha256)
     problems = _problems(file)
     if problems:
         raise SettingError("; ".join(problems), where=path, remedy="use weights of the stacked-hourglass PSMNet")
