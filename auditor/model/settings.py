@@ -183,7 +183,9 @@ class MeasureSettings:
         default="sgbm",
         metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE."),
     )
-    weights: Path | None = field(default=None, metadata=_about("Checkpoint of psmnet; without it the weights that come with auditor."))
+    weights: Path | None = field(
+        default=None, metadata=_about("Checkpoint of psmnet; without it the weights that come with auditor.")
+    )
     align_corners: bool | None = field(
         default=None,
         metadata=_about("Upsampling convention that psmnet's weights were trained with; needed where they do not say."),

@@ -125,12 +125,14 @@ def main() -> None:
         every = list(stream)
         chosen = spread(every, options.attacked)
         cases = [
-            case
-            for frame in every
-            if frame.number in chosen
-            for case in cases_of(frame, rig, matcher, attacked=True)
+            case for frame in every if frame.number in chosen for case in cases_of(frame, rig, matcher, attacked=True)
         ]
-        print(f"{name}: {cpu_s:.2f} CPU s a clean frame ({count} frames)", *report(rig, cases, drives), sep="\n", flush=True)
+        print(
+            f"{name}: {cpu_s:.2f} CPU s a clean frame ({count} frames)",
+            *report(rig, cases, drives),
+            sep="\n",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

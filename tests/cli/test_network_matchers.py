@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,9 +12,11 @@ from click.testing import CliRunner, Result
 torch = pytest.importorskip("torch")
 
 from auditor.cli import auditor  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet import shipped  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
 from auditor.store import Store, run_sql  # noqa: E402
 from tests.making.psmnet_networks import ruled_state  # noqa: E402
-from tests.making.small_drives import write_drive  # noqa: E402
+from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -54,6 +58,34 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
     found = versions(store)
     assert found["psmnet"]["torch"] == torch.__version__
     assert "torch" not in found["sgbm"]
+
+
+def test_a_network_without_a_file_of_weights_names_the_attacked_camera(tmp_path: Path) -> None:
+    clean = write_drive(tmp_path / "clean.mcap", 4, positions_m=THREE_CAMERAS)
+    attacked = write_drive(
+        tmp_path / "attacked.mcap",
+        4,
+        positions_m=THREE_CAMERAS,
+        seed=50,
+        start_ns=START_NS + DAY_NS,
+        attacked={2: range(1, 4)},
+    )
+    store = tmp_path / "audit"
+    network = ("--matcher", "psmnet", "--max-disparity", 64, "--jobs", 1, "--store", store)
+    assert run("calibrate", clean, *network).exception is None
+    scanned = run("scan", attacked, *network, "--pictures", "none", "--format", "json")
+    assert scanned.exception is None, scanned.stderr
+    kept = Store.open(store)
+    found = run_sql(kept, "SELECT frame, attacked FROM verdicts WHERE kind = 'attacked' ORDER BY frame").to_pylist()
+    assert [(row["frame"], row["attacked"]) for row in found] == [(1, [2]), (2, [2]), (3, [2])]
+    settings = {row["settings"] for row in run_sql(kept, "SELECT settings FROM measurements").to_pylist()}
+    [known] = settings
+    assert load_weights(shipped.SHIPPED).sha256 in known
+
+
+def test_help_and_import_load_no_torch() -> None:
+    code = "import sys, auditor\nfrom auditor.cli import run\nrun(['scan', '--help'])\nsys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True).returncode == 0
 
 
 def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_was(
