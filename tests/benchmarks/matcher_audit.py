@@ -98,7 +98,7 @@ def report(rig: Rig, cases: list[Case], drives: dict[str, list[Case]]) -> Iterat
                     verdict = robust[by][place]
                     counts[outcome(case.attacked, verdict.attacked, raised=verdict.kind != "clean")] += 1
                 else:
-                    over = any(E is not None and E > theta[t] for t, E in case.E.items() if t in theta)
+                    over = any(E is not None and theta[t] < E for t, E in case.E.items() if t in theta)
                     counts[outcome(case.attacked, named(case.E, theta, rig), raised=over)] += 1
             yield f"  {name:20} {by:12} " + ", ".join(f"{what} {count}" for what, count in sorted(counts.items()))
     for number, clean in (*drives.items(), (AUDITED, [case for case in cases if not case.attacked])):

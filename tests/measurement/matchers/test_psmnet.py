@@ -11,7 +11,6 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.measurement.disparity.matchers import find_matcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.inference import Engine, make_engine  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
