@@ -118,7 +118,7 @@ class FalseRanges:
     not_shifted: float = parameter(
         0.25, unit="share of a shifted sector's points that need not be", source=f"{_CLUSTERS}: puddles mirror"
     )
-    usual_m: float = parameter(0.5, unit="m that a sector may be shifted", source=_CLUSTERS)
+    usual_m: float = parameter(0.6, unit="m that a sector may be shifted", source=_CLUSTERS)
     half_m: float = parameter(0.3, unit="m beyond it that are a half", source=_CLUSTERS)
 
 
