@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 17
+JUDGING_VERSION = 18
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -18,7 +18,7 @@ class JudgedBy(StrEnum):
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by nine checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by ten checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"
