@@ -21,6 +21,7 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
         WHEN 'point_dropout' THEN 'the LiDAR lacks points' || coalesce(' in the view of S_' || k, '')
         WHEN 'isolated_points' THEN 'the LiDAR has isolated points' || coalesce(' in the view of S_' || k, '')
         WHEN 'lost_returns' THEN 'the LiDAR has no return from what the cameras see'
+        WHEN 'parallax_conflict' THEN 'the camera and its own past disagree with the LiDAR'
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 
