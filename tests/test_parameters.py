@@ -44,6 +44,7 @@ PARAMETER_FILES = (
     "measurement/parameters.py",
     "measurement/colour_parameters.py",
     "measurement/point_parameters.py",
+    "measurement/time_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/evidence_parameters.py",
@@ -313,12 +314,14 @@ def test_documents_that_sources_name_are_there() -> None:
 
 
 def test_every_prior_has_a_mean_deviations_above_zero_and_a_tail_of_one_at_least() -> None:
+    # Of frames without any conflict half have the least log odds there are: they spread far below, and end soon above.
+    bounded = {"parallax_conflict"}
     for one in list_parameters(CHECK_PRIORS, CAUSE_PRIORS):
         assert isinstance(one.value, tuple)
         mean, within, between, *tail = one.value
         assert -10 < mean < 10
         assert min(within, between) > 0
-        assert min(tail, default=1) >= 1
+        assert min(tail, default=1) >= (0.5 if one.name in bounded else 1)
 
 
 def test_decimals_are_written_exactly() -> None:
