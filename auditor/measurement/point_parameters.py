@@ -129,10 +129,13 @@ class RoughRanges:
     gap: float = parameter(
         0.035, unit="focal lengths between the outer two of three neighbours: 2 degrees", source=BY_HAND
     )
-    farthest_m: float = parameter(40.0, unit="m", source=BY_HAND)
+    farthest_m: float = parameter(100.0, unit="m", source=BY_HAND)
     strip: float = parameter(0.05, unit="focal lengths, step of the sectors", source=BY_HAND)
     sector_strips: int = parameter(2, unit="steps of a sector: 6 degrees", source=_CLUSTERS)
-    fewest: int = parameter(40, unit="points of a sector", source=BY_HAND)
+    fewest: int = parameter(40, unit="points of the median sector", source=BY_HAND)
+    fewest_of_sector: int = parameter(
+        7, unit="points of a sector: of noise few are left, as near ones hide others", source=_CLUSTERS
+    )
     quantile: float = parameter(
         0.25, unit="quantile of a sector's differences: leaves and edges are rough, the road is not", source=_CLUSTERS
     )
