@@ -11,7 +11,7 @@ from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.checks import DIRECTION_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
+from auditor.model.checks import Check, CountedPair, SensorCheck, resolves_depth
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.textured_scenes import DEPTH_M, RIG, scene
@@ -36,7 +36,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     assert frame_checks.point_dropout == {3: pytest.approx(0, abs=0.01)}
     cells = frame_checks.cells
     assert set(cells) == {
-        *(CountedPair(check, i, 3, 0) for check in DIRECTION_CHECKS for i in (1, 2)),
+        *(CountedPair(check, i, 3, 0) for check in (Check.LIDAR_CONFLICT, Check.LOST_RETURNS) for i in (1, 2)),
         *(
             CountedPair(check, i, 3, camera)
             for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
