@@ -12,7 +12,7 @@ _BEHIND = 1.5
 
 _HELD_LIGHT = (
     "not told apart: weak light that is held on one camera for seconds, and drops or glare on its lens (suspect), "
-    "unless it has one colour and another camera has colours as well (docs/causes.md)"
+    "unless it has one colour and another camera has colours as well (docs/method.md)"
 )
 """Rigs do not say which cameras have colours."""
 

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, parameter
 
-_TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/incidents.md)"
-_TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
-_CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
-_AIMED = "benchmark incident_series on three real drives: 0.5, 1 and 2 tried (docs/incidents.md)"
-_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/incidents.md)"
-_FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/incidents.md)"
-_IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are named below it (docs/incidents.md)"
-_NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/incidents.md)"
+_TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/method.md)"
+_TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/method.md)"
+_CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/method.md)"
+_AIMED = "benchmark incident_series on three real drives: 0.5, 1 and 2 tried (docs/method.md)"
+_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053, 5000 to 5041, 9000 to 9070 (docs/method.md)"
+_FULL_SIZE = "benchmark incident_series --fit: 198 streets of full size, 9800 to 10119 (docs/method.md)"
+_IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are named below it (docs/method.md)"
+_NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/method.md)"
 _WINDOWS = "streets 9800 to 9859 of four seconds and lasting attacks on three real drives (docs/decisions.md)"
 _BESIDE = "clean real drives and streets 9800 to 9859: levels of cameras of one group (docs/decisions.md)"
 _OF_WINDOW = "share of the deviation within drives, and tail"
@@ -142,7 +142,7 @@ class Likelihood:
     suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 
-_LENSES = "fitted by benchmark thrown_light to three real drives and 14 streets (docs/causes.md)"
+_LENSES = "fitted by benchmark thrown_light to three real drives and 14 streets (docs/method.md)"
 _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
 
 

@@ -207,7 +207,7 @@ def _sum(values: Floats) -> float:
 
 
 def effective_size(values: Floats) -> float:
-    """How many independent frames F successive ones are worth, 1 at least (docs/protocol.md)."""
+    """How many independent frames F successive ones are worth, 1 at least (docs/figures.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
     if HIERARCHY.fewest_frames > F or power == 0 or np.ptp(values) == 0:

@@ -1,6 +1,8 @@
 """A rig of one camera and a LiDAR: the camera's own past stands in for a second camera."""
 
+from collections import deque
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -10,14 +12,21 @@ from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_views
+from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.measurement import Counts
+
+_SECOND_NS = 10**9
 
 
 class OwnPast:
-    """Compares the frames of one recording, in their order, each with the one before, which is kept."""
+    """Compares the frames of one recording, in their order, each with one of the last, which are kept.
+
+    It is the one before, or the one before that while the vehicle drives slowly: parallax grows with the way.
+    """
 
     def __init__(self) -> None:
-        self._before: Moment | None = None
+        self._held: deque[Moment] = deque(maxlen=PARALLAX_CONFLICT.most_held)
+        self._speed_m_s = nan
 
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
         """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept."""
@@ -26,8 +35,7 @@ class OwnPast:
         found: dict[int, VerifiedConflicts] = {}
         for k, view in lidar.items():
             now = Moment(frame.stamp_ns, prepared.greys[k], view)
-            found[k] = parallax_conflicts(now, self._before)
-            self._before = now
+            found[k] = self._compared(now)
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
             parallax_conflicts={(k, k): cells_of_points(points, lidar[k]) for k, points in found.items()},
@@ -35,6 +43,26 @@ class OwnPast:
         )
         comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
+
+    def _compared(self, now: Moment) -> VerifiedConflicts:
+        before = self._chosen(now)
+        points, moved_m = parallax_conflicts(now, before)
+        self._speed_m_s = moved_m / _seconds(before, now) if before else nan
+        self._held.append(now)
+        return points
+
+    def _chosen(self, now: Moment) -> Moment | None:
+        """The last of those held since which the camera has moved far enough, by its speed so far; else the first.
+
+        Where that is not known it is the last.
+        """
+        recent = [one for one in self._held if 0 < _seconds(one, now) <= PARALLAX_CONFLICT.most_s]
+        far = [one for one in recent if not self._speed_m_s * _seconds(one, now) < PARALLAX_CONFLICT.enough_m]
+        return far[-1] if far else recent[0] if recent else None
+
+
+def _seconds(before: Moment, now: Moment) -> float:
+    return (now.stamp_ns - before.stamp_ns) / _SECOND_NS
 
 
 def _comparison(points: VerifiedConflicts) -> Comparison:

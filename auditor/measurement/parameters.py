@@ -19,7 +19,7 @@ from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
-_FEATURES = "stands in docs/causes.md; no experiment recorded"
+_FEATURES = "stands in docs/method.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
 _STREETS = "streets 2000 to 2053 in colour: chosen on them"
 _LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
@@ -266,11 +266,11 @@ class Coverage:
 class DamagedPixels:
     """The damaged portion of an image; "mask px" are those of a region's mask."""
 
-    consistent: float = parameter(0.8, unit="NCC above which stereo's depth is used", source="stands in docs/causes.md")
-    differs_by: float = parameter(35.0, unit="grey levels", source="stands in docs/causes.md; no experiment recorded")
+    consistent: float = parameter(0.8, unit="NCC above which stereo's depth is used", source="stands in docs/method.md")
+    differs_by: float = parameter(35.0, unit="grey levels", source="stands in docs/method.md; no experiment recorded")
     blur_px: tuple[int, int] = parameter((3, 3), unit="mask px", source=BY_HAND)
-    opened_px: tuple[int, int] = parameter((5, 5), unit="mask px", source="stands in docs/causes.md")
-    closed_px: tuple[int, int] = parameter((9, 9), unit="mask px", source="stands in docs/causes.md")
+    opened_px: tuple[int, int] = parameter((5, 5), unit="mask px", source="stands in docs/method.md")
+    closed_px: tuple[int, int] = parameter((9, 9), unit="mask px", source="stands in docs/method.md")
     smallest: int = parameter(30, unit="mask px of a part", source=BY_HAND)
     part_share: float = parameter(0.1, unit="share of the largest part", source=BY_HAND)
     median_px: int = parameter(5, unit="mask px, of the depths", source=BY_HAND)
@@ -285,10 +285,10 @@ class DamagedPixels:
 class DamagedPoints:
     """The invented part of a point cloud."""
 
-    window: tuple[int, int] = parameter((7, 7), unit="cells", source="stands in docs/causes.md")
+    window: tuple[int, int] = parameter((7, 7), unit="cells", source="stands in docs/method.md")
     window_fewest: int = parameter(30, unit="points", source=BY_HAND)
     window_share: float = parameter(
-        0.4, unit="share of a window's points in conflict", source="stands in docs/causes.md"
+        0.4, unit="share of a window's points in conflict", source="stands in docs/method.md"
     )
     fewest: int = parameter(15, unit="points of a layer", source=BY_HAND)
     layers: int = parameter(3, unit="layers at most", source=BY_HAND)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from auditor.model.parameter import BY_HAND, parameter
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
-_FEATURES = "stands in docs/causes.md; no experiment recorded"
+_FEATURES = "stands in docs/method.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
 _HOLES = "three real drives, streets 2000 to 2039, 5000 to 5041 and 6000 to 6017 (docs/decisions.md)"
 _FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and 9900 to 9939 (docs/decisions.md)"
@@ -31,7 +31,7 @@ class IsolatedPoints:
     range_step: float = parameter(0.08, unit="of the natural logarithm of the range", source=_FEATURES)
     ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest", source=BY_HAND)
     most_together: int = parameter(2, unit="points in 3 x 3 x 3 cells", source=_FEATURES)
-    near_m: float = parameter(8.0, unit="m", source="docs/causes.md, rain: drops lie 1.5 to 6 m away")
+    near_m: float = parameter(8.0, unit="m", source="docs/method.md, rain: drops lie 1.5 to 6 m away")
     far_m: float = parameter(40.0, unit="m", source=_FEATURES)
     parts_across: int = parameter(8, unit="parts of the view, each with two halves", source=_FEATURES)
     fewest: int = parameter(200, unit="points in view", source=BY_HAND)
@@ -95,7 +95,7 @@ class FalseRanges:
         0.4, unit="NCC at stereo's disparity, above which cameras see a surface", source=_CLUSTERS
     )
     clearly_less: float = parameter(0.2, unit="NCC less at the LiDAR's disparity: contradicted", source=_CLUSTERS)
-    nearest_m: float = parameter(6.0, unit="m, nearest of a cluster", source="docs/causes.md, rain: drops lie nearer")
+    nearest_m: float = parameter(6.0, unit="m, nearest of a cluster", source="docs/method.md, rain: drops lie nearer")
     above_road_m: float = parameter(0.25, unit="m above the road, at least", source=BY_HAND)
     half_size_m: tuple[float, float] = parameter((1.1, 0.8), unit="m across and down: a car's back", source=_CLUSTERS)
     around_m: tuple[float, float] = parameter(
@@ -118,7 +118,7 @@ class FalseRanges:
     not_shifted: float = parameter(
         0.25, unit="share of a shifted sector's points that need not be", source=f"{_CLUSTERS}: puddles mirror"
     )
-    usual_m: float = parameter(0.5, unit="m that a sector may be shifted", source=_CLUSTERS)
+    usual_m: float = parameter(0.6, unit="m that a sector may be shifted", source=_CLUSTERS)
     half_m: float = parameter(0.3, unit="m beyond it that are a half", source=_CLUSTERS)
 
 
@@ -129,10 +129,13 @@ class RoughRanges:
     gap: float = parameter(
         0.035, unit="focal lengths between the outer two of three neighbours: 2 degrees", source=BY_HAND
     )
-    farthest_m: float = parameter(40.0, unit="m", source=BY_HAND)
+    farthest_m: float = parameter(100.0, unit="m", source=BY_HAND)
     strip: float = parameter(0.05, unit="focal lengths, step of the sectors", source=BY_HAND)
     sector_strips: int = parameter(2, unit="steps of a sector: 6 degrees", source=_CLUSTERS)
-    fewest: int = parameter(40, unit="points of a sector", source=BY_HAND)
+    fewest: int = parameter(40, unit="points of the median sector", source=BY_HAND)
+    fewest_of_sector: int = parameter(
+        7, unit="points of a sector: of noise few are left, as near ones hide others", source=_CLUSTERS
+    )
     quantile: float = parameter(
         0.25, unit="quantile of a sector's differences: leaves and edges are rough, the road is not", source=_CLUSTERS
     )

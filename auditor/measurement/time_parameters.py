@@ -31,6 +31,10 @@ class ParallaxConflict:
     """Where a camera's pictures of two moments agree with each other and not with the LiDAR."""
 
     most_s: float = parameter(0.35, unit="s between the two pictures", source="two frames of 10 Hz lost; by hand")
+    most_held: int = parameter(2, unit="pictures that are held", source="bounds the memory; 1, 2 and 3 tried on 0009")
+    enough_m: float = parameter(
+        1.2, unit="m that the camera moved since a picture; else the one before it is taken", source=_DRIVES
+    )
     least_px: float = parameter(2.0, unit="px of parallax at the LiDAR's range", source=_DRIVES)
     nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
     most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")

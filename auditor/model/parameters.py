@@ -87,7 +87,7 @@ class StoredResiduals:
 class PointExcess:
     """By what share of both one number of points exceeds another: (a - b) / (a + b + pseudo_count)."""
 
-    pseudo_count: int = parameter(10, unit="LiDAR points", source="described in docs/causes.md; no experiment recorded")
+    pseudo_count: int = parameter(10, unit="LiDAR points", source="described in docs/method.md; no experiment recorded")
 
 
 @dataclass(frozen=True)

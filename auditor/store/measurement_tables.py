@@ -282,7 +282,7 @@ def _where_kept(column: pa.ChunkedArray, width: int, path: Source, earlier: Sequ
     rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
     width_stored = next((one for one in earlier if stored == rows * one), width)
     values = np.full((len(column), width), np.nan)
-    values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(-1, width_stored)
+    values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(rows, width_stored)
     return values
 
 

@@ -13,10 +13,11 @@ which each attacked frame follows one that is attacked alike.
 import argparse
 import pickle
 import zlib
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from itertools import islice, repeat
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import Measured
+from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
@@ -106,21 +108,24 @@ def measured(
     frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, every: int = 1, constant: bool = False
 ) -> Iterator[Case]:
     """The cases of a drive: every frame as it is, and every so many under attacks, drawn anew unless `constant`."""
-    features, rng, before = FaultFeatures(), np.random.default_rng(seed), None
+    features, rng = FaultFeatures(), np.random.default_rng(seed)
+    before: deque[Frame] = deque(maxlen=PARALLAX_CONFLICT.most_held)
     for place, frame in enumerate(frames):
         rng = np.random.default_rng(seed) if constant else rng
-        clean, arrays = _last([before, frame], rig)
+        clean, arrays = _last([*before, frame], rig)
         yield case_of(replace(clean, fault_features=features.update(arrays)), rig)
         if attacked and place % every == 0:
-            earlier = attacks_on(before, rig, deepcopy(rng)) if rig.by_time and before else repeat((None, None, None))
-            for (*_, past), (name, sensors, changed) in zip(earlier, attacks_on(frame, rig, rng), strict=False):
-                yield case_of(_last([past, changed], rig)[0], rig, name, sensors)
-        before = frame if rig.by_time else None
+            # Earlier frames are attacked alike.
+            series = [attacks_on(one, rig, deepcopy(rng)) for one in before]
+            for *earlier, (name, sensors, changed) in zip(*series, attacks_on(frame, rig, rng), strict=True):
+                yield case_of(_last([*(past for *_, past in earlier), changed], rig)[0], rig, name, sensors)
+        if rig.by_time:
+            before.append(frame)
 
 
-def _last(frames: Sequence[Frame | None], rig: Rig) -> Measured:
+def _last(frames: Sequence[Frame], rig: Rig) -> Measured:
     """What is measured of the last of some frames that follow one another."""
-    *_, last = measure_stream([frame for frame in frames if frame is not None], rig, MATCHER)
+    *_, last = measure_stream(frames, rig, MATCHER)
     assert not isinstance(last, Skipped)
     return last
 

@@ -1,4 +1,4 @@
-"""Intervals of rates whose cases come in clusters, and what dependent cases are worth: see docs/protocol.md."""
+"""Intervals of rates whose cases come in clusters, and what dependent cases are worth: see docs/figures.md."""
 
 from collections.abc import Sequence
 

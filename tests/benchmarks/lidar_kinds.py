@@ -62,6 +62,7 @@ KINDS: tuple[tuple[str, float | None] | tuple[str, float, float], ...] = (
     ("wall", None),
     *(("far-wall", metres) for metres in (15, 20, 25, 30)),
     *(("scattered", points) for points in (300, 1000, 2000)),
+    ("rain", 25),
 )
 COPIED = "copied-wall"
 OBJECTS = ("removed", "seen-through")

@@ -36,7 +36,7 @@ TABLE = ("paper's facula", "wall 2.5 m", "wall 1 m", "R 112 mild", "R 75 mild")
 """The attacks of the published table."""
 
 FEWEST_SCENES = 5
-"""Fewer scenes have no interval (docs/protocol.md)."""
+"""Fewer scenes have no interval (docs/figures.md)."""
 
 Outcome = Callable[[Verdict, Case], bool]
 

@@ -207,6 +207,8 @@ def test_attacking_a_sensor_that_is_not_there_writes_nothing(clean: Path, tmp_pa
     assert "no S_9" in remarks(capfd)[0]
     assert run(["attack", str(clean), str(clean), "--on", "S_1"]) == 2
     assert "exists already" in remarks(capfd)[0]
+    assert run(["attack", str(clean), str(target), "--on", "S_0", "--kind", "wall", "--range", "9"]) == 2
+    assert "only a ghost has a range" in remarks(capfd)[0]
     assert not target.exists()
 
 

@@ -321,3 +321,23 @@ def test_scores_by_sensor_are_of_the_checks_that_count_and_of_no_two_cameras_alo
 def test_where_only_two_cameras_are_left_what_they_say_is_a_score_of_both():
     z = scores(THREE, {by(2, 3): 6.0}, -1.0)
     assert sensor_scores(z, THREE, [frozenset({1})]).tolist() == [[-1.0, -np.inf, 6.0, 6.0]]
+
+
+LONE = System(sensor_checks_of((), (), (), (1,)), triples_of(1, lidar=True), (0, 1))
+
+
+def test_of_a_lone_camera_and_a_lidar_the_lidar_is_named():
+    found = one({lambda check: True: 6.0}, system=LONE)
+    assert (found.kind, found.attacked, found.e, found.named) == (VerdictKind.ATTACKED, (0,), "1", None)
+    assert [entry.check_name for entry in found.evidence] == [Check.PARALLAX_CONFLICT]
+    assert [other.attacked for other in found.alternatives] == [()]
+
+
+def test_a_lone_camera_s_frame_is_clean_below_the_limit_and_not_auditable_where_nothing_was_compared():
+    clean = one({}, system=LONE)
+    assert (clean.kind, clean.e, clean.reason) == (VerdictKind.CLEAN, "0", "")
+    standing = one({}, system=LONE, others=np.nan)
+    assert (standing.kind, standing.e) == (VerdictKind.NOT_AUDITABLE, "-")
+    assert "the vehicle stands" in standing.reason
+    blind = one({}, system=LONE, missing=frozenset({1}))
+    assert blind.kind is VerdictKind.NOT_AUDITABLE

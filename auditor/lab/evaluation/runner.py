@@ -212,8 +212,8 @@ class Run(ABC):
 
 
 def _check(rig: Rig, where: Source) -> None:
-    """Raises RigError where a rig has no three sensors to compare."""
-    if not rig.triples:
+    """Raises RigError where a rig has no three sensors to compare; attacks are put into frames one by one."""
+    if not rig.triples or rig.by_time:
         cameras = f"{rig.n} camera{'s' * (rig.n != 1)}"
         raise RigError(
             f"no triple possible: the rig has {cameras} and {'a' if rig.lidar else 'no'} LiDAR",

@@ -24,7 +24,7 @@ from auditor.store.records import content_id
 class CleanDrive:
     """Clean frames of one rig, in order; `frames` can be read once.
 
-    Drives of one `family` are alike in what can be learnt from them (docs/protocol.md); None is a family of its own.
+    Drives of one `family` are alike in what can be learnt from them (docs/figures.md); None is a family of its own.
     """
 
     recording_id: str

@@ -105,8 +105,10 @@ def pair_of(number: int, rig: Rig) -> Pair:
 def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
     """The sample of a frame, rectified, its disparities those of the LiDAR's points; None where a sensor is missing.
 
-    None also where the two cameras have no view in common.
+    None also where the two cameras have no view in common, and of a lone camera.
     """
+    if rig.by_time:
+        return None
     seen, (i, k) = rectification(rig), pair_of(frame.number, rig)
     own = seen.pairs.get((i, k))
     if seen.pairs and own is None:

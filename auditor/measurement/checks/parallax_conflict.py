@@ -10,6 +10,8 @@ pictures fit one rigid thing, that moved as far towards the camera or away from 
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -93,35 +95,39 @@ class _Sought:
         return _Sought(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
 
-def parallax_conflicts(now: Moment, before: Moment | None) -> VerifiedConflicts:
+class Compared(NamedTuple):
+    """The points, compared with a picture of a moment ago, and how far the camera moved since; NaN where not known."""
+
+    points: VerifiedConflicts
+    moved_m: float
+
+
+def parallax_conflicts(now: Moment, before: Moment | None) -> Compared:
     """Compare the LiDAR's points in a camera's view with that camera's picture of a moment ago.
 
     No point is valid where there is no such picture, it is too old, or the camera's motion cannot be told.
     """
-    view = now.view
+    view, moved_m = now.view, nan
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
-    sought = None if before is None else _sought(now, before)
-    if before is not None and sought is not None:
-        agrees, found, place = _compared(now, before, sought)
-        things = sought.chosen(found)
-        standing = ~_moving(before, things, place)
-        valid[sought.point[agrees]] = True
-        conflicts[things.point[standing]] = True
-    return VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts)
-
-
-def _sought(now: Moment, before: Moment) -> _Sought | None:
-    """The points to be compared; None where there is no motion to compare them by."""
-    if (
-        not 0 < now.stamp_ns - before.stamp_ns <= PARALLAX_CONFLICT.most_s * _SECOND_NS
-        or before.half.shape != now.half.shape
-    ):
-        return None
-    row, column = now.view.row // HALF, now.view.column // HALF
+    row, column = view.row // HALF, view.column // HALF
     some = np.flatnonzero(textured(now.half)[row, column])
-    K = now.camera.intrinsics
-    motion = ego_motion(now.half, before.half, _HALVED @ K, now.point_m[some], (row[some], column[some]))
-    return None if motion is None else _seen_before(now, some, motion)
+    if before is not None and _comparable(now, before):
+        K = _HALVED @ now.camera.intrinsics
+        motion = ego_motion(now.half, before.half, K, now.point_m[some], (row[some], column[some]))
+        if motion is not None:
+            moved_m = float(np.linalg.norm(motion.translation_m))
+            sought = _seen_before(now, some, motion)
+            agrees, found, place = _compared(now, before, sought)
+            things = sought.chosen(found)
+            valid[sought.point[agrees]] = True
+            conflicts[things.point[~_moving(before, things, place)]] = True
+    return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m)
+
+
+def _comparable(now: Moment, before: Moment) -> bool:
+    """Whether two pictures are of one size, and not too far apart in time."""
+    apart_ns = now.stamp_ns - before.stamp_ns
+    return 0 < apart_ns <= PARALLAX_CONFLICT.most_s * _SECOND_NS and before.half.shape == now.half.shape
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:

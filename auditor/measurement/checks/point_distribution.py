@@ -73,7 +73,7 @@ def point_dropout(view: LidarView, width_px: int) -> float:
 
 
 def rough_ranges(view: LidarView, focal_px: float) -> float | None:
-    """How rough the roughest sector of a view is, 0 to 1; None where too few sectors have enough points.
+    """How rough the roughest sector of a view is, 0 to 1; None where too few points are in view.
 
     Roughness is the lower quartile of by how much a point's range differs from what lies between its neighbours' in the
     same row: leaves, edges and other clutter hardly ever cover three quarters of a sector, which holds some road. It
@@ -100,9 +100,12 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.intp)
     order = np.argsort(strip, kind="stable")
     bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
+    count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]
+    if not count.size or np.median(count) < ROUGH_RANGES.fewest:
+        return np.zeros(0)
     found = []
-    for first, end in zip(bounds, bounds[ROUGH_RANGES.sector_strips :], strict=False):
-        if end - first >= ROUGH_RANGES.fewest:
-            place = int(ROUGH_RANGES.quantile * (end - first - 1))
-            found.append(np.partition(differs[order[first:end]], place)[place])
+    for sector in np.flatnonzero(count >= ROUGH_RANGES.fewest_of_sector).tolist():
+        place = int(ROUGH_RANGES.quantile * (count[sector] - 1))
+        some = order[bounds[sector] : bounds[sector + ROUGH_RANGES.sector_strips]]
+        found.append(np.partition(differs[some], place)[place])
     return np.array(found)

@@ -172,6 +172,17 @@ def test_every_kind_for_the_lidar_changes_its_cloud(kind: str) -> None:
     assert not np.array_equal(Attacker(AttackPlan(0, kind=kind), rig()).change_cloud(cloud).xyz_m, cloud.xyz_m)
 
 
+def test_a_ghost_has_the_points_and_the_range_that_were_asked_for() -> None:
+    attacker = Attacker(AttackPlan(0, kind="ghost", size=40, range_m=12.0), rig())
+    before = road_and_far_wall().xyz_m
+    after = attacker.change_cloud(PointCloud(7, before)).xyz_m
+    changed = np.concatenate([after[: len(before)][(after[: len(before)] != before).any(axis=1)], after[len(before) :]])
+    assert len(changed) == 40
+    np.testing.assert_allclose(changed[:, 0], 12.0, atol=0.2)
+    assert attacker.label is not None
+    assert (attacker.label.attack, attacker.label.parameters["points"]) == ("ghost", 40)
+
+
 @pytest.mark.parametrize("kind", sorted(ON_CAMERA))
 def test_every_kind_for_a_camera_changes_its_image(kind: str) -> None:
     textured = replace(image(0), pixels=np.random.default_rng(0).integers(60, 190, image(0).pixels.shape, np.uint8))

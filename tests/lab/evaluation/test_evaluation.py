@@ -30,7 +30,7 @@ from auditor.lab.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws,
 from auditor.lab.evaluation.features import FeaturesOfCases
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, Check, rig_sensor_checks
+from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, LIDAR_CHECKS, Check, rig_sensor_checks
 from auditor.model.measurement import Procedure
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import AttackLabel
@@ -139,7 +139,7 @@ def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there()
     assert asked == {
         *(c for c in rig_sensor_checks(RIG) if c.check in DIRECTION_CHECKS and {1, 4} <= set(c.others)),
         *((check, camera, (5 - camera,)) for check in (*CAMERA_CHECKS, Check.STRIPED_LIGHT) for camera in (1, 4)),
-        *((check, LIDAR, (4,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)),
+        *((check, LIDAR, (4,)) for check in LIDAR_CHECKS),
     }
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))

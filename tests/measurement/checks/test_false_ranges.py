@@ -194,9 +194,9 @@ def test_of_many_clusters_the_largest_has_to_be_larger():
 
 
 def test_a_shift_is_what_all_pairs_say_of_a_sector_and_two_at_least():
-    both = told(pair(farther_m=[0, 1.0]), pair(farther_m=[0, 0.8]))
+    both = told(pair(farther_m=[0, 1.1]), pair(farther_m=[0, 0.9]))
     assert both == pytest.approx(0.3 / 0.6)
-    assert told(pair(farther_m=[0, -1.0]), pair(farther_m=[0, -0.8])) == pytest.approx(both)
-    assert told(pair(farther_m=[0, 1.0]), pair(farther_m=[0, -0.8])) == 0
-    assert told(pair(farther_m=[0, 1.0]), pair(farther_m=[0])) == 0
+    assert told(pair(farther_m=[0, -1.1]), pair(farther_m=[0, -0.9])) == pytest.approx(both)
+    assert told(pair(farther_m=[0, 1.1]), pair(farther_m=[0, -0.9])) == 0
+    assert told(pair(farther_m=[0, 1.1]), pair(farther_m=[0])) == 0
     assert told(pair(farther_m=[0, 0.3]), pair(farther_m=[0, 0.3])) == 0

@@ -39,7 +39,7 @@ def on_wall(moment: Moment) -> np.ndarray:
 
 def test_points_of_a_bogus_wall_are_conflicts_and_others_are_not():
     now = moment(4, wall=True)
-    found = parallax_conflicts(now, moment(3, wall=True))
+    found = parallax_conflicts(now, moment(3, wall=True)).points
     wall = on_wall(now)
     assert np.count_nonzero(found.lidar_conflicts & wall) > 50
     assert np.count_nonzero(found.lidar_conflicts & ~wall) < 0.02 * np.count_nonzero(found.valid & ~wall)
@@ -47,13 +47,13 @@ def test_points_of_a_bogus_wall_are_conflicts_and_others_are_not():
 
 def test_a_clean_frame_has_next_to_no_conflicts():
     for number in (2, 5):
-        found = parallax_conflicts(moment(number), moment(number - 1))
+        found = parallax_conflicts(moment(number), moment(number - 1)).points
         assert np.count_nonzero(found.valid) > 300
         assert np.count_nonzero(found.lidar_conflicts) < 0.02 * np.count_nonzero(found.valid)
 
 
 def test_conflicts_are_valid():
-    found = parallax_conflicts(moment(4, wall=True), moment(3))
+    found = parallax_conflicts(moment(4, wall=True), moment(3)).points
     assert not (found.lidar_conflicts & ~found.valid).any()
 
 
@@ -61,29 +61,29 @@ def test_a_vehicle_that_stands_compares_nothing():
     now, noise = moment(3, wall=True), np.random.default_rng(0)
     again = np.clip(now.grey + noise.normal(0, 1.5, now.grey.shape), 0, 255).astype(np.uint8)
     before = replace(now, stamp_ns=now.stamp_ns - 10**8, grey=again)
-    assert not parallax_conflicts(now, before).valid.any()
+    assert not parallax_conflicts(now, before).points.valid.any()
 
 
 def test_the_first_frame_and_one_behind_a_gap_compare_nothing():
     now = moment(4)
-    assert not parallax_conflicts(now, None).valid.any()
-    assert not parallax_conflicts(now, moment(3, at_s=-0.4)).valid.any()
-    assert not parallax_conflicts(now, moment(3, at_s=0.2)).valid.any(), "a clock that was set back"
-    assert parallax_conflicts(now, moment(2)).valid.any(), "one frame was dropped"
+    assert not parallax_conflicts(now, None).points.valid.any()
+    assert not parallax_conflicts(now, moment(3, at_s=-0.4)).points.valid.any()
+    assert not parallax_conflicts(now, moment(3, at_s=0.2)).points.valid.any(), "a clock that was set back"
+    assert parallax_conflicts(now, moment(2)).points.valid.any(), "one frame was dropped"
 
 
 def test_a_picture_without_texture_compares_nothing():
     now, before = (replace(moment(n), grey=np.full((375, 1242), 128, dtype=np.uint8)) for n in (4, 3))
-    assert not parallax_conflicts(now, before).valid.any()
+    assert not parallax_conflicts(now, before).points.valid.any()
 
 
 def test_a_cloud_of_few_points_compares_nothing():
     now, before = moment(4), moment(3)
     frame = frame_of(4)
     few = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[::2000])
-    assert not parallax_conflicts(replace(now, view=lidar_view(few, DRIVE.rig, 1)), before).valid.any()
+    assert not parallax_conflicts(replace(now, view=lidar_view(few, DRIVE.rig, 1)), before).points.valid.any()
     none = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[:0])
-    assert parallax_conflicts(replace(now, view=lidar_view(none, DRIVE.rig, 1)), before).valid.size == 0
+    assert parallax_conflicts(replace(now, view=lidar_view(none, DRIVE.rig, 1)), before).points.valid.size == 0
 
 
 def test_a_camera_that_only_turned_compares_nothing():
@@ -92,7 +92,7 @@ def test_a_camera_that_only_turned_compares_nothing():
     turn = cv2.Rodrigues(np.array([0.0, 0.02, 0.0]))[0]
     turned = cv2.warpPerspective(now.grey, matrix @ turn @ np.linalg.inv(matrix), (1242, 375))
     before = replace(now, stamp_ns=now.stamp_ns - 10**8, grey=turned)
-    assert np.count_nonzero(parallax_conflicts(now, before).valid) < 5
+    assert np.count_nonzero(parallax_conflicts(now, before).points.valid) < 5
 
 
 def test_what_moves_as_the_lidar_saw_it_move_misses_nothing_and_a_scene_behind_a_wall_does():

@@ -49,6 +49,14 @@ def test_noise_all_around_is_less_rough_than_that_of_a_sector():
     assert roughness(jittered(noisy(cloud), 0.3)) > 2 * roughness(noisy(cloud, 0.3))
 
 
+def test_a_sector_of_which_few_points_are_left_is_rough_as_well_and_a_cloud_of_few_points_is_not_judged():
+    cloud = noisy(plane_cloud(DEPTH_M))
+    kept = np.random.default_rng(0).random(len(cloud)) < 0.3
+    aside = np.abs(np.rad2deg(np.arctan2(-cloud[:, 1], cloud[:, 0])) - 5.0) > 5.0
+    assert roughness(jittered(cloud, 1.0)[kept | aside]) > 0.6
+    assert roughness(jittered(cloud, 1.0)[np.random.default_rng(0).random(len(cloud)) < 0.05]) is None
+
+
 def test_leaves_in_half_of_a_sector_are_not_rough():
     cloud = noisy(plane_cloud(DEPTH_M))
     upper = cloud[:, 2] > 0
@@ -69,5 +77,5 @@ def test_too_few_points_are_not_judged(points):
 
 
 def test_what_is_far_away_does_not_count():
-    far = noisy(plane_cloud(60.0))
+    far = noisy(plane_cloud(120.0))
     assert roughness(jittered(far, 1.0)) is None

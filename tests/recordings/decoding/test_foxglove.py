@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from auditor.errors import DecodingError, RigError
+from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.model.optics.geometry import motion, rotation_from_quaternion
 from auditor.recordings import convert, find_rigs, open_recording, survey
@@ -245,13 +245,13 @@ def test_a_topic_in_an_encoding_without_a_decoder_is_named(tmp_path: Path) -> No
     assert known.problems == ("/cam: foxglove.RawImage in the encoding 'flatbuffer' cannot be decoded",)
 
 
-def test_the_real_nuscenes_frame_answers_that_no_triple_is_possible(real_data: Path, tmp_path: Path) -> None:
+def test_the_cameras_of_the_real_nuscenes_frame_are_a_rig_each(real_data: Path, tmp_path: Path) -> None:
     write_protobuf(tmp_path / "a.mcap", nuscenes(real_data / "nuscenes_one_frame"))
     with open_recording(tmp_path / "a.mcap") as recording:
         known = survey(recording)
     assert [cloud.points for cloud in known.clouds] == [34_688]
     assert {image.size_px for image in known.images} == {(1600, 900)}
     assert len(known.images) == 6
-    with pytest.raises(RigError, match="no triple possible") as caught:
-        find_rigs(known)
-    assert "\n" not in str(caught.value)
+    rigs = find_rigs(known)
+    assert len({rig.topic(1) for rig in rigs}) == len(rigs) == 6
+    assert all(rig.by_time for rig in rigs)
