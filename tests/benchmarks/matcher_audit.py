@@ -1,4 +1,6 @@
-"""Whom the audit names by each matcher, on real frames: `python -m tests.benchmarks.matcher_audit [--attacked 6]`.
+"""Whom the audit names by each matcher on real frames, and what it costs.
+
+python -m tests.benchmarks.matcher_audit [--attacked 6] [--clean 20] [--matchers sgbm psmnet]
 
 Frames of KITTI's drive 0009 (AUDITOR_TEST_DATA), spread over it, clean and under attacks on one sensor, with the LiDAR
 and three cameras. By the robust method each frame is judged by itself, r = 1 %, by thresholds from all clean frames of
@@ -23,7 +25,7 @@ from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.verdict import Verdict
+from auditor.model.verdict import Verdict, VerdictKind
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from tests.benchmarks.clean_statistics import DRIVES
 from tests.benchmarks.kinds import spread
@@ -72,7 +74,7 @@ def cases_of(frame: Frame, rig: Rig, matcher: Matcher, *, attacked: bool) -> Ite
         yield Case(name, tuple(attacks), measured.statistics(attacks), disparity_errors(measured, attacks))
 
 
-def outcome(attacked: tuple[int, ...], answer: tuple[int, ...], *, raised: bool) -> str:
+def outcome(attacked: tuple[int, ...], answer: tuple[int, ...], raised: bool) -> str:
     """What became of a case."""
     if not raised:
         return "not raised"
@@ -88,51 +90,54 @@ def report(rig: Rig, cases: list[Case], drives: dict[str, list[Case]]) -> Iterat
         "prior": judge_alone(rig, [], tested),
     }
     theta = maxima([case.E for case in cases if not case.attacked])
+    answers = {by: [(one.attacked, one.kind is not VerdictKind.CLEAN) for one in some] for by, some in robust.items()}
+    answers["Algorithm 2"] = [
+        (named(case.E, theta, rig), any(E is not None and theta[t] < E for t, E in case.E.items())) for case in cases
+    ]
     for name in dict.fromkeys(case.attack for case in cases):
-        for by in (*robust, "Algorithm 2"):
-            counts: Counter[str] = Counter()
-            for place, case in enumerate(cases):
-                if case.attack != name:
-                    continue
-                if by in robust:
-                    verdict = robust[by][place]
-                    counts[outcome(case.attacked, verdict.attacked, raised=verdict.kind != "clean")] += 1
-                else:
-                    over = any(E is not None and theta[t] < E for t, E in case.E.items() if t in theta)
-                    counts[outcome(case.attacked, named(case.E, theta, rig), raised=over)] += 1
+        for by, some in answers.items():
+            counts = Counter(
+                outcome(case.attacked, *answer) for case, answer in zip(cases, some, strict=True) if case.attack == name
+            )
             yield f"  {name:20} {by:12} " + ", ".join(f"{what} {count}" for what, count in sorted(counts.items()))
     for number, clean in (*drives.items(), (AUDITED, [case for case in cases if not case.attacked])):
         means = {t: np.mean([case.E[t] for case in clean if case.E[t] is not None]) for t in clean[0].E}
         yield f"  clean E, {number}: " + ", ".join(f"{t} {mean:.3f}" for t, mean in means.items())
 
 
+def audit(name: str, attacked: int, clean: int) -> Iterator[str]:
+    """The report of a matcher, and what a clean frame costs it."""
+    matcher = find_matcher(name)
+    drives: dict[str, list[Case]] = {}
+    started = process_time()
+    for number in LEARNT:
+        rig, frames = open_drive(number)
+        drives[number] = [case for frame in frames for case in cases_of(frame, rig, matcher, attacked=False)]
+    count = sum(len(cases) for cases in drives.values())
+    yield f"{name}: {(process_time() - started) / count:.2f} CPU s a clean frame ({count} frames)"
+    rig, stream = open_drive(AUDITED)
+    every = list(stream)
+    hit = spread(every, attacked)
+    wanted = hit | spread(every, clean)
+    cases = [
+        case
+        for frame in every
+        if frame.number in wanted
+        for case in cases_of(frame, rig, matcher, attacked=frame.number in hit)
+    ]
+    yield from report(rig, cases, drives)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--attacked", type=int, default=6, help="frames of the audited drive")
+    parser.add_argument("--attacked", type=int, default=6, help="frames of the audited drive, clean and attacked")
+    parser.add_argument("--clean", type=int, default=0, help="frames of it that are measured clean at least")
     parser.add_argument("--matchers", nargs="+", default=["sgbm", "psmnet"])
     options = parser.parse_args()
     use_one_thread()
     for name in options.matchers:
-        matcher = find_matcher(name)
-        drives: dict[str, list[Case]] = {}
-        started, count = process_time(), 0
-        for number in LEARNT:
-            rig, frames = open_drive(number)
-            drives[number] = [case for frame in frames for case in cases_of(frame, rig, matcher, attacked=False)]
-            count += len(drives[number])
-        cpu_s = (process_time() - started) / count
-        rig, stream = open_drive(AUDITED)
-        every = list(stream)
-        chosen = spread(every, options.attacked)
-        cases = [
-            case for frame in every if frame.number in chosen for case in cases_of(frame, rig, matcher, attacked=True)
-        ]
-        print(
-            f"{name}: {cpu_s:.2f} CPU s a clean frame ({count} frames)",
-            *report(rig, cases, drives),
-            sep="\n",
-            flush=True,
-        )
+        for line in audit(name, options.attacked, options.clean):
+            print(line, flush=True)
 
 
 if __name__ == "__main__":
