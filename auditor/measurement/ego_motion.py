@@ -69,8 +69,8 @@ def ego_motion(
 def _corners(image: Image, row: Rows, column: Rows) -> Indices:
     """The points with the strongest corners, one a block of the image at most."""
     strength = np.asarray(cv2.cornerMinEigenVal(image, EGO_MOTION.corner_px))[row, column]
-    blocks = -(-image.shape[1] // EGO_MOTION.block_px)
-    block = row // EGO_MOTION.block_px * blocks + column // EGO_MOTION.block_px
+    blocks = -(-image.shape[1] // EGO_MOTION.corner_block_px)
+    block = row // EGO_MOTION.corner_block_px * blocks + column // EGO_MOTION.corner_block_px
     order = np.lexsort((-strength, block))
     first: Integers = np.diff(block[order], prepend=-1)
     best = order[first > 0]

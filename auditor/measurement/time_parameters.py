@@ -12,7 +12,7 @@ class EgoMotion:
     """How a camera moved between two pictures, from corners that both show and the LiDAR's range at them."""
 
     corner_px: int = parameter(3, unit="half px, window of a corner", source=BY_HAND)
-    block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
+    corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
     most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
     flow_levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)

@@ -1,5 +1,6 @@
 """Which of its earlier pictures a lone camera is compared with."""
 
+from collections import defaultdict
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -11,6 +12,7 @@ from auditor.measurement import measure, measure_stream, own_past
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.parallax_conflict import Compared
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.looked_at import NOT_LOOKED_AT
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.model.verdict import Statistic
@@ -36,6 +38,7 @@ def compared_with(stamps: list[int], speed_m_s: float) -> list[int | None]:
         patch.object(own_past, "parallax_conflicts", parallax_conflicts),
         patch.object(own_past, "cells_of_points", lambda points, view: None),
         patch("auditor.measurement.frame.added_light", lambda cells, half_res: {}),
+        patch("auditor.measurement.frame.looked_at", lambda cells, cameras, points: defaultdict(lambda: NOT_LOOKED_AT)),
     ):
         list(measure_stream(frames, RIG, SGBM))
     return chosen
