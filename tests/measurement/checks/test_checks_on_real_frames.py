@@ -63,9 +63,9 @@ def verdict(request, attacked_frame):
     [
         ({0: WALL}, {Check.LIDAR_CONFLICT}),
         ({0: HiddenSector(8.0, 0.0)}, {Check.LOST_RETURNS}),
-        ({0: GhostCar(120, 12.0, 1.0)}, {Check.FALSE_RANGES}),
-        ({0: BogusWall(range_m=25.0, lateral_m=-2.0)}, {Check.FALSE_RANGES}),
-        ({0: ChangedRanges(20.0, 5.0, shift_m=1.0)}, {Check.FALSE_RANGES}),
+        ({0: GhostCar(200, 8.0, 1.0)}, {Check.FALSE_RANGES}),
+        ({0: BogusWall(range_m=18.0, lateral_m=-2.0)}, {Check.FALSE_RANGES}),
+        ({0: ChangedRanges(20.0, 5.0, shift_m=2.0)}, {Check.FALSE_RANGES}),
         ({0: ChangedRanges(10.0, 5.0, noise_m=0.3)}, {Check.ROUGH_RANGES}),
         *(({camera: FACULA}, {Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY}) for camera in (1, 2, 3)),
     ],
