@@ -69,7 +69,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "N - 3 is positive; N - 3",
     ),
     "measurement/checks/parallax_conflict.py": ((10, 9, 3), "nanoseconds; cells that touch"),
-    "measurement/own_past.py": ((10, 9), "nanoseconds"),
     "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
     "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (

@@ -35,11 +35,7 @@ from auditor.identification.incidents.sequential import (
     periods_of,
     strong_frames,
 )
-from auditor.identification.incidents.series import (
-    FrameSeries,
-    Portion,
-    on_one_line,
-)
+from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
 from auditor.identification.incidents.stretches import (
     LastingEvent,
     lasting_events,

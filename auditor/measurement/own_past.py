@@ -15,8 +15,6 @@ from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_v
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.measurement import Counts
 
-_SECOND_NS = 10**9
-
 
 class OwnPast:
     """Compares the frames of one recording, in their order, each with one of the last, which are kept.
@@ -47,7 +45,7 @@ class OwnPast:
     def _compared(self, now: Moment) -> VerifiedConflicts:
         before = self._chosen(now)
         points, moved_m = parallax_conflicts(now, before)
-        self._speed_m_s = moved_m / _seconds(before, now) if before else nan
+        self._speed_m_s = moved_m / now.after_s(before) if before else nan
         self._held.append(now)
         return points
 
@@ -56,13 +54,9 @@ class OwnPast:
 
         Where that is not known it is the last.
         """
-        recent = [one for one in self._held if 0 < _seconds(one, now) <= PARALLAX_CONFLICT.most_s]
-        far = [one for one in recent if not self._speed_m_s * _seconds(one, now) < PARALLAX_CONFLICT.enough_m]
+        recent = [one for one in self._held if now.follows(one)]
+        far = [one for one in recent if not self._speed_m_s * now.after_s(one) < PARALLAX_CONFLICT.enough_m]
         return far[-1] if far else recent[0] if recent else None
-
-
-def _seconds(before: Moment, now: Moment) -> float:
-    return (now.stamp_ns - before.stamp_ns) / _SECOND_NS
 
 
 def _comparison(points: VerifiedConflicts) -> Comparison:

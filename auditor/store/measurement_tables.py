@@ -152,8 +152,7 @@ def _region(row: Mapping[str, Any]) -> Region:
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
 
 
-_COMPARED = ("compared_share", "compared_by_two_share")
-_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns", *_COMPARED)
+_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns", "compared_share", "compared_by_two_share")
 
 
 _ALTERED = "auditor verify says what was altered"

@@ -33,8 +33,6 @@ _EVENLY = sqrt(12)
 """The width of what is spread evenly, in standard deviations."""
 
 _SECTOR = FALSE_RANGES.sector_strips
-
-
 _QUARTILES = (FALSE_RANGES.not_shifted, 0.5, 1 - FALSE_RANGES.not_shifted)
 
 

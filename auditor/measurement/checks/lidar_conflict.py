@@ -26,8 +26,8 @@ class PointVotes:
     """What a pair says of each point of a view, (M,) masks.
 
     `clear`: both cameras see it, and their images match fairly there, textured or not, and not where the matcher's
-    range ends. Of these `confirmed` agree with
-    stereo, and `contradicted` are nearer, and the images match less well at the LiDAR's disparity.
+    range ends. Of these `confirmed` agree with stereo, and `contradicted` are nearer, and the images match less well at
+    the LiDAR's disparity.
     """
 
     clear: Mask

@@ -106,20 +106,18 @@ class Channel:
     saturation: int
     other_saturation: int
 
-    def usable(self, seen: Mask) -> Mask:
-        """(M,) which of the pixels that curves are fitted to both see, and neither saturates."""
-        s, t = self.sampled
-        return np.asarray(seen[::_EVERY, ::_EVERY].ravel() & (s < self.other_saturation) & (t < self.saturation))
+    def sampled(self, seen: Mask) -> tuple[Image, Image, Mask]:
+        """(N,) levels of the source and of the reference, every fourth pixel each way, and which of them are usable.
 
-    @property
-    def sampled(self) -> tuple[Image, Image]:
-        """(M,) levels of the source and of the reference, every fourth pixel each way."""
-        return self.other[::_EVERY, ::_EVERY].ravel(), self.value[::_EVERY, ::_EVERY].ravel()
+        Those are what both see and neither saturates in.
+        """
+        s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (self.other, self.value))
+        both = seen[::_EVERY, ::_EVERY].ravel()
+        return s, t, np.asarray(both & (s < self.other_saturation) & (t < self.saturation))
 
     def samples(self, seen: Mask) -> tuple[Image, Image]:
-        """(M,) levels of the source and of the reference, where both see and neither saturates."""
-        usable = self.usable(seen)
-        s, t = self.sampled
+        """(M,) levels of the source and of the reference that are usable."""
+        s, t, usable = self.sampled(seen)
         return s[usable], t[usable]
 
     @property
@@ -159,8 +157,7 @@ def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
 
 def _of_levels(channel: Channel, seen: Mask, classes: Classes | None = None) -> Floats32:
     """The residual of levels; grey ones are predicted from a colour camera's by its classes (h, w) of chroma."""
-    sampled = None if classes is None else classes[::_EVERY, ::_EVERY].ravel()
-    prediction = predict(*channel.sampled, channel.usable(seen), sampled)
+    prediction = predict(*channel.sampled(seen), None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
     return channel.residual(prediction.of(channel.other, classes))
 
 

@@ -51,6 +51,14 @@ class Moment:
         """The camera."""
         return self.view.rig.camera(self.view.reference)
 
+    def after_s(self, before: "Moment") -> float:
+        """The seconds from another moment to this one."""
+        return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
+
+    def follows(self, before: "Moment") -> bool:
+        """Whether the other moment is earlier, and not too long ago to be compared with."""
+        return 0 < self.after_s(before) <= PARALLAX_CONFLICT.most_s
+
     @cached_property
     def half(self) -> Image:
         """(h, w) the image at half resolution."""
@@ -111,7 +119,7 @@ def parallax_conflicts(now: Moment, before: Moment | None) -> Compared:
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
     row, column = view.row // HALF, view.column // HALF
     some = np.flatnonzero(textured(now.half)[row, column])
-    if before is not None and _comparable(now, before):
+    if before is not None and now.follows(before) and before.half.shape == now.half.shape:
         K = _HALVED @ now.camera.intrinsics
         motion = ego_motion(now.half, before.half, K, now.point_m[some], (row[some], column[some]))
         if motion is not None:
@@ -122,12 +130,6 @@ def parallax_conflicts(now: Moment, before: Moment | None) -> Compared:
             valid[sought.point[agrees]] = True
             conflicts[things.point[~_moving(before, things, place)]] = True
     return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m)
-
-
-def _comparable(now: Moment, before: Moment) -> bool:
-    """Whether two pictures are of one size, and not too far apart in time."""
-    apart_ns = now.stamp_ns - before.stamp_ns
-    return 0 < apart_ns <= PARALLAX_CONFLICT.most_s * _SECOND_NS and before.half.shape == now.half.shape
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
@@ -215,15 +217,12 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     if not len(centres):
         return np.zeros((0, _RIGHT.size), dtype=np.float32), np.zeros(0, dtype=np.float32)
     middle, size = centres.astype(np.float32), np.float32(1) if scale is None else scale.astype(np.float32)[:, None]
-    column, row = (middle[:, [axis]] + size * step for axis, step in enumerate(_STEPS))
+    column, row = (middle[:, [axis]] + size * step for axis, step in enumerate((_RIGHT, _DOWN)))
     sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     patches = np.asarray(sampled, dtype=np.float32)
     patches -= patches.mean(axis=1, keepdims=True)
     norms = np.sqrt(np.einsum("mp,mp->m", patches, patches)) + np.float32(PATCH_CORRELATION.norm_floor)
     return patches, np.asarray(norms, dtype=np.float32)
-
-
-_STEPS = (_RIGHT, _DOWN)
 
 
 def _moving(before: Moment, things: _Sought, place: Floats) -> Mask:

@@ -298,10 +298,7 @@ class CompressedImageDecoder(PictureDecoder):
         if DEPTH_PICTURE in image.format:
             raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)
         data = memoryview(image.data)
-        try:
-            refuse_other_video(image.format, data)
-        except DecodingError as error:
-            raise DecodingError(error.what, where=message.topic) from error
+        refuse_other_video(image.format, data, message.topic)
         return data
 
     def _of_video(self, message: Message) -> bool:

@@ -2,7 +2,6 @@
 
 from typing import ClassVar, Literal
 
-from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, read_header
@@ -25,8 +24,5 @@ class RosVideoDecoder(Videos):
     def _h264(self, message: Message) -> bytes:
         packet = self._types.decode(message)
         data = bytes(packet.data)
-        try:
-            refuse_other_video(packet.encoding if hasattr(packet, "encoding") else packet.format, data)
-        except DecodingError as error:
-            raise DecodingError(error.what, where=message.topic) from error
+        refuse_other_video(packet.encoding if hasattr(packet, "encoding") else packet.format, data, message.topic)
         return data

@@ -52,7 +52,7 @@ def is_h264(data: memoryview) -> bool:
     return bytes(data[:3]) == b"\0\0\1" or bytes(data[:4]) == b"\0\0\0\1"
 
 
-def refuse_other_video(declared: str, data: bytes | memoryview) -> None:
+def refuse_other_video(declared: str, data: bytes | memoryview, where: str = "") -> None:
     """Raises DecodingError, with its name, where a video is said to be of another form than H.264, or begins as H.265.
 
     Transports write the name of the form or of the encoder: `h264`, `libx264`, `hevc_nvenc`.
@@ -61,7 +61,7 @@ def refuse_other_video(declared: str, data: bytes | memoryview) -> None:
     if not other and _H265_BEGINS.match(data):
         other = "H.265"
     if other:
-        raise DecodingError(f"the video {declared[:40]!r} is {other}, which is not decoded")
+        raise DecodingError(f"the video {declared[:40]!r} is {other}, which is not decoded", where=where)
 
 
 class Videos:

@@ -12,7 +12,6 @@ import lz4.block
 import lz4.frame
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
@@ -45,11 +44,7 @@ class CompressedCloudDecoder(PointCloudDecoder):
         except OverBudgetError as error:
             raise DecodingError(f"it {error}", where=message.topic) from error
         fields = {name: getattr(cloud, name) for name in ("height", "width", "fields", "point_step", "row_step")}
-        return SimpleNamespace(**fields, is_bigendian=cloud.is_bigendian, data=_bytes(data))
-
-
-def _bytes(data: bytes) -> NDArray[np.uint8]:
-    return np.frombuffer(data, np.uint8)
+        return SimpleNamespace(**fields, is_bigendian=cloud.is_bigendian, data=np.frombuffer(data, np.uint8))
 
 
 def _unpacked(packed: bytes, size: int, form: str) -> bytes:
