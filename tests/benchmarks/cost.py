@@ -8,6 +8,7 @@ recording made of the same frames. Needs AUDITOR_TEST_DATA.
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -35,6 +36,9 @@ PERIOD_NS = 10**8
 BARE_FRAMES = 6
 BEGINNING = 3
 """So many frames make a scan that ends as any other does."""
+
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""As users have it: what Python has compiled once it finds again."""
 
 SENSORS = ("3 cameras", "4 cameras", "1 camera")
 FORMS: tuple[Form, ...] = ("raw", "jpeg", "png")
@@ -72,7 +76,8 @@ def bare_s(images: Sequence[tuple[Image, ...]]) -> float:
 def cost_of(*arguments: str) -> Cost:
     """What one run of the command line takes; whatever it finds."""
     before = Cost.so_far()
-    done = subprocess.run([sys.executable, "-m", "auditor", *arguments], capture_output=True, check=False)
+    command = [sys.executable, "-m", "auditor", *arguments]
+    done = subprocess.run(command, capture_output=True, check=False, env=ENVIRONMENT)
     if done.returncode not in {0, 1, 3, 4}:
         raise RuntimeError(done.stderr.decode())
     return Cost.so_far().since(before)
@@ -99,6 +104,7 @@ def scans(options: argparse.Namespace, work: Path) -> None:
             begun, whole = work / f"begun-{form}.mcap", work / f"{form}.mcap"
             write_mcap(begun, rig, kept[:BEGINNING], image=form)
             write_mcap(whole, rig, kept, image=form)
+            cost_of("scan", str(begun), "--store", str(work / "compiled"), "--jobs", "1", "--measure-again")
             _compare(f"{sensors}, {form}", begun, whole, images, options, work)
             begun.unlink()
             whole.unlink()
