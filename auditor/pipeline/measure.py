@@ -46,6 +46,7 @@ from auditor.recordings import (
     FrameStream,
     FrameTimes,
     Origin,
+    PoseMessages,
     Recording,
     RigInForce,
     RigsInForce,
@@ -208,8 +209,8 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, job.progress)
-    if changes is not None:
-        stream.heard_by(changes)
+    passed = PoseMessages(recording) if in_force.survey.interleaved else None
+    stream.heard_by(*(one for one in (changes, passed) if one is not None and one.topics))
     with (
         store.frames_writer(known, rig) as writer,
         closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check, repeated)) as measured,
@@ -245,7 +246,7 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
             clock_jumps=stream.clock_jumps,
             coverage=with_repeats(stream.coverage, repeated.counts),
         )
-        poses = read_poses(recording, FrameTimes(*writer.frames))  # from here on the recording's damage is theirs
+        poses = read_poses(recording, FrameTimes(*writer.frames), passed)  # the recording's damage may be theirs
         recording.check_unchanged()
         for pose in poses:
             writer.add_pose(pose)

@@ -22,7 +22,7 @@ from auditor.recordings.rigs.ordering import Contradictions, contradictions
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
-from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, read_poses
+from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, PoseMessages, read_poses
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
@@ -40,6 +40,7 @@ __all__ = [
     "Health",
     "Location",
     "Origin",
+    "PoseMessages",
     "Positions",
     "Reader",
     "Recording",

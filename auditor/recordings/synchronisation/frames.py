@@ -9,9 +9,11 @@ within the tolerance belongs to it. Waiting messages stay as recorded; pixels an
 complete.
 """
 
+from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import merge
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -63,16 +65,16 @@ class FrameStream:
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(recording.definition)
-        self._listener: Listener | None = None
+        self._listeners: tuple[Listener, ...] = ()
         self.clock_jumps = 0
 
-    def heard_by(self, listener: "Listener") -> None:
-        """Let somebody take the messages of its own topics in the read of the next iteration, the only one there is.
+    def heard_by(self, *listeners: "Listener") -> None:
+        """Let others take the messages of their own topics in the read of the next iteration, the only one there is.
 
-        The topics of the recording must be interleaved.
+        The topics must be interleaved: else each has a read of its own.
         """
-        assert self._survey.interleaved, "each topic has a read of its own"
-        self._listener = listener
+        assert self._survey.interleaved or not listeners
+        self._listeners = listeners
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
         maker = self._begun()
@@ -135,15 +137,19 @@ class FrameStream:
         return merge(*streams, key=lambda arrival: arrival[1].time_ns) if len(streams) > 1 else streams[0]
 
     def _messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """The messages of some topics, in the order of the recording."""
-        if self._listener is None:
+        """The messages of some topics, in the order of the recording; the others' go to whoever listens."""
+        if not self._listeners:
             yield from self._recording.messages(topics)
             return
-        for message in self._recording.messages({*topics, *self._listener.topics}):
-            if message.topic in self._listener.topics:
-                self._listener.take(message)
+        for message in self._recording.messages({*topics, *chain(*(one.topics for one in self._listeners))}):
+            for listener in self._listeners:
+                if message.topic in listener.topics:
+                    listener.take(message)
             if message.topic in topics:
                 yield message
+        if self._recording.damage:
+            # Some of it may be of messages that no sensor of the rig has: what is damaged of its own is read again.
+            deque(self._recording.messages(topics), maxlen=0)
 
     def _stamped(
         self, messages: Iterator[Message], by_topic: Mapping[str, int], decoders: Decoders
