@@ -232,7 +232,8 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     column, row = middle[:, [0]] + column, middle[:, [1]] + row
     sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     patches = np.asarray(sampled, dtype=np.float32)
-    patches -= patches.mean(axis=1, keepdims=True)
+    # Sums of whole numbers are exact, and faster than the mean of fractions.
+    patches -= cv2.reduce(sampled, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F) / np.float32(_RIGHT.size)
     norms = np.sqrt(np.einsum("mp,mp->m", patches, patches)) + np.float32(PATCH_CORRELATION.norm_floor)
     return patches, np.asarray(norms, dtype=np.float32)
 
