@@ -72,7 +72,7 @@ from auditor.store import (
 )
 from auditor.store.files import locked
 from auditor.store.log import logged
-from auditor.store.maintenance.removal import remove_measurement
+from auditor.store.maintenance.removal import remove_counted_earlier, remove_measurement
 from auditor.store.records import content_id
 
 _PREFLIGHT_FRAMES = 3
@@ -152,24 +152,8 @@ class _Job:
                 return False
             changes = None
             if self.task.again:
-                _remove_counted_earlier(self.store, known)
+                remove_counted_earlier(self.store, known)
         return True
-
-
-def _remove_counted_earlier(store: Store, measurement: str) -> None:
-    """Remove what was measured of the same recording by the same rig and matcher in an earlier way of counting."""
-    if not store.has_measurement(measurement):
-        return
-
-    def measured(known: str) -> tuple[str, str, str]:
-        one = store.measurement(known)
-        return one.recording_id, one.rig_id, one.procedure.matcher
-
-    version = store.measurement(measurement).procedure.counting_version
-    for known in store.ids("measurements"):
-        earlier = store.measurement(known).procedure.counting_version < version
-        if earlier and measured(known) == measured(measurement):
-            remove_measurement(store, known)
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
