@@ -91,10 +91,11 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     store, procedure = Store.open(task.store, create=True), procedure_by(matcher)
     stamp = stamp_of(task.recording, procedure, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
+        surveyed = survey(recording)  # first: what it reads is hashed meanwhile
         entry.used("recording", recording.recording_id, storable(str(recording.path)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
-        by_id, fresh = _Job(task, recording, store, matcher, procedure, progress).measure(survey(recording))
+        by_id, fresh = _Job(task, recording, store, matcher, procedure, progress).measure(surveyed)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
         unchanged = stamp if stamp == stamp_of(task.recording, procedure, task.rig) else None
