@@ -38,7 +38,7 @@ def test_a_recording_that_is_not_rectified_is_scanned_and_inspected(
     assert run(["inspect", str(bent), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
     assert rig["calibration_warnings"] == []
-    assert rig["rectified_to"]["focal_px"] == pytest.approx(360.77, abs=0.01)
+    assert rig["rectified_to"]["focal_px"] == pytest.approx(2 * 360.77, abs=0.01)  # enlarged
     assert run(["inspect", str(bent)]) == 0
     assert "not rectified as recorded" in capfd.readouterr().out
     assert run(["scan", str(bent), "--measure-only", "--store", str(tmp_path / "audit")]) == 3
