@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from auditor.cli.capabilities import capabilities, short_pairs
 from auditor.errors import RigError
 from auditor.model.coverage import TopicCoverage, declared, unread_line
-from auditor.model.optics.common_view import common_view, compared_shares
+from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
@@ -178,7 +178,8 @@ def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> 
 
 def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     leftmost = rig.cameras[-1]
-    view = None if rig.is_rectified else common_view(rig)
+    view = measured_view(rig)
+    measured_in = None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px}
     compared = compared_shares(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
@@ -201,7 +202,8 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
         "kind": str(rig.kind),
         "clouds_a_sweep": rig.lidar.sweep.parts if rig.lidar and rig.lidar.sweep else None,
         "beside_line_px": {} if rig.shares_view else _beside_line(rig),
-        "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
+        "rectified_to": None if rig.is_rectified else measured_in,
+        "enlarged_to": measured_in if rig.is_rectified else None,
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
         "capabilities": capabilities(rig),
