@@ -7,10 +7,12 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from auditor.errors import RigError
-from auditor.model.frames import Frame, PointCloud, SensorState, Skipped
+from auditor.model.frames import Frame, Message, PointCloud, SensorState, Skipped
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.recordings.formats.unpacking import ZSTD_MAGIC
 from auditor.recordings.parameters import FRAME_WINDOW
+from auditor.recordings.recording import Topic
 from auditor.recordings.synchronisation import window as windows
 from auditor.recordings.writers.mcap_file import McapFile
 from tests.making.recorded_drives import (
@@ -368,3 +370,49 @@ def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, mo
         assert len(read(written(tmp_path, frames))[0]) >= 59
     assert waiting[1000] > 100
     assert waiting[40] <= 41
+
+
+class Heard:
+    """A listener of some topics."""
+
+    def __init__(self, *topics: str) -> None:
+        self.topics = topics
+        self.messages: list[Message] = []
+
+    def take(self, message: Message) -> None:
+        self.messages.append(message)
+
+
+def test_others_hear_the_messages_of_the_read_that_makes_frames(tmp_path: Path) -> None:
+    with open_recording(written(tmp_path, make_frames(RIG, 5))) as recording:
+        topic = RIG.camera(1).topic
+        info, image = Heard(topic.rpartition("/")[0] + "/camera_info"), Heard(topic)
+        plain, stream = stream_of(recording, RIG), stream_of(recording, RIG)
+        stream.heard_by(info, image)
+        assert all(map(same_frame, split(plain)[0], split(stream)[0]))
+        assert stream.balance == plain.balance
+        for heard in (info, image):
+            assert heard.messages
+            there = [message.data for message in recording.messages(heard.topics)]
+            assert [message.data for message in heard.messages] == there
+
+
+def test_what_is_damaged_of_messages_that_others_hear_is_no_damage_of_the_sensors(tmp_path: Path) -> None:
+    source, target = written(tmp_path, make_frames(RIG, 5)), tmp_path / "b.mcap"
+    topic = RIG.camera(1).topic.rpartition("/")[0] + "/camera_info"
+    with open_recording(source) as recording, target.open("wb") as stream:
+        file = McapFile(stream, "ros2", "zstd")
+        for number, message in enumerate(recording.messages()):
+            data = ZSTD_MAGIC if message.topic == topic and number > 20 else message.data
+            definition = recording.definition(message.schema)
+            file.write(Topic(message.topic, message.schema, message.encoding), definition, message.log_time_ns, data)
+        file.finish()
+    with open_recording(target) as recording:
+        frames = stream_of(recording, RIG)
+        heard = Heard(topic)
+        frames.heard_by(heard)
+        assert len(split(frames)[0]) == 5
+        assert 0 < len(heard.messages) < 5
+        assert not frames.damage
+        list(recording.messages([topic]))
+        assert recording.damage
