@@ -117,7 +117,7 @@ def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
         cells = next(one.cells for one in table.rows if one.label == "S_1, still")
         assert cells[3] == Rate(row["found"], 4, row["low"], row["high"], row["resolvable"])
         assert cells[4].k == row["named"]
-    assert "Intervals of one second" in Page(render_evaluation(shown)).text
+    assert "Attacks of one second, and lasting ones" in Page(render_evaluation(shown)).text
 
 
 def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():

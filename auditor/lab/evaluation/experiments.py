@@ -24,7 +24,7 @@ from auditor.lab.evaluation.attacks import Attack
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.recordings.decoding.pictures import decode_picture
-from auditor.store.evaluation_tables import INTERVAL_FRAMES
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, LASTING
 
 WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Fig. 11."""
@@ -265,10 +265,14 @@ def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraw
 
 
 def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
-    """One sensor at a time, then the first and the last together; still attacks are drawn once for the interval."""
+    """One sensor at a time, then the first and the last together.
+
+    Still attacks are drawn once for the interval, lasting ones once for the recording, of which they attack each
+    interval that is attacked at all.
+    """
     fixed = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
     together = (LIDAR if rig.lidar else 1, rig.n)
-    for variant, drawn in (("still", fixed), ("moving", draws)):
+    for variant, drawn in (("still", fixed), ("moving", draws), (LASTING, replace(draws, frame=0))):
         attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, drawn.of(sensor)) for sensor in rig.sensors}
         for attacked in (*((sensor,) for sensor in rig.sensors), together):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)

@@ -55,7 +55,7 @@ def _intervals(method: str, answers: Answers) -> Grid:
             yield f"{row['delay_s']:.1f} s" if row and row["delay_s"] is not None else None
 
     return Grid(
-        title=f"Intervals of one second, {_METHODS[method]}, all sensors, r = 1 %",
+        title=f"Attacks of one second, and lasting ones, {_METHODS[method]}, all sensors, r = 1 %",
         groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
         columns=("found", "named", "after") * len(modes),
         rows=tuple(
