@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from auditor.cli.capabilities import capabilities, short_pairs
 from auditor.errors import RigError
@@ -11,9 +11,11 @@ from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
+from auditor.pipeline.geometry import rigs_to_begin_with
 from auditor.pipeline.measure import FirstFrames, RigDoubts, first_frames_of, rigs_through
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared
 from auditor.recordings import (
+    Changes,
     Health,
     Location,
     Recording,
@@ -40,22 +42,18 @@ def describe(
     """
     with open_recording(where) as recording:
         surveyed = survey(recording)
-        found = RigsInForce(())
+        looked = _Looked(RigsInForce(()), [], [])
         missing = ""
         try:
-            found = rigs_through(recording, surveyed, shown)
+            looked = _looked_through(recording, surveyed, shown)
         except RigError as error:
             if shown:
                 raise
             missing = error.what
+        found, first, health = looked
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-        first = [first_frames_of(recording, one, found.withheld) for one in found.rigs]
-        health = [
-            check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
-            for one in found.rigs
-        ]
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
@@ -84,6 +82,38 @@ def describe(
             and all(one.complete for one in readings)
             and not any(seen.doubts.withheld for seen in first),
         }
+
+
+class _Looked(NamedTuple):
+    """The rigs of a recording, and what each shows: its first frames, and the health of its sensors."""
+
+    found: RigsInForce
+    first: list[FirstFrames]
+    health: list[Health]
+
+
+def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) -> _Looked:
+    """Look at all frames, by the last read of the recording; calibrations that change are found meanwhile.
+
+    Raises RigError.
+    """
+    beginning = rigs_to_begin_with(recording, surveyed) if shown is None else None
+    if beginning is not None:
+        found, changes = beginning
+        looked = _looked_by(recording, found, changes)
+        if not changes.any:
+            return looked
+    return _looked_by(recording, rigs_through(recording, surveyed, shown))
+
+
+def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Looked:
+    first = [first_frames_of(recording, one, found.withheld) for one in found.rigs]
+    streams = [synchronise(recording, one.rig, one.survey, stretches=one.stretches) for one in found.rigs]
+    if changes is not None:
+        streams[0].heard_by(changes)
+    return _Looked(
+        found, first, [check_health(stream, one.rig) for stream, one in zip(streams, found.rigs, strict=True)]
+    )
 
 
 def _coverage(

@@ -18,6 +18,7 @@ from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.recordings import (
+    Changes,
     Contradictions,
     Positions,
     Recording,
@@ -28,6 +29,7 @@ from auditor.recordings import (
     find_rigs,
     read_by,
     rigs_in_force,
+    rigs_unless_changed,
     search_rigs,
     synchronise,
 )
@@ -68,6 +70,18 @@ def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
     what = (found.doubts if turned else found.sentences)[0]
     remark = f"{what}: {best.survey.conventions}, for so the images and points fit"
     return rigs._replace(remarks=(remark, *rigs.remarks))
+
+
+def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInForce, Changes] | None:
+    """The settled rigs where no calibration changes, and what finds changes while frames are made; nothing is read.
+
+    None where that is not enough: its calibrations contradict each other, or its topics have a read each. Raises
+    RigError where there is no rig.
+    """
+    found = contradictions(surveyed)
+    if found.sentences or found.doubts or not surveyed.interleaved:
+        return None
+    return rigs_unless_changed(recording, surveyed)
 
 
 def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigInForce | None:

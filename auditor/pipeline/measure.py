@@ -1,9 +1,9 @@
 """One recording, from its messages to finished measurements in a store: one for each of its rigs."""
 
 import platform
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
@@ -36,16 +36,17 @@ from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.coverage import with_repeats
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Procedure, Statistic
-from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.geometry import in_force_by_any, negated, settled_rigs
+from auditor.pipeline.geometry import in_force_by_any, negated, rigs_to_begin_with, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
+    Changes,
     FrameStream,
     FrameTimes,
     Origin,
+    PoseMessages,
     Recording,
     RigInForce,
     RigsInForce,
@@ -71,7 +72,7 @@ from auditor.store import (
 )
 from auditor.store.files import locked
 from auditor.store.log import logged
-from auditor.store.maintenance.removal import remove_measurement
+from auditor.store.maintenance.removal import remove_counted_earlier, remove_measurement
 from auditor.store.records import content_id
 
 _PREFLIGHT_FRAMES = 3
@@ -90,18 +91,11 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     store, procedure = Store.open(task.store, create=True), procedure_by(matcher)
     stamp = stamp_of(task.recording, procedure, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
+        surveyed = survey(recording)  # first: what it reads is hashed meanwhile
         entry.used("recording", recording.recording_id, storable(str(recording.path)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
-        surveyed = survey(recording)
-        found = rigs_through(recording, surveyed, task.rig)
-        by_id = {measurement_id(recording.recording_id, one.rig.rig_id, procedure): one for one in found.rigs}
-        todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
-        for known, one in todo.items():
-            store.write_rig(one.rig)
-            _measure(recording, one, found, matcher, procedure, store, task.pictures, progress)
-            if task.again:
-                _remove_counted_earlier(store, known)
+        by_id, fresh = _Job(task, recording, store, matcher, procedure, progress).measure(surveyed)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
         unchanged = stamp if stamp == stamp_of(task.recording, procedure, task.rig) else None
@@ -109,28 +103,58 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
             kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
             record = _recording_record(recording, task, kept, measurements, unchanged)
-            if todo:
+            if fresh:
                 record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
             if record != kept:
-                store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
+                store.write_labels(recording.recording_id, recording.labels(), next(iter(by_id.values())).rig)
                 store.write_recording(record)
-        return measured_of(recording.path, recording.recording_id, measurements, fresh=bool(todo))
+        return measured_of(recording.path, recording.recording_id, measurements, fresh=fresh)
 
 
-def _remove_counted_earlier(store: Store, measurement: str) -> None:
-    """Remove what was measured of the same recording by the same rig and matcher in an earlier way of counting."""
-    if not store.has_measurement(measurement):
-        return
+@dataclass(frozen=True)
+class _Job:
+    """The measuring of one recording into a store."""
 
-    def measured(known: str) -> tuple[str, str, str]:
-        one = store.measurement(known)
-        return one.recording_id, one.rig_id, one.procedure.matcher
+    task: MeasureTask
+    recording: Recording
+    store: Store
+    matcher: Matcher
+    procedure: Procedure
+    progress: Callable[[str, int], None]
 
-    version = store.measurement(measurement).procedure.counting_version
-    for known in store.ids("measurements"):
-        earlier = store.measurement(known).procedure.counting_version < version
-        if earlier and measured(known) == measured(measurement):
-            remove_measurement(store, known)
+    def measure(self, surveyed: Survey) -> tuple[dict[str, RigInForce], bool]:
+        """Measure with each rig what the store lacks; the rigs by measurement, and whether any was measured now.
+
+        Calibrations change in hardly any recording. So it is measured with the rigs of its beginning, and only where
+        that read meets a change, or there is nothing to measure, is it read through for the rigs that follow.
+        """
+        beginning = rigs_to_begin_with(self.recording, surveyed) if self.task.rig is None else None
+        if beginning is not None:
+            found, changes = beginning
+            rigs, todo = self._todo(found)
+            if todo and self._measure_all(todo, found, changes):
+                return rigs, True
+        found = rigs_through(self.recording, surveyed, self.task.rig)
+        rigs, todo = self._todo(found)
+        self._measure_all(todo, found)
+        return rigs, bool(todo)
+
+    def _todo(self, found: RigsInForce) -> tuple[dict[str, RigInForce], dict[str, RigInForce]]:
+        """The rigs by measurement, and those of them that are to be measured."""
+        ids = (measurement_id(self.recording.recording_id, one.rig.rig_id, self.procedure) for one in found.rigs)
+        rigs = dict(zip(ids, found.rigs, strict=True))
+        todo = {known: one for known, one in rigs.items() if self.task.again or not self.store.has_measurement(known)}
+        return rigs, todo
+
+    def _measure_all(self, todo: Mapping[str, RigInForce], found: RigsInForce, changes: Changes | None = None) -> bool:
+        """Measure with some rigs; False, and nothing is kept, where `changes` finds one in the first read."""
+        for known, one in todo.items():
+            if not _measure(self, one, found, changes):
+                return False
+            changes = None
+            if self.task.again:
+                remove_counted_earlier(self.store, known)
+        return True
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
@@ -153,37 +177,38 @@ def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
     return find_rigs(surveyed) if rig_file is None else (given_rig(rig_file, surveyed),)
 
 
-def _measure(
-    recording: Recording,
-    in_force: RigInForce,
-    found: RigsInForce,
-    matcher: Matcher,
-    procedure: Procedure,
-    store: Store,
-    pictures: Pictures,
-    progress: Callable[[str, int], None],
-) -> None:
+def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Changes | None) -> bool:
     """Measure a recording with one rig; what is kept becomes visible with the last write.
+
+    False where `changes` finds that a calibration changes: then nothing is kept.
 
     An earlier measurement goes with its judgements before the first table of the new one is put in its place: a store
     has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into force behind
     the last frame.
     """
     started, rig = perf_counter(), in_force.rig
+    recording, store, matcher, procedure = job.recording, job.store, job.matcher, job.procedure
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    thumbnails, check, repeated = PictureBook(pictures), CalibrationCheck(), RepeatedData()
+    thumbnails, check, repeated = PictureBook(job.task.pictures), CalibrationCheck(), RepeatedData()
+    store.write_rig(rig)
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
-        _preflight(recording, rig, matcher, stream, progress)
+        _preflight(recording, rig, matcher, stream, job.progress)
+    passed = PoseMessages(recording) if in_force.survey.interleaved else None
+    stream.heard_by(*(one for one in (changes, passed) if one is not None and one.topics))
     with (
         store.frames_writer(known, rig) as writer,
         closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check, repeated)) as measured,
     ):
         done = 0
         for done in measured:
-            progress(recording.path.name, done)
+            job.progress(recording.path.name, done)
+            if changes is not None and changes.any:
+                return False
+        if changes is not None and changes.any:
+            return False
         if done == 0 and in_force.stretches[0].from_ns is not None:
-            return
+            return True
         if writer.measured == 0:
             raise RigError(
                 "no frame with three overlapping sensors could be put together",
@@ -206,7 +231,7 @@ def _measure(
             clock_jumps=stream.clock_jumps,
             coverage=with_repeats(stream.coverage, repeated.counts),
         )
-        poses = read_poses(recording, FrameTimes(*writer.frames))  # from here on the recording's damage is theirs
+        poses = read_poses(recording, FrameTimes(*writer.frames), passed)  # the recording's damage may be theirs
         recording.check_unchanged()
         for pose in poses:
             writer.add_pose(pose)
@@ -218,6 +243,7 @@ def _measure(
             for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         ]
         writer.commit(replace(record, pose_topics=poses.topics), files)
+    return True
 
 
 def _measure_frames(

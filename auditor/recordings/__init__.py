@@ -5,6 +5,7 @@ from auditor.recordings.opening import Found, find_recordings, format_of, open_r
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
 from auditor.recordings.rigs.cameras import read_by
+from auditor.recordings.rigs.changes import Changes
 from auditor.recordings.rigs.conventions import Positions
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
@@ -16,17 +17,18 @@ from auditor.recordings.rigs.discovery import (
     search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
-from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force
+from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force, rigs_unless_changed
 from auditor.recordings.rigs.ordering import Contradictions, contradictions
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
-from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, read_poses
+from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, PoseMessages, read_poses
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
 
 __all__ = [
+    "Changes",
     "Contradictions",
     "ConvertReport",
     "Damage",
@@ -38,6 +40,7 @@ __all__ = [
     "Health",
     "Location",
     "Origin",
+    "PoseMessages",
     "Positions",
     "Reader",
     "Recording",
@@ -64,6 +67,7 @@ __all__ = [
     "rewrite",
     "rig_of_camchain",
     "rigs_in_force",
+    "rigs_unless_changed",
     "search_rigs",
     "survey",
     "synchronise",

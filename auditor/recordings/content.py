@@ -1,7 +1,8 @@
-"""The content of a recording's files: hashed when they are opened, and compared at every later read.
+"""The content of a recording's files: hashed as it is first read, and compared at every later read.
 
 What is measured is filed under the hash of the recording. A file may be replaced, overwritten or cut while it is read,
-so a later read takes nothing on trust: each block is hashed again before any of its bytes is used.
+so a later read takes nothing on trust: each block is hashed again before any of its bytes is used. The hash of the
+whole is finished when it is asked for, with the blocks that nobody has read.
 """
 
 import hashlib
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 _BLOCK_BYTES = 1 << 20
 _MAX_BLOCKS = 1 << 16
 """Larger files have larger blocks: what is kept of a block takes 0.3 kB, so that no file takes more than 20 MB."""
+
+_MOST_SKIPPED = 8
+"""So many blocks that a reader passes over are hashed at once; of one that jumps farther its block alone."""
 
 _KEPT_BLOCKS = 4
 _BUFFER_BYTES = 1 << 18
@@ -39,38 +43,43 @@ class ChangedError(RecordingError):
 
 
 class FileContent:
-    """One file as it was when it was opened: its size, its sha256, and what proves each block of it.
+    """One file as it was when it was first read: its size, its sha256, and what proves each block of it.
 
     Of each block are kept the state of the hash before it and the digest behind it. So one sha256 over the file serves
-    all of them, and a block with that digest after that state is the block that was hashed.
+    all of them, and a block with that digest after that state is the block that was hashed. A block far ahead of those
+    that were hashed, as a file's ending is, has a digest of its own until it is its turn, and must be the same then.
     """
 
-    __slots__ = ("_block_bytes", "_digests", "_identity", "_states", "path", "size")
+    __slots__ = ("_ahead", "_block_bytes", "_blocks", "_digests", "_identity", "_states", "_whole", "path", "size")
 
     def __init__(self, path: Path) -> None:
-        """Hash a file. Raises RecordingError where it cannot be read, or changes meanwhile."""
+        """Note a file as it is. Raises RecordingError where it cannot be read."""
         self.path = path
         self._digests = bytearray()
-        self._states = []
+        self._states: list[hashlib._Hash] = []
+        self._ahead: dict[int, bytes] = {}
+        self._whole = hashlib.sha256()
         try:
             with path.open("rb", buffering=0) as file:
-                self._identity = _identity(os.fstat(file.fileno()))
-                self.size = os.fstat(file.fileno()).st_size
-                self._block_bytes = max(_BLOCK_BYTES, -(-self.size // _MAX_BLOCKS))
-                digest = hashlib.sha256()
-                for start in range(0, max(self.size, 1), self._block_bytes):
-                    self._states.append(digest.copy())
-                    digest.update(_pread(file.fileno(), start, min(self._block_bytes, self.size - start)))
-                    self._digests += digest.digest()
-                if _identity(os.fstat(file.fileno())) != self._identity:
-                    raise ChangedError(where=path)
+                status = os.fstat(file.fileno())
         except OSError as error:
-            raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
+            raise _unreadable(path, error) from error
+        self._identity = _identity(status)
+        self.size = status.st_size
+        self._block_bytes = max(_BLOCK_BYTES, -(-self.size // _MAX_BLOCKS))
+        self._blocks = max(-(-self.size // self._block_bytes), 1)
 
     @property
     def sha256(self) -> str:
-        """The sha256 (hex) of the file."""
-        return self._digests[-hashlib.sha256().digest_size :].hex()
+        """The sha256 (hex) of the file. Raises ChangedError, and RecordingError where it cannot be read."""
+        if len(self._states) < self._blocks:
+            try:
+                with self._opened() as file:
+                    self._hash_up_to(file.fileno(), self._blocks)
+            except OSError as error:
+                raise _unreadable(self.path, error) from error
+            self.check_unchanged()
+        return self._digests[-self._whole.digest_size :].hex()
 
     def open(self) -> BinaryIO:
         """The file for reading. A read raises ChangedError where the file is not what was hashed, and OSError."""
@@ -79,7 +88,7 @@ class FileContent:
     def read(self) -> bytes:
         """All of a small file. Raises ChangedError and OSError."""
         with self._opened() as file:
-            return b"".join(self.block(file.fileno(), number) for number in range(len(self._states)))
+            return b"".join(self.block(file.fileno(), number) for number in range(self._blocks))
 
     def _opened(self) -> FileIO:
         file = FileIO(self.path)
@@ -90,14 +99,44 @@ class FileContent:
 
     def block(self, descriptor: int, number: int) -> bytes:
         """One block, read anew. Raises ChangedError where it is not what was hashed, and OSError."""
+        if len(self._states) < number <= len(self._states) + _MOST_SKIPPED:
+            self._hash_up_to(descriptor, number)
+        data = self._read(descriptor, number)
+        if number == len(self._states):
+            self._hash(data)
+        elif number > len(self._states):
+            digest = hashlib.sha256(data).digest()
+            if self._ahead.setdefault(number, digest) != digest:
+                raise ChangedError(where=self.path)
+        else:
+            after = self._states[number].copy()
+            after.update(data)
+            length = after.digest_size
+            if after.digest() != self._digests[number * length : (number + 1) * length]:
+                raise ChangedError(where=self.path)
+        return data
+
+    def _read(self, descriptor: int, number: int) -> bytes:
         start = number * self._block_bytes
-        data = _pread(descriptor, start, min(self._block_bytes, self.size - start))
-        digest = self._states[number].copy()
-        digest.update(data)
-        length = digest.digest_size
-        if digest.digest() != self._digests[number * length : (number + 1) * length]:
+        length = min(self._block_bytes, self.size - start)
+        data = _pread(descriptor, start, length)
+        if len(data) != length:
             raise ChangedError(where=self.path)
         return data
+
+    def _hash_up_to(self, descriptor: int, number: int) -> None:
+        """Hash the blocks before one that are not hashed yet."""
+        for one in range(len(self._states), number):
+            self._hash(self._read(descriptor, one))
+
+    def _hash(self, data: bytes) -> None:
+        """Hash the next block, which must be what was read of it before."""
+        before = self._ahead.pop(len(self._states), None)
+        if before is not None and hashlib.sha256(data).digest() != before:
+            raise ChangedError(where=self.path)
+        self._states.append(self._whole.copy())
+        self._whole.update(data)
+        self._digests += self._whole.digest()
 
     def place(self, offset: int) -> tuple[int, int]:
         """The number of the block that has an offset, and how far the offset lies behind the block's start."""
@@ -126,7 +165,7 @@ class UnprovenFile:
 
 
 class Contents:
-    """The files of one recording, each hashed when it is first asked for."""
+    """The files of one recording, each as it was when it was first asked for."""
 
     def __init__(self) -> None:
         self._files: dict[Path, FileContent] = {}
@@ -199,6 +238,10 @@ class _ProvenReader(RawIOBase):
         if len(self._blocks) > _KEPT_BLOCKS:
             del self._blocks[next(iter(self._blocks))]
         return block
+
+
+def _unreadable(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(f"it cannot be read ({error.strerror or error})", where=path)
 
 
 def _identity(status: os.stat_result) -> tuple[int, ...]:

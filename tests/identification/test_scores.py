@@ -165,9 +165,9 @@ def test_damage_is_looked_for_in_sensors_with_an_unusual_statistic():
         SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3)),
         SensorCheck(Check.POINT_DROPOUT, 0, (3,)),
     ]
-    assert set(worth_localising(checks, [0.1, 0.1, 0.1, 0.4, 1.0])) == set()
-    assert set(worth_localising(checks, [0.11, 0.1, 0.11, 0.4, 1.0])) == {1, 3}
-    assert set(worth_localising(checks, [None, 0.2, None, 0.5, None])) == {0, 2}
+    assert set(worth_localising(checks, [0.25, 0.25, 0.1, 0.4, 1.0])) == set()
+    assert set(worth_localising(checks, [0.26, 0.25, 0.11, 0.4, 1.0])) == {1, 3}
+    assert set(worth_localising(checks, [None, 0.3, None, 0.5, None])) == {0, 2}
 
 
 def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():

@@ -7,7 +7,9 @@ import pytest
 
 from auditor.errors import RecordingError
 from auditor.pipeline import measure
+from auditor.recordings import content
 from auditor.store import Store
+from tests.making.counted_reads import count_reads
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 FRAMES = 4
@@ -65,3 +67,13 @@ def test_a_recording_that_changes_between_hashing_and_the_end_of_measuring_is_re
     assert not any(store.ids(table) for table in ("measurements", "recordings", "labels"))
     assert not list(store.folder.glob("frames/*.parquet"))
     assert not (store.folder / "pictures").exists()
+
+
+def test_a_recording_is_read_for_its_hash_and_for_its_frames(tmp_path, monkeypatch):
+    path = write_drive(tmp_path / "drive.mcap", 30, seed=1, positions_m=THREE_CAMERAS)
+    monkeypatch.setattr(content, "_BLOCK_BYTES", 1 << 14)  # as small beside it as they are beside a drive
+    read = count_reads(monkeypatch)
+    measure.measure_recording(measure.MeasureTask(path, tmp_path / "store"), lambda what, done: None)
+    # Its sensors are learnt from the beginning, which of a short recording is all of it, and is hashed meanwhile.
+    # The clock is told by the first chunk.
+    assert sum(read) < 2.1 * path.stat().st_size + 2**21

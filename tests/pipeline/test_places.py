@@ -1,6 +1,7 @@
 """A measurement keeps where the vehicle was, and nothing of that changes what is counted."""
 
 from math import nan
+from pathlib import Path
 
 import pytest
 
@@ -9,9 +10,11 @@ from auditor.model.poses import Pose
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
+from auditor.recordings.synchronisation import poses
 from auditor.store import Store, run_sql
 from auditor.store.maintenance.check import check
 from auditor.store.tables import read_rows
+from tests.making.counted_reads import count_reads
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, START_NS, drive_frames
 
@@ -88,3 +91,20 @@ def test_a_removed_recording_leaves_no_pose(stores: dict[str, Store]) -> None:
     [recording] = stores["bad"].ids("recordings")
     assert run(["store", "remove", recording, "--yes", "--store", str(stores["bad"].folder)]) == 0
     assert not list(stores["bad"].folder.glob("poses/*.parquet"))
+
+
+def test_places_are_the_same_where_their_messages_are_many_and_are_read_again(
+    stores: dict[str, Store], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = count_reads(monkeypatch)
+    rig = plane_rig(FOUR_CAMERAS[1:], True)
+    write_mcap(tmp_path / "drive.mcap", rig, drive_frames(rig, FRAMES), place=FORMS["fixes"])
+    taken = []
+    for kept_bytes in (poses._MOST_KEPT_BYTES, 0):
+        monkeypatch.setattr(poses, "_MOST_KEPT_BYTES", kept_bytes)
+        audit = tmp_path / f"audit-{kept_bytes}"
+        read.clear()
+        measure_recording(MeasureTask(tmp_path / "drive.mcap", audit), lambda *_: None)
+        taken.append(sum(read))
+        assert counted(Store.open(audit), "poses") == counted(stores["fixes"], "poses")
+    assert taken[0] < taken[1]

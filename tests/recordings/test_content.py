@@ -13,6 +13,7 @@ import pytest
 from auditor.errors import RecordingError
 from auditor.recordings import content, open_recording
 from auditor.recordings.content import ChangedError, FileContent
+from tests.making.counted_reads import count_reads
 from tests.making.forms import CONTAINERS
 from tests.making.recorded_drives import make_frames, make_rig
 
@@ -187,3 +188,44 @@ def test_the_blocks_of_a_file_are_bounded_in_number(tmp_path: Path, monkeypatch:
     known = FileContent(tmp_path / "a")
     assert len(known._states) <= 10
     assert known.read() == data
+
+
+def test_a_file_is_hashed_while_it_is_read_and_only_the_rest_of_it_when_its_hash_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = count_reads(monkeypatch)
+    file = tmp_path / "a"
+    file.write_bytes(data := np.random.default_rng(2).bytes(12 * content._BLOCK_BYTES + 9))
+    known = FileContent(file)
+    assert sum(read) == 0
+    with known.open() as stream:
+        stream.seek(-4, os.SEEK_END)  # as a footer is read before all else
+        assert stream.read() == data[-4:]
+        stream.seek(0)
+        assert stream.read(3 * content._BLOCK_BYTES) == data[: 3 * content._BLOCK_BYTES]
+    assert known.sha256 == hashlib.sha256(data).hexdigest()
+    assert len(data) < sum(read) <= len(data) + content._BLOCK_BYTES
+    read.clear()
+    assert known.sha256 == hashlib.sha256(data).hexdigest()
+    assert sum(read) == 0
+
+
+@pytest.mark.parametrize("hashed", [False, True])
+def test_a_block_that_is_read_far_ahead_is_what_is_read_and_hashed_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hashed: bool
+) -> None:
+    monkeypatch.setattr(content, "_identity", lambda status: (status.st_size,))
+    file = tmp_path / "a"
+    data = np.random.default_rng(3).bytes(12 * content._BLOCK_BYTES)
+    file.write_bytes(data)
+    known = FileContent(file)
+
+    def ending() -> bytes:
+        with known.open() as stream:
+            stream.seek(-4, os.SEEK_END)
+            return stream.read()
+
+    assert ending() == data[-4:]
+    file.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(ChangedError):
+        _ = known.sha256 if hashed else ending()

@@ -7,6 +7,7 @@ LiDAR's. A facula on a camera makes images inconsistent at every disparity, so i
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,29 +71,53 @@ def verify_conflicts(
     ds = stereo.disparity_px.take(place)
     over = inconsistent(d0, ds)
 
-    def verified(candidates: Mask, clearly_less: float) -> Mask:
-        """(M,) those of the candidates where the images match clearly less well at the LiDAR's disparity."""
-        flagged = np.flatnonzero(candidates)
-        # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
-        stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
-        sample = flagged[::stride]
-        ncc_lidar = ncc_at(
-            *half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF)
-        )
-        less = ncc_lidar < ncc_stereo[sample] - np.float32(clearly_less)
-        less[less] = ~_occluded(view, stereo, rig, source, sample[less])
-        found = np.zeros(candidates.size, dtype=np.bool_)
-        # Points lie in row-major order: those left out are neighbours of the verified one.
-        found[flagged] = less.repeat(stride)[: flagged.size]
-        return found
-
     valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
-    lidar_conflicts = verified(valid & over, LIDAR_CONFLICT.clearly_less)
     clear = seen & (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
-    contradicted = verified(clear & over & (d0 > ds), FALSE_RANGES.clearly_less)
+    conflicting, nearer = _Candidates.of(valid & over), _Candidates.of(clear & over & (d0 > ds))
+    # Most candidates are those of both questions.
+    every = np.union1d(conflicting.sample, nearer.sample)
+    ncc_lidar = ncc_at(*half_res, view.row[every] // HALF, view.column[every] // HALF, d0[every] / np.float32(HALF))
+
+    def verified(candidates: _Candidates, clearly_less: float) -> Mask:
+        """(M,) those of the candidates where the images match clearly less well at the LiDAR's disparity."""
+        sample = candidates.sample
+        less = ncc_lidar[np.searchsorted(every, sample)] < ncc_stereo[sample] - np.float32(clearly_less)
+        less[less] = ~_occluded(view, stereo, rig, source, sample[less])
+        return candidates.all_by(less, valid.size)
+
+    lidar_conflicts = verified(conflicting, LIDAR_CONFLICT.clearly_less)
+    contradicted = verified(nearer, FALSE_RANGES.clearly_less)
     valid &= lidar_conflicts | ~over
     votes = PointVotes(clear, clear & ~over, contradicted)
     return VerifiedConflicts(view.row, view.column, valid, lidar_conflicts, votes)
+
+
+class _Candidates(NamedTuple):
+    """The numbers of points that are to be verified, of which one of `stride` neighbours is, for all of them.
+
+    Under a strong attack most pixels are inconsistent.
+    """
+
+    flagged: Indices
+    stride: int
+
+    @classmethod
+    def of(cls, candidates: Mask) -> "_Candidates":
+        """Those of (M,) points."""
+        flagged = np.flatnonzero(candidates)
+        return cls(flagged, max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1))
+
+    @property
+    def sample(self) -> Indices:
+        """Those that are verified."""
+        return self.flagged[:: self.stride]
+
+    def all_by(self, of_sample: Mask, points: int) -> Mask:
+        """(points,) what all are by what those of the sample are."""
+        found = np.zeros(points, dtype=np.bool_)
+        # Points lie in row-major order: those left out are neighbours of the verified one.
+        found[self.flagged] = of_sample.repeat(self.stride)[: self.flagged.size]
+        return found
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

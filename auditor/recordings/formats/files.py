@@ -64,9 +64,6 @@ class FilesRecording(ABC):
         self.path = path
         self.files = (*chain.from_iterable(streams), *journals.values())
         self._contents = Contents()
-        # Files given together have the id of the folder that holds them.
-        named = path if path in self.files else self.files[0].parent
-        self.recording_id = self._contents.recording_id(named, self.files)
         of = self._contents.of
         self._streams = tuple(
             tuple(source_of(of(file), of(journals[file]) if file in journals else None) for file in stream)
@@ -92,6 +89,13 @@ class FilesRecording(ABC):
         """Free the unpacked content."""
         for source in self._sources:
             source.close()
+
+    @cached_property
+    def recording_id(self) -> str:
+        """The hash of its files; what nobody has read of them is read. Raises RecordingError."""
+        # Files given together have the id of the folder that holds them.
+        named = self.path if self.path in self.files else self.files[0].parent
+        return self._contents.recording_id(named, self.files)
 
     def check_unchanged(self) -> None:
         """Raise ChangedError where a file is not what it was when it was opened."""

@@ -49,9 +49,10 @@ class Change(NamedTuple):
 
 
 class Changes:
-    """The changes of a recording in order of time, found by reading it once, at most `most_messages` of them.
+    """The changes of a recording, found in its messages as they are taken one by one, at most `most_messages` of them.
 
-    `until_ns` is when the first one comes that is too many; None where there is none.
+    `topics` are those whose messages are to be taken. `until_ns` is when the first change comes that is too many; None
+    where there is none.
     """
 
     def __init__(self, recording: Recording, survey: Survey, keys: frozenset[Key]) -> None:
@@ -64,23 +65,38 @@ class Changes:
         self._values |= {Key("size", image.topic.name): image.size_px for image in survey.images}
         self._tails: dict[str, bytes] = {}
         self._new_sizes: dict[Key, list[Change]] = {}
-        self.found: list[Change] = []
+        self._found: list[Change] = []
         self.until_ns: int | None = None
-        self._read(recording)
-        self.found.sort(key=lambda change: change.time_ns)
-
-    def _read(self, recording: Recording) -> None:
-        topics = {key.name for key in self._keys if key.kind != "transform"}
+        self.topics = {key.name for key in self._keys if key.kind != "transform"}
         if any(key.kind == "transform" for key in self._keys):
-            topics |= {t.name for t in recording.topics() if self._kind(t.schema, t.encoding) == "transforms"}
-        for message in recording.messages(topics):
-            with suppress(DecodingError):
-                for change in self._changes(message):
-                    if len(self.found) == CALIBRATION_CHANGES.most_messages:
-                        self.until_ns = change.time_ns
-                        return
-                    self._values[change.key] = change.value
-                    self.found.append(change)
+            self.topics |= {t.name for t in recording.topics() if self._kind(t.schema, t.encoding) == "transforms"}
+
+    @property
+    def found(self) -> list[Change]:
+        """The changes so far, in order of time."""
+        return sorted(self._found, key=lambda change: change.time_ns)
+
+    @property
+    def any(self) -> bool:
+        """Whether there was a change so far."""
+        return bool(self._found)
+
+    def read(self, recording: Recording) -> None:
+        """Take the messages of a whole recording, up to the first change that is too many."""
+        for message in recording.messages(self.topics):
+            self.take(message)
+            if self.until_ns is not None:
+                return
+
+    def take(self, message: Message) -> None:
+        """Take one message, in the order of the recording."""
+        with suppress(DecodingError):
+            for change in self._changes(message):
+                if len(self._found) == CALIBRATION_CHANGES.most_messages:
+                    self.until_ns = change.time_ns
+                    return
+                self._values[change.key] = change.value
+                self._found.append(change)
 
     def _kind(self, schema: str, encoding: str) -> str:
         decoder = self._decoders.of(schema, encoding)

@@ -54,7 +54,29 @@ def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
     """
     rigs = find_rigs(survey)
     needed = [_needs(rig, survey) for rig in rigs]
-    changes = Changes(recording, survey, frozenset[Key]().union(*(needs.keys() for needs in needed)))
+    changes = _changes_of(recording, survey, needed)
+    changes.read(recording)
+    return _in_force(survey, rigs, needed, changes)
+
+
+def rigs_unless_changed(recording: Recording, survey: Survey) -> tuple[RigsInForce, Changes]:
+    """What `rigs_in_force` gives where no calibration changes, and what finds out that one does; nothing is read.
+
+    Raises RigError where there is no rig at the beginning.
+    """
+    rigs = find_rigs(survey)
+    needed = [_needs(rig, survey) for rig in rigs]
+    changes = _changes_of(recording, survey, needed)
+    return _in_force(survey, rigs, needed, changes), changes
+
+
+def _changes_of(recording: Recording, survey: Survey, needed: Sequence[Mapping[Key, int]]) -> Changes:
+    return Changes(recording, survey, frozenset[Key]().union(*(needs.keys() for needs in needed)))
+
+
+def _in_force(
+    survey: Survey, rigs: Sequence[Rig], needed: Sequence[Mapping[Key, int]], changes: Changes
+) -> RigsInForce:
     found: dict[str, RigInForce] = {}
     remarks = dict.fromkeys(_repairs(rigs, survey))
     for rig, needs in zip(rigs, needed, strict=True):

@@ -1,13 +1,13 @@
 """The poses nearest to the frames of a recording, for a place of what happens in them.
 
-They come of a read of their own, behind that of the sensors: nothing of them can change a frame. What is kept of a
-topic is no more than one pose before and one behind each frame, so memory is bounded by frames and topics, and both
-are bounded by POSES.
+They are placed behind the read of the sensors: nothing of them can change a frame. Their messages are kept from that
+read where they are few, and come of a read of their own where they are many. What is kept of a topic's poses is no more
+than one before and one behind each frame, so memory is bounded by frames and topics, and both are bounded by POSES.
 """
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isnan
@@ -27,6 +27,9 @@ from auditor.recordings.recording import Recording, Topic
 FAR = "far from every frame"
 MANY_TOPICS = "too many topics"
 MANY_FRAMES = "too many frames of reference"
+
+_MOST_KEPT_BYTES, _MESSAGE_BYTES = 32 * 2**20, 512
+"""Of messages that are kept, and what each takes beside its data."""
 
 _GEOGRAPHIC = ("latitude_deg", "longitude_deg", "altitude_m", "heading_deg")
 _LOCAL = ("x_m", "y_m", "z_m", "heading_deg")
@@ -52,16 +55,48 @@ class FramePoses:
             yield from track.poses()
 
 
-def read_poses(recording: Recording, frames: FrameTimes) -> FramePoses:
-    """Read a recording's poses; it is read through where it has topics of them. Raises what its reader does."""
-    ranked = [(rank, topic) for topic in recording.topics() if (rank := pose_rank(topic)) is not None]
-    wanted = sorted(ranked, key=itemgetter(0))  # those of one rank stay by name
+class PoseMessages:
+    """Keeps the messages of a recording's topics of poses as somebody else's read passes them, while they are few."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.topics = frozenset(topic.name for topic in _topics_of(recording)[: POSES.most_tracks])
+        self._kept: list[Message] = []
+        self._left_bytes = _MOST_KEPT_BYTES
+
+    def take(self, message: Message) -> None:
+        """Take one message, in the order of the recording."""
+        self._left_bytes -= len(message.data) + _MESSAGE_BYTES
+        if self._left_bytes >= 0:
+            self._kept.append(message)
+        else:
+            self._kept.clear()
+
+    def of(self, topics: Collection[str]) -> Iterable[Message] | None:
+        """The messages of some topics, once the whole recording has passed; None where they were not all kept."""
+        if self._left_bytes < 0 or not self.topics.issuperset(topics):
+            return None
+        return (message for message in self._kept if message.topic in topics)
+
+
+def read_poses(recording: Recording, frames: FrameTimes, passed: PoseMessages | None = None) -> FramePoses:
+    """The poses of some frames; a recording that has topics of them is read through unless they have `passed`.
+
+    Raises what its reader does.
+    """
+    wanted = _topics_of(recording)
     if not wanted or not frames.numbers:
         return FramePoses()
-    reading = _Reading(recording, frames, [topic for _, topic in wanted])
-    for message in recording.messages(reading.topics):
+    reading = _Reading(recording, frames, wanted)
+    kept = passed.of(reading.topics) if passed is not None else None
+    for message in recording.messages(reading.topics) if kept is None else kept:
         reading.take(message)
     return reading.result()
+
+
+def _topics_of(recording: Recording) -> list[Topic]:
+    """The topics of poses, those that go first before the others."""
+    ranked = [(rank, topic) for topic in recording.topics() if (rank := pose_rank(topic)) is not None]
+    return [topic for _, topic in sorted(ranked, key=itemgetter(0))]  # those of one rank stay by name
 
 
 class _Reading:

@@ -135,3 +135,19 @@ def _unlink(path: Path) -> None:
         path.unlink(missing_ok=True)
     except OSError as error:
         raise StoreError(f"it cannot be removed ({error.strerror or error})", where=path) from error
+
+
+def remove_counted_earlier(store: Store, measurement: str) -> None:
+    """Remove what was measured of the same recording by the same rig and matcher in an earlier way of counting."""
+    if not store.has_measurement(measurement):
+        return
+
+    def measured(known: str) -> tuple[str, str, str]:
+        one = store.measurement(known)
+        return one.recording_id, one.rig_id, one.procedure.matcher
+
+    version = store.measurement(measurement).procedure.counting_version
+    for known in store.ids("measurements"):
+        earlier = store.measurement(known).procedure.counting_version < version
+        if earlier and measured(known) == measured(measurement):
+            remove_measurement(store, known)

@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import open_recording, write_mcap
+from auditor.recordings.formats.mcap import reader
 from auditor.recordings.formats.mcap.records import unpack_chunk
 from auditor.recordings.formats.unpacking import BadChunkError
 from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
@@ -374,3 +375,14 @@ def test_another_file_named_mcap_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"this is text, not a recording")
     with pytest.raises(RecordingError, match="not an MCAP file"):
         open_recording(tmp_path / "a.mcap")
+
+
+def test_labels_and_metadata_are_those_that_a_whole_read_has_passed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_mcap(tmp_path / "a.mcap", RIG, FRAMES, [LABEL], vehicle="V7")
+    with open_recording(tmp_path / "a.mcap") as recording:
+        list(recording.messages())
+        monkeypatch.setattr(reader, "records", None)  # nothing is looked for again
+        assert recording.labels() == (LABEL,)
+        assert recording.metadata() == {"vehicle": "V7"}

@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -110,9 +111,8 @@ class KittiRecording:
         data = (file for stream in self._streams for _, file in stream.entries)
         self.files = tuple(sorted(chain(data, others, calibration.files)))
         self._contents = contents
-        # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
-        top = folder if all(folder in file.parents for file in self.files) else folder.parent
-        self.recording_id = contents.recording_id(top, self.files)
+        for file in self.files:
+            contents.of(file)  # as it is now: what changes from here on is found
 
     def __enter__(self) -> Self:
         return self
@@ -124,6 +124,14 @@ class KittiRecording:
 
     def close(self) -> None:
         """Nothing stays open between reads."""
+
+    @cached_property
+    def recording_id(self) -> str:
+        """The hash of its files; what nobody has read of them is read. Raises RecordingError."""
+        # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
+        folder = self._drive
+        top = folder if all(folder in file.parents for file in self.files) else folder.parent
+        return self._contents.recording_id(top, self.files)
 
     def check_unchanged(self) -> None:
         """Raise ChangedError where a file is not what it was when it was opened."""

@@ -2,7 +2,7 @@
 
 import struct
 import zlib
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import suppress
 from io import BytesIO
 
@@ -39,13 +39,28 @@ _MAX_LOG_TIME_NS = 2**63 - 1
 _MAX_CHUNK_RECORDS = 2**20
 _MAX_ATTACHED_BYTES = 16 * 2**20
 _MAX_METADATA_BYTES = 2**20
+_MOST_NOTED = 2**10
+"""Attachments and metadata whose places are kept; of a file that has more they are looked for again."""
+
+_ATTACHED = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
 
 
 class McapRead(FileRead):
-    """One forward read of one file: yields messages, counts all of them, notes damage."""
+    """One forward read of one file: yields messages, counts all of them, notes damage.
 
-    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+    Behind a read without damage `attached` has the places of the file's attachments and metadata.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        wanted: Collection[str] | None,
+        names: Names,
+        damage: DamageLog,
+        attached: dict[Source, Sequence[Record]] | None = None,
+    ) -> None:
         super().__init__(source, wanted, names, damage)
+        self._attached = attached
         self._messages_spending = Spending(CHUNKS)
         self._schemas: dict[int, str] = {}
         self._chunk_offsets: list[int] = []
@@ -61,13 +76,16 @@ class McapRead(FileRead):
                 # A channel stands in the first chunk that uses it: where that chunk is damaged, the summary has it.
                 self.learn_summary(ending.summary)
             stream = ForwardStream(file, size, checksum=bool(ending and ending.data_crc))
-            crc = 0
+            crc, attached = 0, list[Record]()
             try:
                 for record in records(stream, self._damage, self._chunk_offsets):
                     if record.opcode == Opcode.DATA_END:
                         if ending and ending.data_crc and crc != ending.data_crc:
                             self._damage.add("the checksum over all its data is wrong", record.offset)
+                        self._note(attached, whole=self._damage.count == damage_before)
                         break
+                    if record.opcode in _ATTACHED:
+                        attached.append(record)
                     yield from self._record(stream, record)
                     stream.skip_to(record.offset + HEAD.size + record.length)
                     crc = stream.crc
@@ -78,6 +96,10 @@ class McapRead(FileRead):
             if ending is None and self._damage.count == damage_before:
                 self._damage.add("its end is damaged (footer or summary)", stream.offset)
         self.channels.note_unknown()
+
+    def _note(self, attached: Sequence[Record], *, whole: bool) -> None:
+        if self._attached is not None and whole and len(attached) <= _MOST_NOTED:
+            self._attached[self._source] = attached
 
     def span_ns(self) -> Span | None:
         """The first and last log time: by the summary where there is one, else by the heads of chunks and messages."""
@@ -208,13 +230,14 @@ class McapRead(FileRead):
         self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
 
 
-def attached_to(source: Source) -> Iterator[Attachment | Metadata]:
-    """Attachments and metadata records of a file; all other records are skipped."""
+def attached_to(source: Source, noted: Sequence[Record] | None = None) -> Iterator[Attachment | Metadata]:
+    """Attachments and metadata records of a file, at the places that a read has noted; else all others are skipped."""
     damage = DamageLog()
     with source.open() as file:
         stream = ForwardStream(file, source.size, checksum=False)
-        for record in records(stream, damage):
-            if record.opcode in {Opcode.ATTACHMENT, Opcode.METADATA}:
+        for record in records(stream, damage) if noted is None else noted:
+            if record.opcode in _ATTACHED:
+                stream.skip_to(record.offset + HEAD.size)
                 most = _MAX_METADATA_BYTES if record.opcode == Opcode.METADATA else _MAX_ATTACHED_BYTES
                 body = read_body(stream, record, damage) if record.length <= most else None
                 attached = _parse_attached(record.opcode, body) if body is not None else None

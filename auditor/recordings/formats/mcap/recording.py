@@ -1,6 +1,6 @@
 """MCAP recordings: one file or several, chunked or not, whole or cut, with an index or without."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FilesRecording, Streams
 from auditor.recordings.formats.mcap.reader import McapRead, attached_to
-from auditor.recordings.formats.mcap.records import MAGIC, read_ending
+from auditor.recordings.formats.mcap.records import MAGIC, Record, read_ending
 from auditor.recordings.formats.unpacking import Source
 from auditor.recordings.recording import LABELS_NAME, METADATA_NAME, labels_from_json
 
@@ -32,6 +32,7 @@ class McapRecording(FilesRecording):
 
     def __init__(self, path: Path, streams: Streams) -> None:
         super().__init__(path, streams)
+        self._attached: dict[Source, Sequence[Record]] = {}
         for source in self._sources:
             with source.open() as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
@@ -40,7 +41,7 @@ class McapRecording(FilesRecording):
         self._learn_topics()
 
     def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> McapRead:
-        return McapRead(source, topics, self._names, damage)
+        return McapRead(source, topics, self._names, damage, self._attached)
 
     def _learn_topics(self) -> None:
         """Learn topics from the summaries where there are any, else from the beginning."""
@@ -67,7 +68,7 @@ class McapRecording(FilesRecording):
         for source in self._sources:
             if source in self._unreadable:
                 continue
-            for attached in attached_to(source):
+            for attached in attached_to(source, self._attached.get(source)):
                 if isinstance(attached, Metadata):
                     metadata.update(attached.metadata if attached.name == METADATA_NAME else {})
                 elif attached.name == LABELS_NAME:
