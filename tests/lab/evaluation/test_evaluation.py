@@ -25,9 +25,9 @@ from auditor.lab.evaluation import (
     runner,
 )
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.chunks import CHUNK_FRAMES
 from auditor.lab.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws, attacked_sets, disc_share
 from auditor.lab.evaluation.features import FeaturesOfCases
+from auditor.lab.evaluation.runner import CHUNK_FRAMES
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, LIDAR_CHECKS, Check, rig_sensor_checks
