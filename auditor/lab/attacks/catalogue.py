@@ -12,15 +12,14 @@ from auditor.lab.attacks.faults import (
     DelayedLidar,
     DimmedCamera,
     HiddenSector,
+    Rain,
     ScatteredPoints,
     ShiftedCamera,
     SoiledLens,
     TurnedLidar,
 )
-from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
-from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes, LaserPattern, Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.lab.attacks.rain import Rain
 from auditor.lab.attacks.spoofing import ChangedRanges, GhostCar, RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Camera

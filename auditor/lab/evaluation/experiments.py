@@ -18,7 +18,7 @@ from auditor.lab.attacks.faults import (
     ShiftedCamera,
     TurnedLidar,
 )
-from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.interference import LaserPattern, Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.evaluation.attacks import Attack
 from auditor.model.frames import Frame
