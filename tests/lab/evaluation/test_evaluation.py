@@ -19,7 +19,6 @@ from auditor.lab.evaluation import (
     EvaluateTask,
     Recorded,
     Street,
-    chunks,
     evaluate_source,
     experiments_of,
     runner,
@@ -215,7 +214,7 @@ def evaluated(shorter, tmp_path_factory):
 
 @pytest.fixture
 def short_chunks(monkeypatch):
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    monkeypatch.setattr(runner, "CHUNK_FRAMES", CHUNK)
 
 
 def few_in_short_chunks(patched):
@@ -228,7 +227,7 @@ def few_in_short_chunks(patched):
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))
-    patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    patched.setattr(runner, "CHUNK_FRAMES", CHUNK)
     patched.setattr(runner, "experiments_of", lambda _: chosen)
 
 
