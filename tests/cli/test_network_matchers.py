@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 torch = pytest.importorskip("torch")
 
 from auditor.cli import auditor  # noqa: E402
-from auditor.measurement.disparity.matchers.psmnet import shipped  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
 from auditor.store import Store, run_sql  # noqa: E402
 from tests.making.psmnet_networks import ruled_state  # noqa: E402

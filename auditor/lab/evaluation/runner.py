@@ -17,7 +17,6 @@ from typing import Any
 from auditor import __version__
 from auditor.errors import RigError
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
-from auditor.lab.evaluation.attacks import parameters_of
 from auditor.lab.evaluation.experiments import (
     DELAYS,
     EXPERIMENTS,
@@ -27,6 +26,7 @@ from auditor.lab.evaluation.experiments import (
     Experiment,
     SeededDraws,
     all_triples,
+    parameters_of,
     pattern_cases,
     read_patterns,
 )
