@@ -106,6 +106,9 @@ class Criteria:
             "samples cannot resolve."
         ),
     )
+    recount: bool = field(
+        default=False, metadata=_about("Compute statistics again from the stored cells, in today's windows.")
+    )
     calibration: str | None = field(
         default=None,
         metadata=_about(
@@ -142,10 +145,15 @@ class Criteria:
     )
 
     def __post_init__(self) -> None:
-        if self.method is Method.PAPER and self.incidents_per_hour is not None:
+        if self.method is Method.ROBUST:
+            return
+        remedy = "leave it away, or judge with --method robust"
+        if self.incidents_per_hour is not None:
             what = "the paper's method has no limit that incidents per hour could set"
-            remedy = "leave it away, or judge with --method robust"
             raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
+        if self.recount:
+            what = "the paper's method has no statistics that come from cells"
+            raise SettingError(what, where="--recount", remedy=remedy)
 
 
 class JudgingKeywords(TypedDict, total=False):
@@ -157,6 +165,7 @@ class JudgingKeywords(TypedDict, total=False):
     incidents_per_hour: float | None
     transfer: bool
     strict: bool
+    recount: bool
     calibration: str | None
     min_coverage: float
     min_view: float

@@ -1,22 +1,37 @@
 """What judging and calibrating need of a stored measurement: its statistics, fault features and clean frames."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, frozen
 from auditor.identification.marks import MACHINE
+from auditor.identification.statistics import sensor_statistics
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import SensorCheck, rig_sensor_checks
+from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.store import FrameStatistics, Store
+from auditor.store import FrameStatistics, Store, StoredMeasurement
 
 
-def clean_frames_of(store: Store, known: str, frames: range | None = None) -> CleanFrames:
-    """What a calibration keeps of a measurement; `frames` restricts it to these frame numbers."""
-    measurement = store.measurement(known)
-    rig, frames_of = store.rig(measurement.rig_id), store.load_statistics(known)
+def clean_frames_of(
+    store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
+) -> CleanFrames:
+    """What a calibration keeps of a measurement.
+
+    `frames` restricts it to these frame numbers, `recount` computes the statistics again from the stored cells.
+    """
+    stored = store.measurement(measurement)
+    return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
+
+
+def _clean_frames(
+    store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
+) -> CleanFrames:
+    known = measurement.measurement_id
+    frames_of = frame_statistics(store, known, recount=recount)
     features = observed_features(store, known)
     present = frames_of.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
@@ -61,3 +76,28 @@ def observed_features(store: Store, measurement: str) -> ObservedFeatures:
     """The stored fault features of a measurement."""
     seen = store.load_fault_features(measurement)
     return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.brightness)
+
+
+def frame_statistics(store: Store, measurement: str, *, recount: bool) -> FrameStatistics:
+    """The stored statistics of a measurement; with `recount` computed again from the stored cells."""
+    stored = store.load_statistics(measurement)
+    if not recount:
+        return stored
+    counted = statistics_from_cells(store, measurement)
+    same = stored.unmasked == stored.statistics
+    return replace(stored, statistics=counted, unmasked=np.where(same, counted, stored.unmasked))
+
+
+def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
+    """(F, M) statistics computed again from the stored cells, as a scan computes them from the images.
+
+    For measurements made before windows or votes were changed. Statistics without cells stay as they were measured.
+    """
+    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
+    counted = [column for column, one in enumerate(sensor_checks) if one.check not in SHARE_CHECKS]
+    of_cells = [sensor_checks[column] for column in counted]
+    stored = store.load_statistics(measurement)
+    statistics, row_of = stored.statistics.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
+    for frame, cells in store.load_cells(measurement):
+        statistics[row_of[frame], counted] = np.array(sensor_statistics(of_cells, cells, {}), dtype=np.float64)
+    return statistics

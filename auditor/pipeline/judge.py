@@ -37,7 +37,7 @@ from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method, Verdict, VerdictKind
-from auditor.pipeline.clean_frames import observed_features
+from auditor.pipeline.clean_frames import frame_statistics, observed_features
 from auditor.store import (
     FrameStatistics,
     JudgementRecord,
@@ -149,6 +149,7 @@ def judge_measurement(
         thresholds,
         todays_rules(),
         _after(before),
+        criteria.recount,
         absent_sensors=part.absent if part else (),
         calibrated_as=part.sensors if part else rig.sensors,
         marks=fitted.marks,
@@ -203,7 +204,7 @@ def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Cri
     rig = store.rig(stored.rig_id)
     own = calibration_for(calibration, rig) or calibration
     similarity = check_calibration(own, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
-    frames = store.load_statistics(measurement)
+    frames = frame_statistics(store, measurement, recount=criteria.recount)
     halvings = halvings_of_points(own.clean, rig, frames.returns)
     marks = marks_of(own, similarity, stored.recording_id, halvings, stored.versions)
     return _Fitted(measurement, rig, frames, own, halvings, marks)

@@ -105,7 +105,7 @@ def is_as_now(
         criteria.r,
         judging_digest(),
         transferred=similarity is not Similarity.SAME,
-        recounted=False,
+        recounted=criteria.recount,
         judged_with=tuple(beside),
     )
     return now == judgement.judgement_id

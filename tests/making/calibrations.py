@@ -9,6 +9,8 @@ from auditor.pipeline.many import CleanMeasurements
 from auditor.store import Store
 
 
-def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = None) -> Calibration:
+def calibrate(
+    measurements: Sequence[tuple[Store, str]], frames: range | None = None, *, recount: bool = False
+) -> Calibration:
     """The calibration that some measurements give, each with its store."""
-    return make(CleanMeasurements(tuple(measurements), ()), Decimal("0.01"), frames).calibration
+    return make(CleanMeasurements(tuple(measurements), ()), Decimal("0.01"), frames, recount=recount).calibration

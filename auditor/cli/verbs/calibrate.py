@@ -50,6 +50,7 @@ class _Frames(click.ParamType[range]):
 @options.setting("strict")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=PATH, help="Also write the thresholds artefact to this file.")
+@options.setting("recount")
 @options.measuring_options(*options.MEASURING)
 @format_option
 def command(
@@ -63,6 +64,7 @@ def command(
     form: str,
     *,
     strict: bool,
+    recount: bool,
 ) -> int:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
@@ -101,7 +103,7 @@ def command(
         clean = choose_clean(given, opened)
         for reason in clean.left_out:
             say(reason)
-        every = _made(clean, r, frames, jobs=measuring.jobs, one_file=out is not None)
+        every = _made(clean, r, frames, recount=recount, jobs=measuring.jobs, one_file=out is not None)
         for made in every:
             _check_rate(made, method, strict=strict)
         kept = Store.open(store, create=True)
@@ -126,7 +128,7 @@ def _measured(scan: "Scan | None", store: Path, tally: Tally) -> "list[tuple[Sto
 
 
 def _made(
-    clean: "CleanMeasurements", r: Decimal, frames: range | None, *, jobs: int, one_file: bool
+    clean: "CleanMeasurements", r: Decimal, frames: range | None, *, recount: bool, jobs: int, one_file: bool
 ) -> "list[MadeCalibration]":
     """A calibration of each rig kind and procedure. Raises SettingError for several that are to be `one_file`."""
     from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415 - keeps --help quick
@@ -138,7 +140,7 @@ def _made(
             where="--out",
             remedy="leave it out, and write each with auditor calibration export",
         )
-    return [make(group, r, frames, jobs=jobs) for group in groups]
+    return [make(group, r, frames, recount=recount, jobs=jobs) for group in groups]
 
 
 def _show(made: "MadeCalibration", version: "Kept", store: "Store", method: str, r: Decimal, form: str) -> None:

@@ -125,7 +125,7 @@ def calibrations_of_others(
     clean : collection of str
         Those of them whose recordings are provisionally clean, and teach.
     criteria : Criteria
-        Its r is that of the calibrations.
+        Its r and `recount` are those of the calibrations.
     jobs : int
         Processes that read many measurements.
 
@@ -146,7 +146,7 @@ def calibrations_of_others(
     for group in dict.fromkeys(groups.get(drive) for drive in drives.values()):
         others = tuple((store, teacher) for teacher in teachers if groups[drives[teacher]] != group)
         try:
-            made = make(CleanMeasurements(others, ()), criteria.r, jobs=jobs)
+            made = make(CleanMeasurements(others, ()), criteria.r, recount=criteria.recount, jobs=jobs)
         except ThresholdsError:  # nothing was measured, or the teachers' kinds differ more than from the first one's
             continue
         calibrations[group] = made.calibration

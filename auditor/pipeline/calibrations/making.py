@@ -69,6 +69,7 @@ class Asked:
     most_scores: int
     most_errors: int
     frames: range | None
+    recount: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ class _Part:
         for store in stores.values():
             store.measurements()  # at once: one by one takes far longer
         for folder, known in self.measurements:
-            yield clean_frames_of(stores[folder], known, self.asked.frames)
+            yield clean_frames_of(stores[folder], known, self.asked.frames, recount=self.asked.recount)
 
 
 class _Sums:
@@ -154,12 +155,15 @@ class MadeCalibration:
                 yield from judged
 
 
-def make(clean: CleanMeasurements, r: Decimal, frames: range | None = None, *, jobs: int = 1) -> MadeCalibration:
+def make(
+    clean: CleanMeasurements, r: Decimal, frames: range | None = None, *, recount: bool = False, jobs: int = 1
+) -> MadeCalibration:
     """The calibration that clean measurements of one rig kind and procedure give, each once; see the module.
 
-    `r` is the rate that its recordings are judged at. `frames` restricts it to these frame numbers of each measurement.
-    `jobs` processes read many of them. Raises ThresholdsError where kinds or procedures differ, nothing was measured,
-    or it was counted otherwise than today.
+    `r` is the rate that its recordings are judged at. `frames` restricts it to these frame numbers of each measurement,
+    `recount` computes their statistics again from the stored cells. `jobs` processes read many of them.
+    Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted otherwise than
+    today.
     """
     if not clean.chosen:
         raise ThresholdsError(
@@ -168,9 +172,9 @@ def make(clean: CleanMeasurements, r: Decimal, frames: range | None = None, *, j
     measurements = tuple((store, known) for known, store in {known: store for store, known in clean.chosen}.items())
     clean = replace(clean, chosen=measurements)
     _refuse_mixture(measurements)
-    asked = _asked_of(measurements, r, frames)
+    asked = _asked_of(measurements, r, frames, recount=recount)
     recordings = tuple(
-        (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames))
+        (store.measurement(known).recording_id, partial(clean_frames_of, store, known, frames, recount=recount))
         for store, known in measurements
     )
     sums = _Sums(asked)
@@ -237,7 +241,7 @@ def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
             raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
 
 
-def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None) -> Asked:
+def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool) -> Asked:
     stored = [store.measurement(known) for store, known in measurements]
     groups = groups_of(one.recording_id for one in stored)
     of_groups, of_recordings = Counter[str | int](), Counter[str]()
@@ -250,6 +254,7 @@ def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: ran
         largest_asked_for(of_groups),
         errors_asked_for(r, of_recordings),
         frames,
+        recount,
     )
 
 

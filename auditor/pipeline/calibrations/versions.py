@@ -102,6 +102,7 @@ def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "cali
         parent=None if first else before,
         outcome=Outcome.PROMOTED if first else Outcome.CANDIDATE,
         frames=made.asked.frames,
+        recounted=made.asked.recount,
     )
     if read_version(store, calibration.calibration_id) is None:
         write_version(store, version)
@@ -167,6 +168,7 @@ def version_of(
     reasons: Sequence[str] = (),
     provisional: bool = False,
     frames: range | None = None,
+    recounted: bool = False,
     conditions: Sequence[ConditionRate] = (),
 ) -> CalibrationVersion:
     """How a calibration is made now."""
@@ -191,7 +193,7 @@ def version_of(
         incidents_by_others=sum(one.incidents_by_others or 0 for one in judged),
         first_frame=frames.start if frames is not None else None,
         last_frame=frames.stop - 1 if frames is not None else None,
-        recounted=False,
+        recounted=recounted,
         auditor_version=__version__,
         judging_version=JUDGING_VERSION,
         rules=judging_digest(),
@@ -246,6 +248,7 @@ def _again(store: Store, judgement: StoredJudgement) -> Judged:
         judgement.statistic or Statistic.GATED,
         judgement.incidents_per_hour,
         transfer=judgement.transferred,
+        recount=judgement.recounted,
     )
     return Judge(store, JudgeSettings(criteria)).judge(judgement.measurement_id)
 
@@ -264,11 +267,11 @@ def problems_of(store: Store, calibration_id: str) -> Iterator[str]:
         yield "it was made of other recordings than are named"
         return
     there = [one.measurement_id for one in version.included if store.has_measurement(one.measurement_id)]
-    if version.recounted or len(there) < len(version.included):  # an earlier auditor counted its cells again
+    if len(there) < len(version.included):
         return
     frames = range(version.first_frame, (version.last_frame or 0) + 1) if version.first_frame is not None else None
     try:
-        clean = [clean_frames_of(store, known, frames) for known in there]
+        clean = [clean_frames_of(store, known, frames, recount=version.recounted) for known in there]
     except AuditorError as error:
         yield f"it cannot be made again: {error}"
         return
@@ -280,9 +283,7 @@ def problems_of(store: Store, calibration_id: str) -> Iterator[str]:
 def remade(store: Store, calibration_id: str) -> bool:
     """Whether all that a calibration was made of is in the store, so that `problems_of` makes it again."""
     version = read_version(store, calibration_id)
-    if version is None or version.recounted:
-        return False
-    return all(store.has_measurement(one.measurement_id) for one in version.included)
+    return version is not None and all(store.has_measurement(one.measurement_id) for one in version.included)
 
 
 def steps_between(a: Calibration, b: Calibration, r: Decimal) -> list[Step]:
