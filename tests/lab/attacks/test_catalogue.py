@@ -14,9 +14,7 @@ from tests.attack_table import DOCUMENT, table
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).resolve().parents[3]
-ADDED = """    "inverted": CameraKind(
-        "a picture whose light is dark", "share of it", 1.0, draw=lambda _draw, _, size: DimmedCamera(1 - size)
-    ),
+ADDED = """    "inverted": CameraKind("light becomes dark", "share of it", 1.0, lambda _draw, _, size: DimmedCamera(1 - size)),
 """
 
 
@@ -53,6 +51,6 @@ def test_a_kind_that_is_added_in_one_place_is_offered_explained_and_made(tmp_pat
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
         return done.stdout
 
-    assert "a picture whose light is dark: share of it [1]" in " ".join(auditor("attack", "--help").split())
+    assert "light becomes dark: share of it [1]" in " ".join(auditor("attack", "--help").split())
     auditor("attack", drive, tmp_path / "attacked.mcap", "--on", "S_1", "--kind", "inverted")
     assert b"inverted" in (tmp_path / "attacked.mcap").read_bytes(), "the ground truth names it"
