@@ -14,7 +14,7 @@ from tests.attack_table import DOCUMENT, table
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).resolve().parents[3]
-ADDED = """    "inverted": CameraKind("light becomes dark", "share of it", 1.0, lambda _draw, _, size: DimmedCamera(1 - size)),
+ADDED = """    "inverted": CameraKind("light becomes dark", "share of it", 1.0, lambda _d, _, x: DimmedCamera(1 - x)),
 """
 
 
