@@ -10,8 +10,7 @@ from typing import Any
 
 import auditor
 from auditor.casefile.case import Case
-from auditor.casefile.folder import new_file, new_folder
-from auditor.casefile.manifest import files_of, write_manifest
+from auditor.casefile.folder import files_of, new_file, new_folder, write_manifest
 from auditor.casefile.recorded import write_kept, write_recorded
 from auditor.casefile.redaction import LEFT_OUT, NO_REDACTION, Redaction
 from auditor.casefile.rows import write_rows, write_ticket, write_timeline

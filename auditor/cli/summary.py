@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
-from auditor.cli.exit_codes import NotAudited, Tally
+from auditor.cli.exit_codes import Exit, NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.many import Judged
-    from auditor.pipeline.measured import Measured
+    from auditor.pipeline.measured import Measured, MeasureTask
     from auditor.pipeline.scan import Scan
     from auditor.recordings import Location
     from auditor.store import Store, StoredJudgement
@@ -44,18 +44,21 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
     for error in batch.errors:
         say(f"auditor: {error}")
         _leave(tally, Path(error.where), error)
-    with progress(len(batch.tasks), "measuring") as (advanced, finished):
+    with progress(len(batch.tasks), "measuring", {task: _size_of(task) for task in batch.tasks}) as (
+        advanced,
+        finished,
+    ):
         for outcome in scan.measure(advanced):
             if outcome.error is not None:
-                finished(f"auditor: {outcome.error}")
+                finished(f"auditor: {outcome.error}", of=outcome.item)
                 tally.incomplete |= was_examined(outcome.error)
                 _leave(tally, outcome.item.recording, outcome.error)
             elif outcome.result is not None:
                 how = "measured" if outcome.result.fresh else "measured before"
                 if batch.shows_known or outcome.result.fresh:
-                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}", of=outcome.item)
                 else:
-                    finished()
+                    finished(of=outcome.item)
     before = sum(not one.fresh for one in scan.measured)
     if before and not batch.shows_known:
         say(f"{_count(before)} measured before")
@@ -65,6 +68,16 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         for warning in one.calibration_warnings:
             remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
     _say_once(remarks)
+
+
+def _size_of(task: "MeasureTask") -> int:
+    """The bytes of a recording; 0 where they cannot be known, which is its own error later on."""
+    from auditor.recordings import located  # noqa: PLC0415 - keeps --help quick
+
+    try:
+        return located(task.recording).size_bytes
+    except OSError:
+        return 0
 
 
 def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
@@ -205,6 +218,8 @@ def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[st
 def closing_line(tally: Tally) -> str:
     """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why."""
     left = {one.path: one.reason for one in tally.not_audited}
+    if tally.exit_code() is Exit.FAILED:
+        return f"nothing was audited: {_reasons(left)}"
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
     if alerts := tally.with_alerts - tally.with_incidents:
         line += f", {len(alerts)} with alerts alone"
@@ -212,11 +227,15 @@ def closing_line(tally: Tally) -> str:
         line += f" ({len(tally.excused)} of them excused)"
     if not left:
         return f"{line}, all fully audited" if tally.audited else line
+    return f"{line}, {len(left)} not fully audited: {_reasons(left)}"
+
+
+def _reasons(left: Mapping[str, str]) -> str:
+    """The most frequent reasons why recordings, by their paths, were not fully audited."""
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
     reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
     others = len(why) - _MOST_NAMED
-    more = f", and {others} other reason{'s' * (others > 1)}" if others > 0 else ""
-    return f"{line}, {len(left)} not fully audited: {reasons}{more}"
+    return f"{reasons}, and {others} other reason{'s' * (others > 1)}" if others > 0 else reasons
 
 
 def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:

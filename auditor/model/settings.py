@@ -181,7 +181,7 @@ class MeasureSettings:
 
     matcher: str = field(
         default="sgbm",
-        metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE."),
+        metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, or onnx:FILE."),
     )
     weights: Path | None = field(
         default=None, metadata=_about("Checkpoint of psmnet; without it the weights that come with auditor.")

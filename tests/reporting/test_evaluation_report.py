@@ -8,10 +8,9 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import StoreError
 from auditor.lab.evaluation.experiments import EXPERIMENTS, INTERVALS
-from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
+from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation, percent, render_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
-from auditor.reporting.evaluation.render import percent, render_evaluation
 from auditor.store.queries import run_query
 from tests.making.evaluated_stores import evaluated
 from tests.making.pages import BROWSER, HOSTILE, Page, browse

@@ -122,8 +122,11 @@ def _refreshed(
     clean: bool,
 ) -> "Refresh":
     """Measure, judge, learn, and write the page and the metrics of it."""
-    from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.refresh_answers import refresh_metrics  # noqa: PLC0415
+    from auditor.cli.refresh_answers import (  # noqa: PLC0415 - keeps --help quick
+        drift_metrics,
+        refresh_metrics,
+        write_metrics,
+    )
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, new_ones, refresh  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415

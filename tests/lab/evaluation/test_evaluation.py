@@ -19,15 +19,14 @@ from auditor.lab.evaluation import (
     EvaluateTask,
     Recorded,
     Street,
-    chunks,
     evaluate_source,
     experiments_of,
     runner,
 )
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.chunks import CHUNK_FRAMES
 from auditor.lab.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws, attacked_sets, disc_share
 from auditor.lab.evaluation.features import FeaturesOfCases
+from auditor.lab.evaluation.runner import CHUNK_FRAMES
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, LIDAR_CHECKS, Check, rig_sensor_checks
@@ -215,7 +214,7 @@ def evaluated(shorter, tmp_path_factory):
 
 @pytest.fixture
 def short_chunks(monkeypatch):
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    monkeypatch.setattr(runner, "CHUNK_FRAMES", CHUNK)
 
 
 def few_in_short_chunks(patched):
@@ -228,7 +227,7 @@ def few_in_short_chunks(patched):
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))
-    patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    patched.setattr(runner, "CHUNK_FRAMES", CHUNK)
     patched.setattr(runner, "experiments_of", lambda _: chosen)
 
 
