@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from auditor.cli.values import PATH, RATE, FiniteRange
+from auditor.cli.values import PATH, PLACE, RATE, FiniteRange
 from auditor.model.settings import Criteria, MeasureSettings, about, choices, default, made, settings_of, value_type
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ BUDGET = ("time_limit", "memory_limit")
 MATCHER = ("matcher", "weights", "align_corners", "max_disparity", "device", "precision", "compiled")
 MEASURING = (
     *(*MATCHER, "rig", "vehicle", "weather", "drive", "path_pattern", *BUDGET),
-    *("jobs", "pictures", "measure_again", "verify_content"),
+    *("jobs", "pictures", "measure_again", "verify_content", "spool", "spool_limit"),
 )
 
 
@@ -63,7 +63,8 @@ def _store(callback: Callable[[click.Context, click.Parameter, Path], Path] | No
 
 
 store_option = _store(lambda context, _, store: own_store(context, store))
-recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
+recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PLACE)
+"""Recordings on this computer or on object stores."""
 
 
 def store_argument_or_option(command: Command) -> Command:

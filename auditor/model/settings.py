@@ -255,6 +255,31 @@ class MeasureSettings:
             "cloud."
         ),
     )
+    shard: str | None = field(
+        default=None,
+        metadata=_about(
+            "Only the recordings of this shard of several, 0/8 to 7/8: so many processes, on any machines, share the "
+            "work without knowing of each other. They measure only: the same command without it judges, once.",
+            metavar="I/N",
+        ),
+    )
+    spool: Path | None = field(
+        default=None,
+        metadata=_about(
+            "Folder for copies of recordings on object stores, each for as long as it is read.  [default: where "
+            "temporary files are]"
+        ),
+    )
+    spool_limit: float | None = field(
+        default=None,
+        metadata=_about(
+            "Room that these copies may take together.  [default: half of what is free]",
+            metavar="MB",
+            unit="MB",
+            least=0,
+            above_least=True,
+        ),
+    )
     measure_again: bool = field(
         default=False,
         metadata=_about("Measure also what the store has; the earlier measurement goes, with its judgements."),
@@ -284,6 +309,9 @@ class MeasuringKeywords(TypedDict, total=False):
     memory_limit: float
     jobs: int | None
     pictures: Pictures | str
+    shard: str | None
+    spool: str | Path | None
+    spool_limit: float | None
     measure_again: bool
     verify_content: bool
 

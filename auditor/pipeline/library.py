@@ -37,6 +37,7 @@ from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, choose_clean, find_batch, measure_all
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
+from auditor.pipeline.remote.addresses import Address, path_or_address
 from auditor.pipeline.scan import Scan
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
@@ -144,15 +145,16 @@ def calibrate(
 
     Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
     """
-    paths, settings = _paths(sources), _measuring(network, measuring)
-    folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
-    batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
+    places, settings = _places(sources), _measuring(network, measuring)
+    given = [one for one in places if isinstance(one, Path) and Store.is_at(one)]
+    folder, stores = Path(store), [Store.open(path) for path in given]
+    batch = find_batch([one for one in places if one not in given], folder, settings)
     kept = Store.open(folder, create=True)
     with logged(kept.folder):
         outcomes = list(measure_all(batch, on_progress or _silent))
         relate(kept)
-        given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
-        clean = choose_clean(given, stores)
+        measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
+        clean = choose_clean(measured, stores)
         made = make(clean, Criteria.r, frames, jobs=settings.jobs)
         keep_calibrated(kept, made)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
@@ -183,7 +185,7 @@ def scan(
         raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
     folder = Path(store)
     chosen = judge_settings(folder, criteria(judging))
-    batch = find_batch(_paths(recordings), folder, _measuring(network, measuring))
+    batch = find_batch(_places(recordings), folder, _measuring(network, measuring))
     return _scan(batch, folder, chosen, on_progress or _silent)
 
 
@@ -198,7 +200,8 @@ def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progr
         judged = {one.measurement_id: one for one in scan.judge(judging)}
         deque(scan.finish(), maxlen=0)
     for one in scan.measured:
-        yield Scanned(str(one.recording), one, tuple(judged[known] for known in one.measurement_ids))
+        verdicts = (judged[known] for known in one.measurement_ids if known in judged)
+        yield Scanned(str(one.recording), one, tuple(verdicts))
 
 
 @explained(Criteria)
@@ -240,8 +243,9 @@ def _measuring(network: MatcherOptions, given: Mapping[str, object]) -> MeasureS
     return made(MeasureSettings, {**of_network, **given})
 
 
-def _paths(sources: PathLike | Iterable[PathLike]) -> list[Path]:
-    return [Path(sources)] if isinstance(sources, str | Path) else [Path(path) for path in sources]
+def _places(sources: PathLike | Iterable[PathLike]) -> list[Path | Address]:
+    """Paths, and addresses of object stores. Raises SettingError."""
+    return [path_or_address(one) for one in ([sources] if isinstance(sources, str | Path) else sources)]
 
 
 def _silent(item: object, what: str, frames: int) -> None:

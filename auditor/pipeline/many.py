@@ -24,8 +24,13 @@ from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
-from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
-from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
+from auditor.pipeline.remote.addresses import Address
+from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
+from auditor.pipeline.remote.supply import Supply
+from auditor.pipeline.shards import shard_of
+from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all, run_from
+from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
 from auditor.store.reviews import false_alarms
@@ -84,6 +89,12 @@ class Batch:
     limits: LimitsOf
     store: Store | None = None
     notes: tuple[Path, ...] = ()
+    spool: Spool = field(default_factory=Spool)
+
+    @property
+    def remote(self) -> tuple[MeasureTask, ...]:
+        """What lies on object stores."""
+        return tuple(task for task in self.tasks if task.location.remote is not None)
 
     @property
     def shows_known(self) -> bool:
@@ -91,8 +102,11 @@ class Batch:
         return len(self.tasks) <= MOST_KNOWN
 
 
-def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, limits: LimitsOf | None = None) -> Batch:
-    """Find the recordings at some paths, in the order given; make the store where there are any.
+def find_batch(
+    given: Sequence[Path | Address], store: Path, settings: MeasureSettings, limits: LimitsOf | None = None
+) -> Batch:
+    """Find the recordings at some paths and addresses, in the order given, paths first; make the store where there are
+    any. Of a shard only its own are found.
 
     `limits` take the place of those of the settings. Raises SettingError for an unknown matcher or an origin that
     cannot be read, RigError for a rig file that cannot be read, and StoreError: these are errors of the whole command,
@@ -102,12 +116,15 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, li
     find_matcher(settings.matcher, network)
     if settings.rig:
         check_rig_file(settings.rig)
+    if settings.shard is not None:
+        shard_of(settings.shard)
     limits = limits or limits_by_size(settings.time_limit, settings.memory_limit)
-    found = find_recordings(paths)
-    if not found.recordings:
+    found = find_all(given)
+    recordings = _of_shard(found.recordings, settings.shard)
+    if not recordings:
         return Batch((), found.errors, settings, limits, notes=found.notes)
     kept = Store.open(store, create=True)
-    network, jobs = share_threads(network, min(settings.jobs, len(found.recordings)))
+    network, jobs = share_threads(network, min(settings.jobs, len(recordings)))
     tasks = tuple(
         MeasureTask(
             location,
@@ -119,9 +136,15 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, li
             again=settings.measure_again,
             pictures=settings.pictures,
         )
-        for location in found.recordings
+        for location in recordings
     )
-    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes)
+    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes, spool_of(settings))
+
+
+def _of_shard(recordings: Sequence[Location], text: str | None) -> Sequence[Location]:
+    """Those of some recordings that belong to a shard, by their places; all of them without one."""
+    shard = shard_of(text) if text is not None else None
+    return recordings if shard is None else [one for one in recordings if shard.has(one.place)]
 
 
 def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
@@ -147,12 +170,24 @@ def measure_all(
             unknown.append(task)
         else:
             yield Outcome(task, found)
-    outcomes = run_all(
-        measure_recording, unknown, settings.jobs, on_progress, lambda task: batch.limits(task.recording)
-    )
-    for outcome in outcomes:
+    for outcome in _run(batch, unknown, on_progress):
         error = outcome.error.located(outcome.item) if outcome.error is not None else None
-        yield replace(outcome, error=error)
+        yield replace(outcome, error=named_as_given(error, outcome.item.location) if error is not None else None)
+
+
+def _run(
+    batch: Batch, tasks: Sequence[MeasureTask], on_progress: Callable[[object, str, int], None]
+) -> Iterator[Outcome[MeasureTask, Measured]]:
+    """Measure some recordings, those of object stores while the next ones are copied."""
+    jobs = batch.settings.jobs
+
+    def limits(task: MeasureTask) -> Limits:
+        return batch.limits(task.recording)
+
+    if all(task.location.remote is None for task in tasks):
+        return run_all(measure_recording, tasks, jobs, on_progress, limits)
+    supply = Supply(tasks, batch.spool, lambda task: task.location, MeasureTask.at, jobs)
+    return run_from(supply, measure_recording, jobs, on_progress, limits)
 
 
 def was_examined(error: AuditorError) -> bool:
