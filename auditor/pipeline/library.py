@@ -18,12 +18,10 @@ from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
+from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords, ScanKeywords
 from auditor.model.settings import (
     Criteria,
-    JudgingKeywords,
     MeasureSettings,
-    MeasuringKeywords,
-    ScanKeywords,
     explained,
     made,
     settings_of,
@@ -31,10 +29,11 @@ from auditor.model.settings import (
 )
 from auditor.pipeline.asking import PathLike, opened
 from auditor.pipeline.calibrations.batch import judge_batch
+from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
-from auditor.pipeline.many import Batch, Judged, JudgeSettings, choose_clean, find_batch, measure_all
+from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, measure_all
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.remote.addresses import Address, path_or_address

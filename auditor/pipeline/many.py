@@ -1,7 +1,7 @@
 """Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,6 @@ from auditor.model.calibration import Calibration
 from auditor.model.settings import Criteria, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
-    counted_earlier,
     fitting_calibration,
     judge_measurement,
     prior_for,
@@ -26,14 +25,13 @@ from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_c
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.shards import shard_of
 from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
 from auditor.pipeline.remote.supply import Supply
-from auditor.pipeline.shards import shard_of
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all, run_from
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
-from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
@@ -193,80 +191,6 @@ def _run(
 def was_examined(error: AuditorError) -> bool:
     """True where a recording could be read but not audited, or took too much: the error says what is missing."""
     return isinstance(error, RigError | LimitError)
-
-
-# Calibrating
-
-
-@dataclass(frozen=True)
-class CleanMeasurements:
-    """Measurements to calibrate on, each with its store, and those that are left `out`, each with the reason."""
-
-    chosen: tuple[tuple[Store, str], ...]
-    out: tuple[tuple[Store, str, str], ...]
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """A sentence for each measurement that is left out."""
-        return tuple(f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in self.out)
-
-
-def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
-    """The measurements `given` as clean and those that `stores` hold beside them.
-
-    Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
-    there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
-    incidents or alerts, unless all of these were reviewed as false alarms.
-    """
-    known = {measurement for _, measurement in given}
-    named = {store.measurement(one).recording_id for store, one in given}
-    reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    for store, one in given:
-        recording = store.recording(store.measurement(one).recording_id)
-        reasons.append((store, one, attacked_by_labels(store, one) or held_by(store, recording, among=named)))
-    chosen = tuple((store, one) for store, one, reason in reasons if not reason)
-    return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
-
-
-def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
-    """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
-    judgements, excused = store.current_judgements(), false_alarms(store)
-    recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
-    for stored in store.measurements():
-        measurement = stored.measurement_id
-        if measurement not in given:
-            reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
-            reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
-            reason = reason or ("its verdicts are withheld" * bool(stored.withheld))
-            yield measurement, reason or (_found(judgements.get(measurement)) * (measurement not in excused))
-
-
-def attacked_by_labels(store: Store, measurement: str) -> str:
-    """That labels say that the recording of a measurement was attacked; empty where none does."""
-    recording_id = store.measurement(measurement).recording_id
-    if store.labels(recording_id):
-        return "it carries the ground truth of an attack"
-    given = any(label.attack is not None for label in store.given_labels(recording_id))
-    return "it was labelled as attacked" if given else ""
-
-
-def held_by(store: Store, recording: RecordingRecord, among: Collection[str] | None = None) -> str:
-    """That another recording, `among` some, holds every frame of one; empty where none does."""
-    later = recording.superseded_by
-    if later is None or (among is not None and later not in among):
-        return ""
-    return f"{store.recording(later).name} holds every frame of it"
-
-
-def _found(judgement: StoredJudgement | None) -> str:
-    if judgement is None or not judgement.found:
-        return ""
-    count = judgement.found
-    return (
-        f"by its current verdicts (method {judgement.method}, r = {judgement.r}) "
-        f"{count} frame{' is' if count == 1 else 's are'} in incidents or alerts; if it is known to be clean, give the "
-        "recording itself, or judge the store again (auditor judge) where the verdicts were wrong"
-    )
 
 
 # Judging

@@ -102,10 +102,9 @@ def test_no_error_shows_an_address_in_memory() -> None:
     "words",
     [
         ["scan", "a.mcap", "--store", ADDRESS],
-        ["scan", ADDRESS],
+        ["convert", ADDRESS, "a.mcap"],
         ["calibrate", "a.mcap", "--store", ADDRESS],
-        ["refresh", ADDRESS],
-        ["inspect", ADDRESS],
+        ["show", ADDRESS, "3"],
         ["judge", ADDRESS],
         ["store", "list", ADDRESS],
         ["query", "summary", "--store", ADDRESS],

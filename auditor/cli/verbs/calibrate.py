@@ -19,9 +19,9 @@ from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
+    from auditor.pipeline.calibrations.clean import CleanMeasurements
     from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
-    from auditor.pipeline.many import CleanMeasurements
     from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
     from auditor.store import Store
@@ -88,8 +88,9 @@ def command(
     calibration promote puts one in force.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.clean import choose_clean  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
+    from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 

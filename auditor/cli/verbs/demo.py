@@ -57,10 +57,10 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.model.pictures import Pictures  # noqa: PLC0415
     from auditor.model.settings import Criteria, MeasureSettings  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
+    from auditor.pipeline.calibrations.clean import CleanMeasurements  # noqa: PLC0415
     from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.many import (  # noqa: PLC0415
-        CleanMeasurements,
         JudgeSettings,
         find_batch,
         judge_all,
