@@ -1,5 +1,6 @@
 """Recordings on object stores: found by their addresses, read once, and measured as those on disk are."""
 
+import json
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -268,3 +269,20 @@ def test_every_verb_that_reads_recordings_takes_addresses(
     assert run(["refresh", address, "--clean", "--store", store, "--dry-run"]) in {0, 1}
     assert f"s3://{BUCKET}/fleet/alder/alder.mcap" in capfd.readouterr().err
     assert run(["refresh", address, "--clean", "--store", store, "--jobs", "2"]) in {0, 1}
+
+
+def test_incidents_are_pictured_from_the_copy_that_was_measured_and_a_case_has_its_clip(
+    bucket: Proxy, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "night.mcap", 8, positions_m=THREE_CAMERAS, attacked={1: range(2, 8)})
+    address, store = bucket.put("nights/night.mcap", drive), tmp_path / "store"
+    bucket.forget()
+    assert run(["scan", address, "--store", str(store)]) in {1, 4}
+    assert bucket.given_bytes <= 1.05 * drive.stat().st_size
+    assert len(list((store / "pictures").rglob("*"))) > 1
+    capfd.readouterr()
+    assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
+    incident = json.loads(capfd.readouterr().out)[0]["incident_id"]
+    assert run(["case", incident, "--store", str(store), "--into", str(tmp_path / "case")]) == 0
+    assert (tmp_path / "case" / "clip.mcap").stat().st_size > 0
+    assert address in (tmp_path / "case" / "ticket.json").read_text() + (tmp_path / "case" / "page.html").read_text()

@@ -158,7 +158,7 @@ class Spool:
         with self._changed:
             if self._folder is None:
                 self._folder, lock = _made(self.above)
-                weakref.finalize(self, _remove, self._folder, lock)
+                weakref.finalize(self, _remove, self._folder, lock, self.stopped)
             self._count += 1
             folder = self._folder / str(self._count)
             folder.mkdir()
@@ -239,7 +239,8 @@ def _made(above: Path) -> tuple[Path, int]:
     return folder, lock
 
 
-def _remove(folder: Path, lock: int) -> None:
+def _remove(folder: Path, lock: int, stopped: threading.Event) -> None:
+    stopped.set()
     shutil.rmtree(folder, ignore_errors=True)
     os.close(lock)
 
