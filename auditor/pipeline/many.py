@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 
-from auditor.errors import AuditorError, LimitError, RecordingError, RigError
+from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.settings import Criteria, MeasureSettings, settings_of
@@ -32,6 +32,7 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
+from auditor.store.mirrored import is_mirror
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
@@ -122,6 +123,12 @@ def find_batch(
     if not recordings:
         return Batch((), found.errors, settings, limits, notes=found.notes)
     kept = Store.open(store, create=True)
+    if settings.measure_again and is_mirror(kept.folder):
+        raise SettingError(
+            "what is measured stays: others may have judged by it",
+            where="--measure-again",
+            remedy="measure into another store",
+        )
     network, jobs = share_threads(network, min(settings.jobs, len(recordings)))
     tasks = tuple(
         MeasureTask(

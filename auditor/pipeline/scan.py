@@ -14,6 +14,7 @@ from auditor.pipeline.ledger import keep_ledger
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, judge_all, measure_all
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.remote.mirror import put_back_if_due
 from auditor.pipeline.workers import Outcome
 from auditor.store import Store
 from auditor.store.log import logged
@@ -66,6 +67,7 @@ class Scan:
                 self.errors.append(outcome.error)
             elif outcome.result is not None:
                 self._results.setdefault(outcome.item.given or outcome.item, []).append(outcome.result)
+                put_back_if_due(self._folder)
             yield outcome
 
     def relate(self) -> Iterator[str]:

@@ -101,16 +101,10 @@ def test_no_error_shows_an_address_in_memory() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        ["scan", "a.mcap", "--store", ADDRESS],
         ["convert", ADDRESS, "a.mcap"],
-        ["calibrate", "a.mcap", "--store", ADDRESS],
         ["show", ADDRESS, "3"],
-        ["judge", ADDRESS],
         ["store", "list", ADDRESS],
-        ["query", "summary", "--store", ADDRESS],
-        ["report", "--store", ADDRESS],
         ["demo", ADDRESS],
-        ["verify", "gs://bucket/a"],
         ["refresh", "--metrics", "https://host/file", "a.mcap"],
     ],
     ids=lambda words: " ".join(words[:2]),

@@ -75,6 +75,38 @@ def read_beginning(root: str, one: StoredObject, most: int) -> bytes:
         return bytes(_library().get_range(_store(root), key, start=0, end=min(most, one.size_bytes)))
 
 
+def read_small(address: Address) -> tuple[bytes, str | None] | None:
+    """The content of a small object, and its ETag; None where there is none. Raises RecordingError and SettingError."""
+    try:
+        with _reporting(str(address)):
+            found = _library().get(_store(address.root), address.key)
+            return bytes(found.bytes()), found.meta.get("e_tag")
+    except NoObjectError:
+        return None
+
+
+def replace_small(address: Address, content: bytes, etag: str | None) -> bool:
+    """Put a small object in the place of the one with an ETag, or where there is none.
+
+    False where somebody else was faster. Raises RecordingError and SettingError.
+    """
+    mode: Any = "create" if etag is None else {"e_tag": etag}
+    with _reporting(str(address)):
+        try:
+            _library().put(_store(address.root), address.key, content, mode=mode, use_multipart=False)
+        except Exception as error:
+            if type(error).__name__ in {"AlreadyExistsError", "PreconditionError", "FileExistsError"}:
+                return False
+            raise
+    return True
+
+
+def put_object(address: Address, file: Path) -> None:
+    """Put a file in the place of an object. Raises RecordingError and SettingError."""
+    with _reporting(str(address)):
+        _library().put(_store(address.root), address.key, file)
+
+
 def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Event) -> None:
     """Copy an object to a new file, from its beginning to its end.
 
