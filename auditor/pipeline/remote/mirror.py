@@ -47,7 +47,8 @@ EACH_S = 60.0
 
 _MOST_TRIES = 50
 _AT_ONCE = 16
-_BASE, _USED, _COMING, _GOING = "base.json", "used", "coming", "going"
+_BASE, _HASHED, _USED = "base.json", "hashed.json", "used"
+_COMING, _GOING = "coming", "going"
 _ADDRESS_DIGITS = 16
 _OWNERS = 0o600
 
@@ -67,7 +68,7 @@ class Mirror:
         self.folder = self._slot / "store"
         make_folder(self.folder)
         self._base: Files = _read_base(self._slot)
-        self._hashed: dict[str, tuple[Stamp, str]] = {}
+        self._hashed = _read_hashed(self._slot)
         self._put_back_at = time.monotonic()
         if not (self._slot / "foreign.json").exists():
             note_foreign(self.folder, ())
@@ -95,6 +96,8 @@ class Mirror:
 
     def close(self) -> None:
         """Let another process have it."""
+        if self._slot.is_dir():
+            write_whole(self._slot / _HASHED, json.dumps(self._hashed).encode())
         os.close(self._lock)
 
     def _synchronise(self, *, put: bool) -> None:
@@ -353,6 +356,15 @@ def _free_slot(address: Address, *, left: bool) -> tuple[Path, int]:
         else:
             return slot, lock
     raise FileNotFoundError(name)
+
+
+def _read_hashed(slot: Path) -> dict[str, tuple[Stamp, str]]:
+    """The hashes of files by their sizes, times and inodes, as they were when the mirror was last used."""
+    try:
+        content = json.loads((slot / _HASHED).read_bytes())
+        return {place: ((size, at, inode), sha256) for place, ((size, at, inode), sha256) in content.items()}
+    except (OSError, ValueError):
+        return {}
 
 
 def _read_base(slot: Path) -> Files:
