@@ -7,7 +7,7 @@ from typing import Any
 from auditor.cli.capabilities import capabilities, short_pairs
 from auditor.errors import RigError
 from auditor.model.coverage import TopicCoverage, declared, unread_line
-from auditor.model.optics.common_view import common_view, compared_shares
+from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
@@ -148,7 +148,7 @@ def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> 
 
 def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     leftmost = rig.cameras[-1]
-    view = None if rig.is_rectified else common_view(rig)
+    view = measured_view(rig)
     compared = compared_shares(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:

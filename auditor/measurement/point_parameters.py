@@ -104,14 +104,17 @@ class FalseRanges:
     as_far: float = parameter(0.1, unit="of the natural logarithm of the range, either way", source=_CLUSTERS)
     undecided: float = parameter(0.07, unit="of a confirmed point, that an undecided one counts", source=_CLUSTERS)
     clean_share: float = parameter(
-        0.5, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
+        0.75, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
     )
     most_clusters: int = parameter(32, unit="clusters that are tested, evenly chosen", source=BY_HAND)
-    half_ratio: float = parameter(20.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
+    half_ratio: float = parameter(8.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
     strip: float = parameter(0.0375, unit="radians, step of the sectors", source=BY_HAND)
     sector_strips: int = parameter(4, unit="steps of a sector: 8.6 degrees", source=_CLUSTERS)
     sector_ranges_m: tuple[float, float] = parameter(
         (4.0, 15.0), unit="m, of the points of a sector: farther away stereo is less precise", source=_CLUSTERS
+    )
+    most_of_a_pixel_m: float = parameter(
+        0.6, unit="m that a pixel of disparity is, of a sector's points: stereo is off by one", source=_CLUSTERS
     )
     most_m: float = parameter(3.0, unit="m farther or nearer, of a point: more is another surface", source=BY_HAND)
     sector_fewest: int = parameter(60, unit="points of a sector and pair", source=BY_HAND)

@@ -9,6 +9,7 @@ from auditor.model.parameter import BY_HAND, parameter
 
 _LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _SIMILAR = "KITTI's calibrations of two days differ by 2 %; no experiment recorded"
+_ENLARGED = "docs/figures.md, cameras of fewer pixels: real drives at half size"
 _COMMON_VIEW = "docs/decisions.md, the common view is the largest rectangle"
 
 
@@ -50,6 +51,11 @@ class CommonView:
         unit="recorded px a rectified px",
         source=f"{_COMMON_VIEW}: no limit, 0.5, 0.6 and 0.7 tried, mean E compared",
     )
+    usual_focal_px: float = parameter(720.0, unit="px, to which shorter ones are enlarged", source=_ENLARGED)
+    usual_width_px: int = parameter(1400, unit="px, to which pictures are enlarged at most", source=_ENLARGED)
+    most_enlarged: float = parameter(2.0, unit="px of the view a recorded px", source=_ENLARGED)
+    enlarged_in_steps: float = parameter(0.25, unit="px of the view a recorded px", source=BY_HAND)
+    fewest_enlarged_px: int = parameter(480, unit="px: narrower pictures are measured as they are", source=_ENLARGED)
     shortest_axis: float = parameter(0.1, unit="length of a mean of unit vectors", source=BY_HAND)
     nearest_ahead: float = parameter(0.05, unit="z in the camera frame of a ray (x, y, 1)", source=BY_HAND)
 

@@ -246,7 +246,7 @@ def _measure_frames(
                 statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
                 unusual = worth_localising(sensor_checks, statistics)
                 measurement = replace(
-                    counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual)
+                    counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual, rig)
                 )
                 writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted))
                 repeated.add(counted.fingerprints)

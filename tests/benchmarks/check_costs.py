@@ -91,7 +91,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     found = timed(
         seconds, f"{kind}: statistics", lambda: sensor_statistics(checks, measurement.cells, measurement.shares)
     )
-    timed(seconds, f"{kind}: regions", lambda: localise(evidence, worth_localising(checks, found)))
+    timed(seconds, f"{kind}: regions", lambda: localise(evidence, worth_localising(checks, found), rig))
     greys = {n: grey(image.pixels) for n, image in frame.images.items()}
     colours = {n: halve(image.pixels) for n, image in frame.images.items() if image.pixels.ndim > 2}
     half_res = {n: halve(pixels) for n, pixels in greys.items()}

@@ -6,6 +6,7 @@ from them (`python -m tests.benchmarks.rates`). A scene that is there already is
     python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked [--constant]]
     python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
 
+With --scale 0.5 their pictures have half the size: what is counted must not depend on it.
 With --stretch 40 80 frames 40 to 79 of each source are measured alone; with --alone 4 camera S_4 and the LiDAR, of
 which each attacked frame follows one that is attacked alike.
 """
@@ -15,17 +16,19 @@ import pickle
 import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
 from auditor.lab.attacks.spoofing import RandomRanges
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import CleanDrive, Recorded, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import Measured
@@ -33,7 +36,7 @@ from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import LIDAR, Camera, Rig
 from tests.benchmarks.scenes import Case, Scene
 
 MATCHER = find_matcher("sgbm")
@@ -130,6 +133,48 @@ def _last(frames: Sequence[Frame], rig: Rig) -> Measured:
     return last
 
 
+@dataclass(frozen=True)
+class Resized:
+    """A real drive whose cameras had `scale` times the pixels across."""
+
+    source: Recorded
+    scale: float
+
+    @contextmanager
+    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames by each rig."""
+        with self.source.open(colour=colour) as drives:
+            yield tuple(self._of(drive) for drive in drives)
+
+    def _of(self, drive: CleanDrive) -> CleanDrive:
+        cameras = tuple(self._camera(camera) for camera in drive.rig.cameras)
+        rig = Rig(drive.rig.lidar, cameras)
+        return replace(drive, rig=rig, frames=(self._frame(item, rig) for item in drive.frames))
+
+    def _camera(self, camera: Camera) -> Camera:
+        width, height = round(camera.width_px * self.scale), round(camera.height_px * self.scale)
+        # The outer edges of the pictures coincide, and pixel 0 is centred half a pixel from them.
+        across, down = width / camera.width_px, height / camera.height_px
+        pixels = np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1]])
+        return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
+
+    def _frame(self, item: Frame | Skipped, rig: Rig) -> Frame | Skipped:
+        if isinstance(item, Skipped):
+            return item
+        images = {}
+        for number, image in item.images.items():
+            size = rig.camera(number).width_px, rig.camera(number).height_px
+            pixels = np.asarray(cv2.resize(image.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+            images[number] = replace(image, pixels=pixels)
+        return replace(item, images=images)
+
+
+def drives_in(data: Path, scale: float) -> dict[str, Recorded | Resized]:
+    """The real drives of the test data, by name."""
+    drives = {name: Recorded(data / path) for name, path in DRIVES.items()}
+    return {name: drive if scale == 1 else Resized(drive, scale) for name, drive in drives.items()}
+
+
 def alone(frame: Frame, camera: int) -> Frame:
     """What one camera and the LiDAR have of a frame."""
     image, presence = replace(frame.images[camera], sensor=1), {LIDAR: frame.presence[LIDAR], 1: frame.presence[camera]}
@@ -137,7 +182,7 @@ def alone(frame: Frame, camera: int) -> Frame:
 
 
 def scene_of(
-    source: Recorded | Street,
+    source: Recorded | Resized | Street,
     name: str,
     family: str,
     *,
@@ -183,9 +228,9 @@ def main() -> None:
     options = parser.parse_args()
     use_one_thread()
     options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Street]] = []
+    todo: list[tuple[str, str, Recorded | Resized | Street]] = []
     if options.drives:
-        todo += [(name, name, Recorded(options.drives / path)) for name, path in DRIVES.items()]
+        todo += [(name, name, drive) for name, drive in drives_in(options.drives, options.scale).items()]
     for seed in range(options.first, options.first + options.streets):
         street = Street(seed, options.frames, options.cameras, options.scale)
         todo.append((f"street {seed}", street.family, street))

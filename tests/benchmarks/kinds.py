@@ -12,10 +12,10 @@ import numpy as np
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import use_one_thread
 from auditor.model.frames import Frame
-from tests.benchmarks.clean_statistics import DRIVES
+from tests.benchmarks.clean_statistics import Resized, drives_in
 from tests.benchmarks.scenes import Scene, load
 
-Measure = Callable[[Recorded | Street, str, str, int], Scene]
+Measure = Callable[[Recorded | Resized | Street, str, str, int], Scene]
 """The scene of a source with its name and family, and the number of its frames that are attacked."""
 
 CAMERAS = 4
@@ -28,7 +28,7 @@ def options_of(text: str | None, *, frames: int, attacked: int) -> argparse.Argu
     parser.add_argument("--streets", type=int, default=0, help="this many streets in place of the real drives")
     parser.add_argument("--first", type=int, default=6000)
     parser.add_argument("--frames", type=int, default=frames, help="of each street")
-    parser.add_argument("--scale", type=float, default=1.0, help="of each street")
+    parser.add_argument("--scale", type=float, default=1.0, help="of the pictures")
     parser.add_argument("--attacked", type=int, default=attacked, help="frames of each drive that are attacked")
     parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
     return parser
@@ -38,14 +38,14 @@ def scenes_of(options: argparse.Namespace, measured: Measure) -> list[Scene]:
     """The scenes of the real drives, or of streets; what is in the folder is not measured again."""
     use_one_thread()
     options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Street]] = [
+    todo: list[tuple[str, str, Recorded | Resized | Street]] = [
         (f"street {seed}", source.family, source)
         for seed in range(options.first, options.first + options.streets)
         for source in (Street(seed, options.frames, CAMERAS, options.scale),)
     ]
     if not todo:
         data = Path(os.environ["AUDITOR_TEST_DATA"])
-        todo = [(name, name, Recorded(data / path)) for name, path in DRIVES.items()]
+        todo = [(name, name, drive) for name, drive in drives_in(data, options.scale).items()]
     for name, family, source in todo:
         path = options.into / f"{name}.scene"
         if not path.exists():

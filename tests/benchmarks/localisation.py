@@ -74,7 +74,7 @@ def statistics_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Regi
     sensor_checks = rig_sensor_checks(rig)
     measurement, evidence = measure(frame, rig, MATCHER)
     found = sensor_statistics(sensor_checks, measurement.cells, measurement.shares)
-    regions = localise(evidence, worth_localising(sensor_checks, found))
+    regions = localise(evidence, worth_localising(sensor_checks, found), rig)
     return tuple(np.nan if value is None else value for value in found), regions, evidence
 
 

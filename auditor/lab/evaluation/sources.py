@@ -12,7 +12,7 @@ from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.half_resolution import grey
-from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.disparity.rectification import shown_rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.model.text import storable
@@ -64,7 +64,7 @@ class Recorded:
 
 
 def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | Skipped]) -> CleanDrive:
-    seen = rectification(rig)
+    seen = shown_rectification(rig)
     if not seen.pairs:
         rig, frames = seen.rig, seen.frames(frames)
     name = storable(recording.path.name)

@@ -158,10 +158,11 @@ def _ratio(contradicted: Floats, against: Floats) -> float:
 
 def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear: Mask, source: int) -> Floats:
     """(sectors,) by how much the LiDAR's depths exceed stereo's, of what is near: see PairRanges."""
-    seen = clear[points.near]
-    near, strip = points.near[seen], points.strip[seen]
     camera = view.rig.camera(view.reference)
     focal_times_baseline = camera.focal_px * view.rig.baseline_m(source, view.reference)
+    farthest_m = sqrt(focal_times_baseline * FALSE_RANGES.most_of_a_pixel_m)
+    seen = clear[points.near] & (view.range_m[points.near] < farthest_m)
+    near, strip = points.near[seen], points.strip[seen]
     ds = stereo.disparity_px[view.row[near] // stereo.step, view.column[near] // stereo.step]
     farther = focal_times_baseline / view.disparity_px(source)[near] - focal_times_baseline / np.maximum(ds, 1)
     same = np.abs(farther) < FALSE_RANGES.most_m

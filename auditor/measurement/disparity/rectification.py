@@ -1,6 +1,7 @@
 """Rectification: recorded images become those that the ideal cameras of the rig's common view would record.
 
-All later steps work on rectified rigs only: one image a camera, one depth a disparity. Cameras that do not stand on one
+All later steps work on rectified rigs only: one image a camera, one depth a disparity. Rectified ones of few pixels are
+enlarged. Cameras that do not stand on one
 line have no rows in common. Two of them always do: each pair is a rig of two with a view of its own, and what is
 measured there is warped to the common view. Rotated to common rows, images are not upright rectangles any more: a
 pair's view is wide enough for all that both see, and valid masks mark what that is.
@@ -20,7 +21,7 @@ from auditor.measurement.parameters import RECTIFICATION
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
 from auditor.model.frames import CameraImage, Frame, Skipped
-from auditor.model.optics.common_view import CommonView, common_view, recorded_pixels, sees
+from auditor.model.optics.common_view import CommonView, common_view, measured_view, recorded_pixels, sees
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
@@ -117,11 +118,19 @@ def rectification(rig: Rig) -> Rectification:
     Raises RigError where the cameras, or two of them that have to be matched in a view of their own, see nothing in
     common.
     """
-    if rig.is_rectified:
+    view = measured_view(rig)
+    if view is None:
         return Rectification(rig, {})
-    view = common_view(rig)
     pairs = {} if rig.shares_view else _pair_views(rig, view)
     return Rectification(view.rig, _remaps(rig, view), pairs)
+
+
+def shown_rectification(rig: Rig) -> Rectification:
+    """How a rig's frames become those that people are shown: rectified ones stay as they are recorded.
+
+    Raises RigError as `rectification` does.
+    """
+    return Rectification(rig, {}) if rig.is_rectified else rectification(rig)
 
 
 def _pair_views(rig: Rig, whole: CommonView) -> dict[Pair, PairView]:
@@ -149,7 +158,7 @@ def _remap(camera: Camera, view: CommonView) -> _Remap:
         view.focal_px / camera.focal_px if camera.focal_px > RECTIFICATION.shrunk_first_from * view.focal_px else 1.0
     )
     pixels = recorded_pixels(camera, view.view_SO3_rig, view.x, view.y)
-    inside = sees(pixels, camera, 1).astype(np.uint8)
+    inside = sees(pixels, camera, 1 / view.scale).astype(np.uint8)
     seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)
     # An image at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
     # Rays behind the lens are not seen; their pixels may hold anything.

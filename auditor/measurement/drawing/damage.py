@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.disparity.lidar import lidar_view
-from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.disparity.rectification import shown_rectification
 from auditor.measurement.localisation.points import among
 from auditor.model.arrays import Mask, Points
 from auditor.model.frames import PointCloud
@@ -25,7 +25,7 @@ def damaged_image(region: Region, camera: Camera) -> Mask:
 
 def damaged_cloud(cloud: PointCloud, rig: Rig, regions: Iterable[Region]) -> Mask:
     """(N,) mask of a cloud's points: those of the LiDAR's region. Raises RigError."""
-    damaged, ideal = np.zeros(len(cloud.xyz_m), dtype=np.bool_), rectification(rig).rig
+    damaged, ideal = np.zeros(len(cloud.xyz_m), dtype=np.bool_), shown_rectification(rig).rig
     for region in regions:
         if region.sensor == LIDAR and ideal.lidar is not None:
             view = lidar_view(cloud, ideal, region.view)

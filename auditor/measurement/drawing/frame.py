@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.disparity.lidar import lidar_view
-from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.disparity.rectification import shown_rectification
 from auditor.measurement.drawing.clouds import range_image, seen_from_above
 from auditor.measurement.drawing.damage import damaged_cloud, damaged_image
 from auditor.model.arrays import Image
@@ -47,7 +47,7 @@ def draw_frame(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "
 
 def draw_overlays(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:
     """Those of the pictures of a frame that show what is damaged in cameras' images. Raises RigError."""
-    ideal, pictures = rectification(rig), []
+    ideal, pictures = shown_rectification(rig), []
     for sensor, image in sorted(frame.images.items()):
         own = [region for region in regions if region.view == sensor]
         if own:
@@ -69,7 +69,7 @@ def blur_around(picture: FramePicture, rig: Rig, regions: Sequence[Region]) -> F
     kept_size = min(width, _BLURRED_COLUMNS), max(1, height * min(width, _BLURRED_COLUMNS) // width)
     few = cv2.resize(pixels, kept_size, interpolation=cv2.INTER_AREA)
     blurred = np.asarray(cv2.resize(few, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
-    ideal = rectification(rig)
+    ideal = shown_rectification(rig)
     if picture.content is Content.OVERLAY or not ideal.remaps:
         for region in regions:
             if region.view == region.sensor == picture.sensor:

@@ -16,24 +16,25 @@ from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
 
-def localise(arrays: FrameArrays, sensors: Collection[int]) -> tuple[Region, ...]:
-    """The regions of the `sensors` that may be attacked.
+def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[Region, ...]:
+    """The regions of the `sensors` that may be attacked, in the pictures that people see: see `shown_rectification`.
 
-    Which of them is attacked is only known once a frame is judged with its neighbours.
+    Which of them is attacked is only known once a frame is judged with its neighbours. `rig` is the recording's.
     """
-    regions = [_of_camera(arrays, camera) for camera in sorted(arrays.views) if camera in sensors]
+    shown = rig if rig.is_rectified else arrays.rig
+    regions = [_of_camera(arrays, camera, shown) for camera in sorted(arrays.views) if camera in sensors]
     if LIDAR in sensors and arrays.lidar:
-        regions.append(_of_lidar(arrays, arrays.rig))
+        regions.append(_of_lidar(arrays, shown))
     return tuple(region for region in regions if region)
 
 
-def _of_camera(arrays: FrameArrays, camera: int) -> Region | None:
+def _of_camera(arrays: FrameArrays, camera: int, shown: Rig) -> Region | None:
     mask = damaged_pixels(arrays, camera)
-    return _region(camera, camera, mask, float(mask.mean()), arrays.rig) if mask.any() else None
+    return _region(camera, camera, mask, float(mask.mean()), shown) if mask.any() else None
 
 
-def _of_lidar(arrays: FrameArrays, rig: Rig) -> Region | None:
-    k = max(arrays.lidar)
+def _of_lidar(arrays: FrameArrays, shown: Rig) -> Region | None:
+    k, rig = max(arrays.lidar), arrays.rig
     view = arrays.lidar[k]
     verified_conflicts = _verified_conflicts(arrays, k)
     damaged = (
@@ -42,7 +43,7 @@ def _of_lidar(arrays: FrameArrays, rig: Rig) -> Region | None:
     if not damaged.any():
         return None
     mask = _pixels(view, damaged, rig)
-    region = _region(LIDAR, k, mask, float(damaged.mean()), rig)
+    region = _region(LIDAR, k, mask, float(damaged.mean()), shown)
     points = int(np.count_nonzero(damaged))
     return Region(LIDAR, k, region.box_px, region.share, region.mask, points, solid_around(view.point_m[damaged], rig))
 
@@ -75,8 +76,11 @@ def _pixels(view: LidarView, damaged: Mask, rig: Rig) -> Mask:
     return mask
 
 
-def _region(sensor: int, view: int, mask: Mask, share: float, rig: Rig) -> Region:
-    camera = rig.camera(view)
+def _region(sensor: int, view: int, mask: Mask, share: float, shown: Rig) -> Region:
+    camera = shown.camera(view)
+    size = -(-camera.width_px // REGION_STEP), -(-camera.height_px // REGION_STEP)
+    if mask.shape[::-1] != size:  # of enlarged pictures: a pixel is damaged where a part of it is
+        mask = np.asarray(cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)) > 0
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     box = (
         int(columns[0]) * REGION_STEP,

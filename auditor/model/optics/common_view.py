@@ -3,7 +3,8 @@
 All cameras get one orientation (z as near as can be to where they look, x along the line of their centres; where they
 do not stand on one, upright) and one focal length, the shortest there is. Of the plane that they all look at, the
 largest rectangle is kept that every camera sees whole: no pixel of a rectified image lies outside the recorded one,
-and none needs a mask.
+and none needs a mask. What is counted are patches and windows of pixels, so pictures of cameras with few pixels are
+enlarged: then a pixel is about as wide an angle for all.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,7 @@ class CommonView:
 
     They are rectified if they stand on one line. `view_SO3_rig` (3, 3) rotates the recorded rig's frame to its frame.
     `x` (width) and `y` (height) are the rays (x, y, 1) of its pictures' columns and rows. All cameras see
-    `seen_px` of its pixels.
+    `seen_px` of its pixels. A pixel of the shortest focal length is `scale` of them wide.
     """
 
     rig: Rig
@@ -42,6 +43,47 @@ class CommonView:
     x: Matrix
     y: Matrix
     seen_px: int
+    scale: float
+
+
+@cache
+def view_scale(rig: Rig) -> float:
+    """How many pixels of the view a recorded pixel of the shortest focal length is wide; 1 where it is not enlarged."""
+    focal_px, widths_px = min(camera.focal_px for camera in rig.cameras), [camera.width_px for camera in rig.cameras]
+    if min(widths_px) < COMMON_VIEW.fewest_enlarged_px:
+        return 1.0
+    by_width = COMMON_VIEW.usual_width_px / max(widths_px)
+    scale = min(COMMON_VIEW.usual_focal_px / focal_px, by_width, COMMON_VIEW.most_enlarged)
+    # Of simple ratios, so that pixels of one picture lie evenly among those of the other.
+    return max(round(float(scale) / COMMON_VIEW.enlarged_in_steps) * COMMON_VIEW.enlarged_in_steps, 1.0)
+
+
+@cache
+def measured_view(rig: Rig) -> CommonView | None:
+    """The view in which a rig is measured; None where that is of the pictures as they are recorded.
+
+    Raises RigError where its cameras have none in common.
+    """
+    if not rig.is_rectified:
+        return common_view(rig)
+    scale = view_scale(rig)
+    return None if scale == 1 else _enlarged(rig, scale)
+
+
+def _enlarged(rig: Rig, scale: float) -> CommonView:
+    """The view of a rectified rig whose pictures are enlarged."""
+    first = rig.cameras[0]
+    width, height = round(first.width_px * scale), round(first.height_px * scale)
+    # The outer edges of both pictures coincide: pixel 0 is centred half a pixel from them.
+    across, down = width / first.width_px, height / first.height_px
+    pixels = np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1]])
+    cameras = tuple(
+        replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
+        for camera in rig.cameras
+    )
+    K = cameras[0].intrinsics
+    x, y = (np.arange(width) - K[0, 2]) / K[0, 0], (np.arange(height) - K[1, 2]) / K[1, 1]
+    return CommonView(Rig(rig.lidar, cameras), np.eye(3), K[0, 0], x, y, width * height, scale)
 
 
 def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> CommonView:
@@ -49,9 +91,9 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
 
     Rays `cell_px` apart are tried. Raises RigError where they have none in common.
     """
-    view_SO3_rig = _orientation(rig)
-    focal = min(camera.focal_px for camera in rig.cameras)
-    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, cell_px, widest=widest)
+    view_SO3_rig, scale = _orientation(rig), view_scale(rig)
+    focal = min(camera.focal_px for camera in rig.cameras) * scale
+    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, cell_px, scale, widest=widest)
     K = np.array([[focal, 0, -left], [0, focal, -top], [0, 0, 1]])
     x, y = (np.arange(width) + left) / focal, (np.arange(height) + top) / focal
     cameras = tuple(
@@ -69,7 +111,7 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
     if lidar is not None:
         rotated = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
         lidar = replace(lidar, rig_SE3_lidar=rotated)
-    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
+    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px, scale)
 
 
 @cache
@@ -98,7 +140,8 @@ def _shares(rig: Rig, groups: Sequence[tuple[Rig, Sequence[int]]]) -> dict[int, 
         with suppress(RigError):
             view = common_view(own, widest=own is not rig)
             places = [recorded_pixels(c, view.view_SO3_rig, view.x[::_STEP], view.y[::_STEP]) for c in own.cameras]
-            seen = np.logical_and.reduce([sees(at, c, _STEP) for at, c in zip(places, own.cameras, strict=True)])
+            step = _STEP / view.scale
+            seen = np.logical_and.reduce([sees(at, c, step) for at, c in zip(places, own.cameras, strict=True)])
             for number, (u, v) in zip(numbers, places, strict=True):
                 looked[number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = True
     return {number: float(cells.mean()) for number, cells in looked.items()}
@@ -113,9 +156,9 @@ def _cells(camera: Camera) -> tuple[int, int]:
 def view_size_px(rig: Rig) -> tuple[int, int]:
     """Width and height of the largest image that a rig's counts can be of: recorded, or rectified."""
     cameras = list(rig.cameras)
-    if not rig.is_rectified:
-        with suppress(RigError):  # nothing is measured in a view that does not exist
-            cameras += common_view(rig).rig.cameras
+    with suppress(RigError):  # nothing is measured in a view that does not exist
+        view = measured_view(rig)
+        cameras += () if view is None else view.rig.cameras
     return max(camera.width_px for camera in cameras), max(camera.height_px for camera in cameras)
 
 
@@ -150,7 +193,7 @@ def _names(rig: Rig) -> str:
 
 
 def _window(
-    rig: Rig, view_SO3_rig: Matrix, focal: float, cell_px: int, *, widest: bool
+    rig: Rig, view_SO3_rig: Matrix, focal: float, cell_px: int, scale: float, *, widest: bool
 ) -> tuple[int, int, int, int, int]:
     """Left and top from the principal point, width and height, in pixels; and how many of them every camera sees."""
     # A damaged calibration may see next to nothing.
@@ -158,7 +201,7 @@ def _window(
     places = np.arange(-reach, reach + 1) * cell_px / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:
-        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, cell_px)
+        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, cell_px / scale)
     top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
     width, height = (columns - 1) * cell_px + 1, (rows - 1) * cell_px + 1
     if min(width, height) < COMMON_VIEW.fewest_px:
@@ -169,10 +212,10 @@ def _window(
     return (left - reach) * cell_px, (top - reach) * cell_px, width, height, seen_px
 
 
-def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: int) -> NDArray[np.bool_]:
-    """(rows, columns) mask of the `recorded_pixels` that lie in the camera's picture, not too far apart.
+def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: float) -> NDArray[np.bool_]:
+    """(rows, columns) mask of the `recorded_pixels` that lie in the camera's picture, not too near each other.
 
-    They are those of rays `step_px` rectified pixels apart.
+    They are those of rays that are `step_px` pixels of the shortest focal length apart.
     """
     u, v = recorded
     with np.errstate(invalid="ignore"):

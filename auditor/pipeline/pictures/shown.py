@@ -80,4 +80,4 @@ def _verdict(store: Store, measurement_id: str, frame: int) -> dict[str, Any] | 
 def _measured_now(frame: Frame, rig: Rig) -> tuple[Region, ...]:
     checks = rig_sensor_checks(rig)
     counted, arrays = measure(frame, rig, find_matcher("sgbm"))
-    return localise(arrays, worth_localising(checks, sensor_statistics(checks, counted.cells, counted.shares)))
+    return localise(arrays, worth_localising(checks, sensor_statistics(checks, counted.cells, counted.shares)), rig)

@@ -10,7 +10,7 @@ from auditor.lab.simulation.vehicles import make_rig, rotation
 from auditor.measurement import measure
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.disparity.rectification import rectification, shown_rectification
 from auditor.model.frames import CameraImage, Frame, PointCloud, Skipped
 from auditor.model.measurement import Statistic
 from auditor.model.optics.geometry import invert, motion
@@ -27,7 +27,7 @@ LENSES = (
 
 
 def crooked_rig(seed: int = 1, **settings: object) -> Rig:
-    return perturbed(make_rig(3, lidar=True, width_px=621, height_px=188), LENSES, seed, **settings)
+    return perturbed(make_rig(3, lidar=True, width_px=1242, height_px=375), LENSES, seed, **settings)
 
 
 def rotated(rig: Rig, rig_SO3_new: np.ndarray) -> Rig:
@@ -42,6 +42,47 @@ def test_rigs_that_are_rectified_keep_their_frames_to_the_last_bit() -> None:
     seen, frame = rectification(rig), plane_frame(rig)
     assert seen.rig is rig
     assert seen.frame(frame) is frame
+
+
+@pytest.mark.parametrize(
+    ("width_px", "focal_px", "scale"),
+    [
+        (1242, 721.5, 1),  # as wide an angle a pixel as is usual
+        (621, 360.0, 2),
+        (640, 500.0, 1.5),
+        (640, 250.0, 2),  # no more than twice
+        (1000, 250.0, 1.5),  # nor wider than is usual
+        (1280, 500.0, 1),
+        (2048, 1685.0, 1),
+        (414, 240.0, 1),  # no vehicle's cameras are as narrow
+    ],
+)
+def test_pictures_of_few_pixels_are_enlarged(width_px: int, focal_px: float, scale: float) -> None:
+    rig = plane_rig()
+    K = np.array([[focal_px, 0, 100.0], [0, focal_px, 60.0], [0, 0, 1]])
+    cameras = tuple(
+        replace(c, width_px=width_px, projection=K @ np.linalg.inv(c.intrinsics) @ c.projection) for c in rig.cameras
+    )
+    recorded = Rig(rig.lidar, cameras)
+    first, seen = cameras[0], rectification(recorded)
+    ideal, shown = seen.rig.camera(1), shown_rectification(recorded)
+    assert (ideal.width_px, ideal.height_px) == (round(width_px * scale), round(first.height_px * scale))
+    assert ideal.focal_px == pytest.approx(focal_px * scale, rel=0.01)
+    assert seen.rig.baseline_m(1, 3) == pytest.approx(rig.baseline_m(1, 3))
+    # The outer edges of both pictures coincide.
+    assert (ideal.intrinsics[0, 2] + 0.5) / ideal.width_px == pytest.approx(100.5 / width_px)
+    assert shown.rig is recorded
+    assert not shown.remaps
+
+
+def test_an_enlarged_picture_shows_the_same_at_the_same_place() -> None:
+    rig = make_rig(3, lidar=True, width_px=621, height_px=188)
+    rng = np.random.default_rng(0)
+    pixels = np.asarray(cv2.GaussianBlur(rng.integers(0, 256, (188, 621), dtype=np.uint8), (0, 0), 2))
+    enlarged = rectification(rig).image(CameraImage(1, 0, pixels)).pixels
+    assert enlarged.shape == (376, 1242)
+    back = cv2.resize(enlarged, (621, 188), interpolation=cv2.INTER_AREA)
+    assert np.abs(back.astype(int) - pixels).max() <= 6
 
 
 def test_the_ideal_cameras_are_the_same_on_one_line_and_at_their_old_places() -> None:
@@ -94,7 +135,7 @@ def in_the_drives_frame(drive: SyntheticDrive, ideal: Rig) -> Rig:
 
 
 def test_a_drive_through_bent_and_rotated_cameras_measures_like_one_through_ideal_ones() -> None:
-    drive = make_drive(2, 2, width_px=621, height_px=188)
+    drive = make_drive(2, 2, width_px=1242, height_px=375)
     crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 2)))
     ideal = rectification(crooked.rig).rig
     straight = replace(drive, vehicle=replace(drive.vehicle, rig=in_the_drives_frame(drive, ideal)))

@@ -17,7 +17,7 @@ RIG = plane_rig()
 
 def regions(frame, sensors):
     _, arrays = measure(frame, RIG, SgbmMatcher())
-    return {region.sensor: region for region in localise(arrays, sensors)}
+    return {region.sensor: region for region in localise(arrays, sensors, RIG)}
 
 
 def covered(region):

@@ -1,0 +1,124 @@
+"""What a first scan of several recordings finds: a batch of which two are attacked in all frames, nothing learnt.
+
+Reads scenes that `python -m tests.benchmarks.clean_statistics --attacked --constant` measured, all of one rig kind, and
+cuts them into recordings of some frames. All are judged by the prior; those that show nothing teach the calibrations
+by which each recording is judged again, as `auditor.pipeline.calibrations.batch` does:
+
+    python -m tests.benchmarks.batches FOLDER [--frames 10]
+
+Printed are, by attack, the attacked recordings with an incident, those in which an incident names exactly what is
+attacked, and those that end a scan in 1; and the same of the recordings beside them that are clean.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+from auditor.identification.systems import System
+from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.verdict import Verdict
+from auditor.pipeline.calibrations.batch import FEWEST_CLEAN
+from tests.benchmarks.durations import R
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drive_of
+from tests.benchmarks.rates import frames_of, system_of, thresholds_of
+from tests.benchmarks.scenes import Case, Scene, load
+
+ATTACKED = 2
+
+
+@dataclass
+class Tally:
+    """Recordings, those with an incident, those whose attacked sensors it names, and those found at all."""
+
+    recordings: int = 0
+    incident: int = 0
+    named: int = 0
+    found: int = 0
+
+    def add(self, verdicts: Sequence[Verdict], who: tuple[int, ...]) -> None:
+        """Count a recording in which these sensors were attacked."""
+        findings = [verdict.finding for verdict in verdicts if verdict.finding is not None]
+        incidents = [one for one in findings if not one.alert]
+        self.recordings += 1
+        self.incident += bool(incidents)
+        self.named += any(one.attacked == who for one in incidents)
+        self.found += bool(findings)
+
+    def __str__(self) -> str:
+        return f"incident {self.incident}, named {self.named}, found {self.found} of {self.recordings}"
+
+
+def cut(scene: Scene, frames: int) -> Iterator[Scene]:
+    """A scene's recordings of so many frames each, and of what is left at its end with the last."""
+    clean = [case.frame for case in scene.cases if not case.attack]
+    count = max(len(clean) // frames, 1)
+    for number in range(count):
+        chosen = set(clean[number * frames : None if number == count - 1 else (number + 1) * frames])
+        cases = tuple(case for case in scene.cases if case.frame in chosen)
+        yield replace(scene, name=f"{scene.name}, {number}", cases=cases)
+
+
+def batch(recordings: Sequence[Sequence[Case]], drives: Sequence[Drive]) -> list[list[Verdict]]:
+    """The verdicts on the cases of each recording, by all that show nothing by the prior, itself left out."""
+    by_prior = [_judged(drive, cases) for drive, cases in zip(drives, recordings, strict=True)]
+    clean = [place for place, verdicts in enumerate(by_prior) if not any(one.finding for one in verdicts)]
+    if len(clean) < FEWEST_CLEAN:
+        return by_prior
+    seen = {place: frames_of(drives[place].scene, drives[place].system, recordings[place]) for place in clean}
+    system = drives[0].system
+    return [
+        _judged(replace(drive, thresholds=_learnt(seen, place, system)), recordings[place])
+        for place, drive in enumerate(drives)
+    ]
+
+
+def _learnt(seen: Mapping[int, CleanFrames], without: int, system: System) -> RobustThresholds:
+    return thresholds_of([frames for place, frames in seen.items() if place != without], system, R)[0]
+
+
+def _judged(drive: Drive, cases: Sequence[Case]) -> list[Verdict]:
+    return drive.judged(drive.series(dict(enumerate(cases)), MEASURED_HZ))
+
+
+def tallies(drives: Sequence[Drive]) -> dict[str, tuple[Tally, Tally]]:
+    """By attack, over all pairs of attacked recordings, and all sensors of them alike: attacked, and clean beside."""
+    found: dict[str, tuple[Tally, Tally]] = defaultdict(lambda: (Tally(), Tally()))
+    for attack, of_sensors in drives[0].attacks.items():
+        for who in of_sensors:
+            for pair in combinations(range(len(drives)), ATTACKED):
+                recordings = [
+                    [*drive.attacks[attack][who].values()] if place in pair else drive.clean
+                    for place, drive in enumerate(drives)
+                    if attack in drive.attacks and who in drive.attacks[attack]
+                ]
+                if len(recordings) < len(drives):
+                    continue
+                for place, verdicts in enumerate(batch(recordings, drives)):
+                    attacked = place in pair
+                    found[attack][not attacked].add(verdicts, who if attacked else ())
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path, help="the scenes")
+    parser.add_argument("--frames", type=int, default=10, help="of a recording")
+    options = parser.parse_args()
+    scenes = [part for scene in load(options.folder) for part in cut(scene, options.frames)]
+    for cameras in RIGS:
+        systems = [(scene, system_of(scene, cameras)) for scene in scenes]
+        drives = [drive_of(scene, system, thresholds_of([], system, R)[0]) for scene, system in systems]
+        print(f"LiDAR and {len(cameras)} cameras: {len(drives)} recordings, of which {ATTACKED} are attacked")
+        clean = Tally()
+        for verdicts in batch([drive.clean for drive in drives], drives):
+            clean.add(verdicts, ())
+        print(f"{'none attacked':22} {clean}")
+        for attack, (attacked, beside) in sorted(tallies(drives).items()):
+            print(f"{attack:22} {attacked}; clean ones beside: {beside}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
