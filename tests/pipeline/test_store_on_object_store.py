@@ -252,6 +252,19 @@ def test_what_cannot_stand_beside_the_work_of_others_is_kept_apart_and_said(logs
         assert problems(folder) == []
 
 
+def test_chains_that_grow_do_not_fill_the_bucket(bucket: Proxy, address: Address, on) -> None:
+    on("one")
+    mirror = Mirror(address)
+    with logged(Store.open(mirror.folder, create=True).folder) as entry:
+        for number in range(6):
+            entry.used("recording", f"{number:064}", "a")
+            mirror.put_back()
+    mirror.put_back()
+    mirror.close()
+    objects_of_log = bucket.client().list_objects_v2(Bucket=BUCKET, Prefix=f"{address.key}/log/")["Contents"]
+    assert len(objects_of_log) == 2, "the last one, and that of the snapshot before"
+
+
 def test_no_run_of_another_machine_is_taken_for_a_dead_one(logs: list[Path], address: Address, on) -> None:
     on("one")
     one = Mirror(address)

@@ -21,7 +21,7 @@ from threading import Event
 
 from auditor.errors import AuditorError, StoreError
 from auditor.pipeline.remote.addresses import Address
-from auditor.pipeline.remote.object_store import copy_object, put_object
+from auditor.pipeline.remote.object_store import NoObjectError, copy_object, put_object, remove_object
 from auditor.pipeline.remote.snapshots import (
     File,
     Files,
@@ -70,6 +70,7 @@ class Mirror:
         self._base: Files = _read_base(self._slot)
         self._hashed = _read_hashed(self._slot)
         self._put_back_at = time.monotonic()
+        self._outgrown: list[tuple[str, File]] = []
         if not (self._slot / "foreign.json").exists():
             note_foreign(self.folder, ())
 
@@ -103,7 +104,12 @@ class Mirror:
     def _synchronise(self, *, put: bool) -> None:
         for attempt in range(_MOST_TRIES):
             theirs = read_snapshot(self.address)
-            self._fetch(theirs.files)
+            try:
+                self._fetch(theirs.files)
+            except NoObjectError:
+                if read_snapshot(self.address).etag == theirs.etag:
+                    raise
+                continue  # a chain has outgrown what this snapshot names of it
             with self._still():
                 mine = self._scan()
                 found = merged(self._base, mine, theirs.files)
@@ -256,7 +262,17 @@ class Mirror:
         write_whole(self._slot / _BASE, json.dumps(self._base).encode())
         for left in (_GOING, _COMING):
             shutil.rmtree(self._slot / left, ignore_errors=True)
+        self._remove_outgrown(theirs.files, whole)
         return True
+
+    def _remove_outgrown(self, before: Files, now: Files) -> None:
+        """Remove what chains of this mirror were two snapshots ago: whoever reads the last one finds all of it."""
+        for one in self._outgrown:
+            with suppress(AuditorError):  # it takes room, and nothing else
+                remove_object(object_at(self.address, *one))
+        self._outgrown = [
+            (place, file) for place, file in before.items() if place.startswith(f"{LOG}/") and now.get(place) != file
+        ]
 
     def _put(self, one: tuple[str, File]) -> None:
         file = self._slot / _GOING / one[0]

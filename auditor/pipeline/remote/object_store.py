@@ -10,7 +10,7 @@ import random
 import re
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from functools import cache
 from pathlib import Path
@@ -105,6 +105,12 @@ def put_object(address: Address, file: Path) -> None:
     """Put a file in the place of an object. Raises RecordingError and SettingError."""
     with _reporting(str(address)):
         _library().put(_store(address.root), address.key, file)
+
+
+def remove_object(address: Address) -> None:
+    """Remove an object; one that is gone is none. Raises RecordingError and SettingError."""
+    with suppress(NoObjectError), _reporting(str(address)):
+        _library().delete(_store(address.root), address.key)
 
 
 def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Event) -> None:

@@ -59,8 +59,10 @@ class Supply(Generic[Item]):
         self._spool.release(self._location_of(item))
 
     def close(self) -> None:
-        """Copy no more."""
+        """Copy no more; what is being copied is given up."""
         with self._changed:
+            if self._waiting or self._copying:
+                self._spool.stopped.set()
             self._waiting.clear()
             self._changed.notify_all()
 
