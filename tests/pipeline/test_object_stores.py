@@ -113,6 +113,30 @@ def test_nothing_is_lost_where_requests_fail_and_answers_are_cut(
     assert bucket.given_bytes <= 1.05 * sent
 
 
+@pytest.mark.parametrize("key", ["odd/a b#1+%20 & ä'.mcap", "odd/deep/[x]{y}~.mcap"])
+def test_a_key_may_have_any_name_that_a_file_may_have(
+    key: str, fleet: list[Path], bucket: Proxy, tmp_path: Path
+) -> None:
+    address = bucket.put(key, fleet[0])
+    found = [one for one in find_remote([Address(f"s3://{BUCKET}", "odd")]).recordings if str(one) == address]
+    with Spool(tmp_path).copied(found[0]) as [copy]:
+        assert copy.path.name == Path(key).name
+        assert copy.path.read_bytes() == fleet[0].read_bytes()
+
+
+def test_a_file_of_a_web_server_is_an_object(fleet: list[Path], bucket: Proxy, tmp_path: Path) -> None:
+    address = address_of(f"{bucket.url}/{BUCKET}/fleet/alder/alder.mcap")
+    assert address is not None
+    assert "files of a web server have to be public" in str(find_remote([address]).errors[0])
+    bucket.client().put_object_acl(Bucket=BUCKET, Key="fleet/alder/alder.mcap", ACL="public-read")
+    [one] = find_remote([address]).recordings
+    with Spool(tmp_path).copied(one) as [copy]:
+        assert copy.path.read_bytes() == fleet[0].read_bytes()
+    folder = address_of(f"{bucket.url}/{BUCKET}/fleet/alder/")
+    assert folder is not None
+    assert "name one file an address" in str(find_remote([folder]).errors[0])
+
+
 def test_an_object_that_is_replaced_while_it_is_read_is_refused(
     fleet: list[Path], bucket: Proxy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -273,6 +273,8 @@ def _told(error: Exception, where: str) -> RecordingError:
 
 def _variables(where: str) -> str:
     """Where credentials for an address are looked for."""
+    if where.startswith("http"):
+        return "files of a web server have to be public"
     named = {"gs": "GOOGLE_APPLICATION_CREDENTIALS", "az": "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY"}
     known = named.get(where.partition(":")[0], "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY")
     return f"give credentials in the environment: {known}, or a role"
