@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import TypeVar, Unpack
 
 from auditor import recordings as reading
 from auditor.errors import AuditorError, StoreError
@@ -37,11 +37,14 @@ from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, meas
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.remote.addresses import Address, path_or_address
+from auditor.pipeline.remote.mirror import mirrored
 from auditor.pipeline.scan import Scan
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
+
+Result = TypeVar("Result")
 
 Progress = Callable[[object, str, int], None]
 """Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
@@ -144,6 +147,9 @@ def calibrate(
 
     Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
     """
+    if isinstance(address := path_or_address(store), Address):
+        with mirrored(address) as here:
+            return calibrate(sources, store=here, frames=frames, network=network, on_progress=on_progress, **measuring)
     places, settings = _places(sources), _measuring(network, measuring)
     given = [one for one in places if isinstance(one, Path) and Store.is_at(one)]
     folder, stores = Path(store), [Store.open(path) for path in given]
@@ -178,6 +184,10 @@ def scan(
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
+    if isinstance(address := path_or_address(store), Address):
+        return _mirrored(
+            address, lambda here: scan(recordings, store=here, network=network, on_progress=on_progress, **settings)
+        )
     judging = {name: value for name, value in settings.items() if name in settings_of(Criteria)}
     measuring = {name: value for name, value in settings.items() if name not in judging}
     if unknown := measuring.keys() - settings_of(MeasureSettings).keys():
@@ -186,6 +196,12 @@ def scan(
     chosen = judge_settings(folder, criteria(judging))
     batch = find_batch(_places(recordings), folder, _measuring(network, measuring))
     return _scan(batch, folder, chosen, on_progress or _silent)
+
+
+def _mirrored(address: Address, steps: Callable[[Path], Iterator[Result]]) -> Iterator[Result]:
+    """What is done to the mirror of a store, which is put back behind the last step."""
+    with mirrored(address) as here:
+        yield from steps(here)
 
 
 def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
@@ -214,6 +230,8 @@ def judge(
     Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
     nothing has been measured.
     """
+    if isinstance(store, str) and isinstance(address := path_or_address(store), Address):
+        return _mirrored(address, lambda here: judge(here, jobs=jobs, **judging))
     return judge_store(opened(store), criteria(judging), jobs)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import auditor
 from auditor.cli import run
 from auditor.errors import RecordingError, StoreError
 from auditor.pipeline.remote import mirror as mirrors
@@ -94,6 +95,17 @@ def test_a_store_there_equals_a_folder_and_another_machine_asks_it(
     with mirrored(address) as folder:
         assert content_of(folder) == content_of(local)
         assert (folder / "reports" / "index.html").exists()
+
+
+def test_the_library_takes_the_address_of_a_store(logs: list[Path], address: Address, on) -> None:
+    on("one")
+    assert auditor.calibrate(logs, store=str(address), jobs=2, pictures="none").errors == ()
+    scanned = list(auditor.scan(logs, store=str(address), jobs=2, pictures="none"))
+    assert [len(one.judged) for one in scanned] == [1, 1]
+    on("another")
+    assert len(list(auditor.judge(str(address), r="2%", jobs=1))) == 2
+    assert auditor.query(str(address), "summary").num_rows == 2
+    assert auditor.open_store(str(address)).query("summary")["r"].to_pylist() == [0.02] * 2
 
 
 def test_a_store_that_is_not_there_is_named_by_its_address(

@@ -19,8 +19,8 @@ from itertools import count
 from pathlib import Path
 from threading import Event
 
-from auditor.errors import AuditorError, StoreError
-from auditor.pipeline.remote.addresses import Address
+from auditor.errors import AuditorError, SettingError, StoreError
+from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import NoObjectError, copy_object, put_object, remove_object
 from auditor.pipeline.remote.snapshots import (
     File,
@@ -314,6 +314,15 @@ def mirrored(address: Address) -> Iterator[Path]:
     finally:
         _current.pop(mirror.folder, None)
         mirror.close()
+
+
+def brought_here(text: str) -> Path:
+    """The mirror of the store at an address as it is now, to be read. Raises SettingError and what object stores do."""
+    address = address_of(text)
+    if address is None:
+        raise SettingError("it is no address of a store", where=text, remedy="write s3://bucket/folder")
+    with mirrored(address) as folder:
+        return folder
 
 
 def _put_back_left(address: Address) -> None:
