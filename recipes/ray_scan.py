@@ -2,7 +2,8 @@
 
 ray job submit -- python ray_scan.py 's3://bucket/fleet/**/*.mcap' /shared/audit
 
-The store is a folder that all nodes reach, or an address such as s3://bucket/audit. A task whose node is lost is run again, and goes on where it was.
+The store is a folder that all nodes reach, or an address such as s3://bucket/audit.
+A task whose node is lost is run again, and goes on where it was.
 """
 
 import sys
