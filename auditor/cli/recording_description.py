@@ -149,6 +149,7 @@ def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> 
 def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     leftmost = rig.cameras[-1]
     view = measured_view(rig)
+    measured_in = None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px}
     compared = compared_shares(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
@@ -171,7 +172,8 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
         "kind": str(rig.kind),
         "clouds_a_sweep": rig.lidar.sweep.parts if rig.lidar and rig.lidar.sweep else None,
         "beside_line_px": {} if rig.shares_view else _beside_line(rig),
-        "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
+        "rectified_to": None if rig.is_rectified else measured_in,
+        "enlarged_to": measured_in if rig.is_rectified else None,
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
         "capabilities": capabilities(rig),

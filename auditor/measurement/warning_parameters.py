@@ -40,7 +40,7 @@ class GeometryFit:
     at_chance: float = parameter(0.18, unit="share of points that agree by chance, at most", source=_FIT)
     in_doubt: float = parameter(0.7, unit="share of points below which other axes are tried", source=_FIT)
     fits: float = parameter(0.5, unit="share from which on a way to read a calibration fits", source=_FIT)
-    better_by: float = parameter(0.2, unit="share by which it has to fit better than the standard's", source=_FIT)
+    better_by: float = parameter(0.12, unit="share by which it has to fit better than the standard's", source=_FIT)
     fewest_in_view: int = parameter(20, unit="LiDAR points in the view of a camera", source=BY_HAND)
     most_checked: int = parameter(6, unit="frames by which ways to read a calibration are compared", source=BY_HAND)
     every_checked: int = parameter(4, unit="frames, of which one is compared so", source=BY_HAND)

@@ -49,7 +49,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 15
+COUNTING_VERSION = 16
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 

@@ -38,13 +38,25 @@ def test_a_recording_that_is_not_rectified_is_scanned_and_inspected(
     assert run(["inspect", str(bent), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
     assert rig["calibration_warnings"] == []
-    assert rig["rectified_to"]["focal_px"] == pytest.approx(360.77, abs=0.01)
+    assert rig["rectified_to"]["focal_px"] == pytest.approx(2 * 360.77, abs=0.01)  # enlarged
     assert run(["inspect", str(bent)]) == 0
     assert "not rectified as recorded" in capfd.readouterr().out
     assert run(["scan", str(bent), "--measure-only", "--store", str(tmp_path / "audit")]) == 3
     printed = capfd.readouterr().err
     assert "2 frames measured" in printed
     assert "WARNING" not in printed
+
+
+def test_inspect_says_that_pictures_of_few_pixels_are_enlarged(
+    drive: SyntheticDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_mcap(tmp_path / "small.mcap", drive.rig, drive.frames())
+    assert run(["inspect", str(tmp_path / "small.mcap"), "--format", "json"]) == 0
+    (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
+    assert rig["rectified_to"] is None
+    assert rig["enlarged_to"]["size_px"] == "1242 x 376"
+    assert run(["inspect", str(tmp_path / "small.mcap")]) == 0
+    assert "measured on images of 1242 x 376 px, focal length 722 px, enlarged" in capfd.readouterr().out
 
 
 def test_images_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack(

@@ -174,10 +174,15 @@ def _frames(rig: dict[str, Any]) -> str:
     return "; ".join([f"{rig['frames']} frames, one each {rig['period_ms']:.0f} ms", *lost, *jumps])
 
 
+def _shown(view: dict[str, Any]) -> str:
+    return f"images of {view['size_px']} px, focal length {view['focal_px']:.0f} px"
+
+
 def _geometry(rig: dict[str, Any]) -> Iterator[str]:
+    if rig["enlarged_to"]:
+        yield f"of few pixels: measured on {_shown(rig['enlarged_to'])}, enlarged"
     if rig["rectified_to"]:
-        size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
-        shown = f"images of {size} px, focal length {focal:.0f} px"
+        shown = _shown(rig["rectified_to"])
         if rig["beside_line_px"]:
             beside = ", ".join(f"{name} by {rows:.1f} px" for name, rows in rig["beside_line_px"].items())
             yield f"not on one line ({beside} at 10 m): rectified pair by pair, and mapped to {shown}"

@@ -66,7 +66,7 @@ def test_of_cameras_beside_the_line_a_sample_is_a_pair_in_its_own_view_and_only_
     assert 0.5 < np.mean(valid_masks[2]) < 0.95
     assert np.isnan(disparity[~valid_masks[2]]).all()
     assert np.count_nonzero(~np.isnan(disparity)) > 10_000
-    assert score(SgbmMatcher(), [(left, right, disparity)]).over_3px_share < 0.1
+    assert score(SgbmMatcher(), [(left, right, disparity)]).over_3px_share < 0.2  # of enlarged pictures
 
 
 def test_a_street_knows_the_disparity_of_every_pixel_and_its_lidar_agrees() -> None:
