@@ -1,7 +1,8 @@
 """A scan in shards, one mapped task each, as a DAG of Airflow 3: put this file into Airflow's folder of DAGs.
 
 The store is a folder that all workers reach, or an address such as s3://bucket/audit.
-A shard that fails is tried again, and goes on where it was; the last task judges what was measured. Findings (exit code 1) fail it, so that somebody is told.
+A shard that fails is tried again, and goes on where it was; the last task judges what was measured.
+Findings (exit code 1) fail it, so that somebody is told.
 """
 
 from datetime import datetime
