@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,7 @@ from auditor.cli import output, run, summary
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
+from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.scan import Scan
 from auditor.store import Store
 from auditor.store.records import JudgementRecord
@@ -92,13 +94,14 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
     def measure_all(batch, advanced):
         for task in batch.tasks:
             result = SimpleNamespace(
-                recording=task, recording_id=task, frames=1, fresh=True, calibration_warnings=("it does not fit",)
+                recording=task, recording_id=str(task), frames=1, fresh=True, calibration_warnings=("it does not fit",)
             )
             yield SimpleNamespace(item=task, error=None, result=result)
 
     monkeypatch.setattr("auditor.pipeline.scan.measure_all", measure_all)
     tally = Tally()
-    batch = SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), notes=(), shows_known=True)
+    tasks = tuple(MeasureTask(Path(name), tmp_path) for name in ("a.mcap", "b.mcap"))
+    batch = SimpleNamespace(tasks=tasks, remote=(), errors=(), notes=(), shows_known=True)
     summary.show_measuring(Scan(batch, tmp_path), tally)
     assert capfd.readouterr().err.splitlines() == [
         "a.mcap: 1 frames measured",
