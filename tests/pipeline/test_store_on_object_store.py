@@ -97,6 +97,18 @@ def test_a_store_there_equals_a_folder_and_another_machine_asks_it(
         assert (folder / "reports" / "index.html").exists()
 
 
+def test_nights_are_refreshed_there(logs: list[Path], address: Address, on, capfd: pytest.CaptureFixture[str]) -> None:
+    on("one")
+    words = ["refresh", *map(str, logs), "--clean", "--store", str(address), "--jobs", "2"]
+    assert run([*words, "--dry-run"]) in {0, 1}
+    assert read_snapshot(address).files == {}
+    assert run(words) in {0, 1}
+    assert f'"store": "{address}"' in capfd.readouterr().out
+    assert "reports/refresh.html" in read_snapshot(address).files
+    on("another")
+    assert run(["calibration", "list", "--store", str(address)]) == 0
+
+
 def test_the_library_takes_the_address_of_a_store(logs: list[Path], address: Address, on) -> None:
     on("one")
     assert auditor.calibrate(logs, store=str(address), jobs=2, pictures="none").errors == ()

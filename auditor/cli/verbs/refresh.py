@@ -105,7 +105,7 @@ def _tried(
     from auditor.store import Store  # noqa: PLC0415
 
     with TemporaryDirectory() as empty:
-        first = (recordings or others) and not store.exists()
+        first = (recordings or others) and not (store.exists() and any(store.iterdir()))
         kept = Store.open(empty, create=True) if first else Store.open(store)
         named = [known for other in others for known in other.ids("measurements")] if clean else []
         found = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
