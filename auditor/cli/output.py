@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli.log_lines import Level, is_json, tell
+from auditor.cli.log_lines import Level, is_json, named, tell
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def say(text: str) -> None:
 
 def answer(text: object) -> None:
     """One line of an answer on stdout."""
-    click.echo(one_line(str(text)))
+    click.echo(one_line(named(str(text))))
 
 
 Advanced = Callable[[object, str, int], None]

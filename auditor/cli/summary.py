@@ -12,10 +12,9 @@ from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.many import Judged
+    from auditor.pipeline.many import Batch, Judged
     from auditor.pipeline.measured import Measured, MeasureTask
     from auditor.pipeline.scan import Scan
-    from auditor.recordings import Location
     from auditor.store import Store, StoredJudgement
     from auditor.store.export import Table
 
@@ -27,6 +26,7 @@ _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
 _ID_SHOWN = 8
 _REMARK = "remark"
+_ONCE = "the same command without --shard relates, judges and shows them, and reads nothing again"
 _MOST_NAMED = 3
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -43,7 +43,8 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         say(f"{note}: it is text and no recording, and was not read")
     for error in batch.errors:
         say(f"auditor: {error}")
-        _leave(tally, Path(error.where), error)
+        _leave(tally, error.where, error)
+    _say_remote(batch)
     with progress(len(batch.tasks), "measuring", {task: _size_of(task) for task in batch.tasks}) as (
         advanced,
         finished,
@@ -52,7 +53,7 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error}", of=outcome.item)
                 tally.incomplete |= was_examined(outcome.error)
-                _leave(tally, outcome.item.recording, outcome.error)
+                _leave(tally, str(outcome.item), outcome.error)
             elif outcome.result is not None:
                 how = "measured" if outcome.result.fresh else "measured before"
                 if batch.shows_known or outcome.result.fresh:
@@ -72,12 +73,18 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
 
 def _size_of(task: "MeasureTask") -> int:
     """The bytes of a recording; 0 where they cannot be known, which is its own error later on."""
-    from auditor.recordings import located  # noqa: PLC0415 - keeps --help quick
-
     try:
-        return located(task.recording).size_bytes
+        return task.location.size_bytes
     except OSError:
         return 0
+
+
+def _say_remote(batch: "Batch") -> None:
+    """Say which room copies of what lies on object stores take."""
+    sizes = [task.location.size_bytes for task in batch.remote]
+    if sizes:
+        room = f"at most {batch.spool.room_bytes / 1e6:.0f} MB in {batch.spool.above}"
+        say(f"{_count(len(sizes))} of {sum(sizes) / 1e6:.0f} MB on object stores: copied while they are read, {room}")
 
 
 def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
@@ -88,6 +95,13 @@ def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
     for one in measured:
         name, path = storable(one.recording.name), storable(str(one.recording))
         tally.not_audited.append(NotAudited(name, path, "measured only"))
+
+
+def show_shard(shard: str, scan: "Scan", tally: Tally) -> None:
+    """Say what a shard measured: it ends well where it measured all of its recordings."""
+    failed = f", {_count(len(tally.not_audited))} could not be" if tally.not_audited else ""
+    say(f"shard {shard}: {_count(len(scan.measured))} measured{failed}; when all shards are done, {_ONCE}")
+    tally.audited |= bool(scan.measured)
 
 
 def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tally) -> "list[Judged]":
@@ -238,11 +252,11 @@ def _reasons(left: Mapping[str, str]) -> str:
     return f"{reasons}, and {others} other reason{'s' * (others > 1)}" if others > 0 else reasons
 
 
-def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
-    """A recording could not be measured."""
+def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
+    """A recording at a path or an address could not be measured."""
     tally.failed = True
-    tally.recordings.add(str(path))
-    tally.not_audited.append(NotAudited(storable(path.name), storable(str(path)), storable(error.what)))
+    tally.recordings.add(place)
+    tally.not_audited.append(NotAudited(storable(Path(place).name), storable(place), storable(error.what)))
 
 
 def _say_once(remarks: Remarks) -> None:

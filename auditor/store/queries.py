@@ -11,7 +11,7 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import SHUT, asking, connected, in_one_line, needed_by, raise_damage
+from auditor.store.connection import asking, connected, in_one_line, needed_by, raise_damage, shut_connection
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
@@ -145,7 +145,7 @@ def _in_one_line(where: str, store: Store, text: str, limits: SqlLimits | None =
 @cache
 def _parser() -> duckdb.DuckDBPyConnection:
     """Reads statements and runs none."""
-    return duckdb.connect(config=SHUT)
+    return shut_connection()
 
 
 def _refuse_but_select(text: str) -> None:

@@ -76,9 +76,10 @@ def _audit(kept: "Store", clean: "Sequence[Take]", suspected: "Sequence[Take]", 
     """Learn from the clean drives, judge all by that, and print what was found; True where nothing failed."""
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415 - keeps --help quick
     from auditor.model.settings import Criteria, MeasureSettings  # noqa: PLC0415
+    from auditor.pipeline.calibrations.clean import CleanMeasurements  # noqa: PLC0415
     from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.many import CleanMeasurements, JudgeSettings, judge_all  # noqa: PLC0415
+    from auditor.pipeline.many import JudgeSettings, judge_all  # noqa: PLC0415
 
     of_clean, tally = Tally(), Tally()
     learnt, scan = (_scan_of(takes, kept, MeasureSettings(jobs=jobs)) for takes in (clean, suspected))
