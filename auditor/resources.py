@@ -14,6 +14,12 @@ _ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/(/)?")
 """How an address begins, such as s3://; of two slashes a Path keeps one, and a folder may be called so."""
 
 
+def is_address(text: str) -> bool:
+    """Whether a text is an address such as s3://bucket/x.mcap."""
+    found = _ADDRESS.match(text)
+    return found is not None and found[1] is not None
+
+
 def local_path(path: str | Path) -> Path:
     """A path on this computer. Raises SettingError for an address such as s3://bucket/store."""
     text = str(path)

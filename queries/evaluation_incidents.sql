@@ -1,6 +1,6 @@
--- Incidents of an evaluation, by all sensors: whether a second under attack is found as one, with whom and how soon, and how many false ones there are per hour of clean driving.
+-- Incidents of an evaluation, by all sensors: whether a second under attack, or a whole recording, is found as one, with whom and how soon, and how many false ones there are per hour of clean driving.
 --
--- By the robust method incidents are those of a scan, by the paper's runs of frames with the same verdict. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
+-- By the robust method incidents are those of a scan, by the paper's runs of frames with the same verdict. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild. A lasting attack holds still in all frames of a recording, where each one is attacked (--attack-every 1), and is one interval.
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
@@ -12,7 +12,7 @@
 -- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column system: The sensors that took part: all.
 -- column attacked: The attacked sensors; empty for clean drives.
--- column variant: still or moving; NULL for clean drives.
+-- column variant: still, moving or lasting; NULL for clean drives.
 -- column r: The designated false-alarm rate.
 -- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
 -- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
@@ -87,6 +87,7 @@ placed AS MATERIALIZED (
         {setup: setup, method: method, left_out: left_out, system: system, attacked: attacked, variant: strength, r: r} AS what,
         CASE
             WHEN experiment = 'clean' THEN concat_ws('|', recording_id, rig_id)
+            WHEN strength = 'lasting' THEN concat_ws('|', recording_id, rig_id, draw)
             ELSE concat_ws('|', evaluation_id, frame // interval_frames(), draw)
         END AS line,
         *
@@ -123,7 +124,9 @@ numbered AS (
             frame,
             stamp_ns,
             stamp_ns - lag(stamp_ns) OVER same AS step_ns,
-            event = lag(event) OVER same AS same_event
+            -- cases are judged block by block, and events numbered anew in each
+            event = lag(event) OVER same
+                AND frame // robust_block_frames() = lag(frame) OVER same // robust_block_frames() AS same_event
         FROM clocked
         WHERE verdict IN ('attacked', 'unidentified', 'suspect')
         WINDOW same AS (PARTITION BY what, line, clock, verdict, identified ORDER BY frame)

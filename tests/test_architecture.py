@@ -35,11 +35,7 @@ MOST_LINES = 400
 MEDIAN_FUNCTION_LINES = 8
 
 HOMES = {
-    "torch": (
-        "measurement/disparity/matchers/psmnet/",
-        "measurement/disparity/matchers/torchscript.py",
-        "lab/training/",
-    ),
+    "torch": ("measurement/disparity/matchers/psmnet/", "lab/training/"),
     "onnxruntime": ("measurement/disparity/matchers/onnx_models.py",),
     "cv2": ("measurement/", "recordings/", "lab/evaluation/object_baseline/detectors/"),
     "duckdb": ("store/",),
@@ -50,6 +46,8 @@ HOMES = {
     "click": ("cli/",),
     "rich": ("cli/",),
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
+    "obstore": ("pipeline/remote/object_store.py",),
+    "boto3": ("pipeline/remote/object_store.py",),
     "subprocess": ("safety/launching.py",),
     "multiprocessing": ("pipeline/workers.py", "pipeline/fork_server.py"),
     "zipfile": ("safety/", "casefile/", "lab/training/samples.py"),

@@ -102,7 +102,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/light.py": ((255, 256), "white; levels of a byte"),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
-    "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
     "measurement/disparity/matchers/model_description.py": (
@@ -112,10 +111,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "channels; white",
     ),
-    "measurement/disparity/matchers/onnx.py": ((4,), "axes"),
+    "measurement/disparity/matchers/own_networks.py": ((4,), "axes"),
     "measurement/disparity/matchers/onnx_models.py": ((3,), "a log level"),
     "measurement/disparity/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
-    "measurement/disparity/matchers/sgbm.py": ((16,), "OpenCV's unit of a disparity"),
+    "measurement/disparity/matchers/sgbm.py": ((16, 255, 256), "OpenCV's unit of a disparity; white; levels of a byte"),
     "measurement/disparity/rectification.py": (
         (
             0.5,

@@ -11,9 +11,13 @@ from types import ModuleType
 
 import click
 import pytest
+from ruamel.yaml import YAML
 
 from auditor.cli import auditor
 from auditor.cli.settings import read_file
+from auditor.pipeline.remote.shards import Shard, shard_of
+from auditor.store import Store
+from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).resolve().parents[1]
 REFRESH = (ROOT / "docs" / "refresh.md").read_text(encoding="utf-8")
@@ -144,3 +148,83 @@ def test_the_variables_of_the_page_are_those_of_options():
     named = set(re.findall(r"`(AUDITOR_\w+)`", SETTINGS))
     assert len(named) > 10
     assert named <= known
+
+
+KUBERNETES = (ROOT / "recipes" / "kubernetes_scan.yaml").read_text(encoding="utf-8")
+SHARDS = ROOT / "recipes" / "airflow_shards.py"
+RAY = ROOT / "recipes" / "ray_scan.py"
+
+
+def test_the_jobs_of_kubernetes_run_each_shard_once_and_then_the_scan_that_judges():
+    shards, verdicts = YAML(typ="safe").load_all(KUBERNETES)
+    [line] = shards["spec"]["template"]["spec"]["containers"][0]["args"]
+    count = shards["spec"]["completions"]
+    assert shards["spec"]["completionMode"] == "Indexed"
+    assert f"--shard $JOB_COMPLETION_INDEX/{count}" in line
+    assert parsed(line.replace("$JOB_COMPLETION_INDEX", str(count - 1))) == "scan"
+    [judging] = verdicts["spec"]["template"]["spec"]["containers"][0]["args"]
+    assert line.split(" --shard")[0] == judging
+    assert parsed(judging) == "scan"
+
+
+def test_the_mapped_task_of_airflow_has_each_shard_once(monkeypatch):
+    mapped, tasks = [], {}
+
+    class Dag:
+        def __init__(self, name, **_):
+            assert name == "auditor_shards"
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+    class Operator:
+        def __init__(self, **named):
+            tasks[named["task_id"]] = named
+
+        @classmethod
+        def partial(cls, **named):
+            return cls(**named)
+
+        def expand(self, *, bash_command):
+            mapped.extend(bash_command)
+            return self
+
+        def __rshift__(self, other):
+            return other
+
+    stand_in(monkeypatch, "airflow.sdk", DAG=Dag)
+    stand_in(monkeypatch, "airflow.providers.standard.operators.bash", BashOperator=Operator)
+    exec(compile(SHARDS.read_text(encoding="utf-8"), SHARDS, "exec"), {})
+    assert [parsed(line) for line in mapped] == ["scan"] * len(mapped)
+    assert [shard_of(line.split()[-1]) for line in mapped] == [Shard(n, len(mapped)) for n in range(len(mapped))]
+    assert parsed(tasks["verdicts"]["bash_command"]) == "scan"
+
+
+def test_the_tasks_of_ray_and_the_scan_behind_them_measure_and_judge_everything(tmp_path, monkeypatch, capsys):
+    for number in range(2):
+        start_ns = START_NS + number * DAY_NS
+        write_drive(tmp_path / f"drive{'ab'[number]}.mcap", 3, positions_m=THREE_CAMERAS, start_ns=start_ns)
+
+    def remote(**_):
+        return lambda function: type("Remote", (), {"remote": staticmethod(function)})
+
+    if importlib.util.find_spec("ray") is None:
+        stand_in(monkeypatch, "ray", remote=remote, get=list, init=lambda: None)
+    monkeypatch.setattr(sys, "argv", ["ray_scan.py", str(tmp_path), str(tmp_path / "store")])
+    exec(compile(RAY.read_text(encoding="utf-8"), RAY, "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out.splitlines()[-1] == "0 recordings with findings"
+    store = Store.open(tmp_path / "store")
+    assert len(store.ids("measurements")) == len(store.current_judgements()) == 2
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch, name: str, **known: object) -> None:
+    """Let a module, and the packages that it is in, be there with these names, as if it were installed."""
+    words = name.split(".")
+    for count in range(1, len(words)):
+        monkeypatch.setitem(sys.modules, ".".join(words[:count]), ModuleType(words[count - 1]))
+    module = ModuleType(name)
+    vars(module).update(known)
+    monkeypatch.setitem(sys.modules, name, module)

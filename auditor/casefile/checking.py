@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Protocol
 
-from auditor.casefile.manifest import (
+from auditor.casefile.folder import (
     ENVELOPE,
     MANIFEST,
     PAYLOAD_TYPE,

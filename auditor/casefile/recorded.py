@@ -28,14 +28,14 @@ LogTimes = Mapping[int, tuple[int, int]]
 """By frame: the first and the last log time of its messages."""
 
 
-def write_recorded(_: Location, case: Case) -> tuple[str, ...]:
+def write_recorded(where: Location, case: Case) -> tuple[str, ...]:
     """Write all that needs the recording; gives a sentence on each thing that could not be written.
 
     Raises RecordingError where the recording is not at hand, RigError and StoreError.
     """
     use_one_thread()
     incident = case.incident
-    with recording_at_hand(incident.store, incident.recording.recording_id) as recording:
+    with recording_at_hand(incident.store, incident.recording.recording_id, where) as recording:
         stream = stream_of(incident.store, incident.measurement_id, recording)
         times = stream.recorded_at({row["frame"] for row in case.frames})
         remarks = _write_clip(recording, times, case)

@@ -10,8 +10,7 @@ from typing import Any
 
 import auditor
 from auditor.casefile.case import Case
-from auditor.casefile.folder import new_file, new_folder
-from auditor.casefile.manifest import files_of, write_manifest
+from auditor.casefile.folder import files_of, new_file, new_folder, write_manifest
 from auditor.casefile.recorded import write_kept, write_recorded
 from auditor.casefile.redaction import LEFT_OUT, NO_REDACTION, Redaction
 from auditor.casefile.rows import write_rows, write_ticket, write_timeline
@@ -19,6 +18,7 @@ from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import LimitsOf, limits_by_size
 from auditor.pipeline.pictures.at_hand import location_of
+from auditor.pipeline.remote.spool import Spool
 from auditor.pipeline.workers import run_within
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.incident import Incident
@@ -97,8 +97,8 @@ def write_zip(folder: Path, target: Path) -> None:
 def _write_recorded(case: Case, limits: LimitsOf) -> tuple[str, ...]:
     """Write what needs the recording, or say in one sentence why it is not there."""
     try:
-        where = location_of(case.incident.recording)
-        return run_within(limits(where), write_recorded, where, case)
+        with Spool().copied(location_of(case.incident.recording)) as [where, *_]:
+            return run_within(limits(where), write_recorded, where, case)
     except AuditorError as error:
         for half in case.folder.iterdir():
             shutil.rmtree(half) if half.is_dir() else half.unlink()

@@ -1,6 +1,8 @@
 """What a command says besides its answer, on stderr: as text for people, or as JSON, one object a line."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 
@@ -24,12 +26,28 @@ class _Form:
 
     as_json = False
     verb: str | None = None
+    shown_as: tuple[tuple[str, str], ...] = ()
+
+
+@contextmanager
+def show_as(folder: str, name: str) -> Iterator[None]:
+    """Show the paths in a folder under another name inside the block, and in the error that ends it."""
+    _Form.shown_as = ((folder, name),)
+    yield
+
+
+def named(text: str) -> str:
+    """A text with the names that folders are shown under."""
+    for folder, name in _Form.shown_as:
+        text = text.replace(folder, name)
+    return text
 
 
 def write_as(form: str) -> None:
     """Write lines in one of FORMATS from now on."""
     _Form.as_json = form == "json"
     _Form.verb = None
+    _Form.shown_as = ()
 
 
 def is_json() -> bool:
@@ -39,6 +57,7 @@ def is_json() -> bool:
 
 def tell(text: str, level: Level, **more: object) -> None:
     """Write one line; `more` stands in JSON only."""
+    text = named(text)
     if not _Form.as_json:
         click.echo(one_line(text), err=True)
         return

@@ -1,6 +1,7 @@
 """Options of the verbs that read recordings or a store. Those that are settings are made from the fields of these."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import Field
 from decimal import Decimal
 from enum import StrEnum
@@ -11,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from auditor.cli.values import PATH, RATE, FiniteRange
+from auditor.cli.values import PATH, PLACE, RATE, FiniteRange
 from auditor.model.settings import Criteria, MeasureSettings, about, choices, default, made, settings_of, value_type
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.remote.addresses import Address
 
 Command = Callable[..., Any]
 
@@ -33,15 +35,17 @@ BUDGET = ("time_limit", "memory_limit")
 MATCHER = ("matcher", "weights", "align_corners", "max_disparity", "device", "precision", "compiled")
 MEASURING = (
     *(*MATCHER, "rig", "vehicle", "weather", "drive", "path_pattern", *BUDGET),
-    *("jobs", "pictures", "measure_again", "verify_content"),
+    *("jobs", "pictures", "measure_again", "verify_content", "spool", "spool_limit"),
 )
 
 
 # The store and the recordings
 
 
-def own_store(context: click.Context, store: Path) -> Path:
+def own_store(context: click.Context, store: "Path | Address") -> "Path | Address":
     """A store that nobody named must have been made here: one in a folder of logs may have been planted there."""
+    if not isinstance(store, Path):
+        return store
     if context.get_parameter_source("store") is ParameterSource.DEFAULT and store.exists():
         from auditor.store.made_here import refuse_foreign  # noqa: PLC0415 - keeps --help quick
         from auditor.store.marker import MARKER  # noqa: PLC0415
@@ -51,34 +55,57 @@ def own_store(context: click.Context, store: Path) -> Path:
     return store
 
 
-def _store(callback: Callable[[click.Context, click.Parameter, Path], Path] | None) -> Callable[[Command], Command]:
+@contextmanager
+def as_folder(store: "Path | Address") -> Iterator[Path]:
+    """A store as a folder inside the block: one on an object store is mirrored, and what is written is put back."""
+    if isinstance(store, Path):
+        yield store
+        return
+    from auditor.cli.log_lines import show_as  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.remote.mirror import mirrored  # noqa: PLC0415
+
+    with mirrored(store) as folder, show_as(str(folder), str(store)):
+        yield folder
+
+
+def _store(callback: "Callable[[click.Context, click.Parameter, Any], Any] | None") -> Callable[[Command], Command]:
     return click.option(
         "--store",
-        type=PATH,
+        type=PLACE,
         default=DEFAULT_STORE,
         callback=callback,
         show_default=True,
-        help="Folder of the store: measurements, thresholds, verdicts.",
+        help="The store: measurements, thresholds, verdicts. A folder, or an address such as s3://bucket/audit.",
     )
 
 
-store_option = _store(lambda context, _, store: own_store(context, store))
-recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
+def store_option(command: Command) -> Command:
+    """The store as --store; the command gets `store`, a folder."""
+
+    @wraps(command)
+    def run(*, store: "Path | Address", **others: Any) -> Any:  # noqa: ANN401 - handed on
+        with as_folder(store) as folder:
+            return command(store=folder, **others)
+
+    return _store(lambda context, _, store: own_store(context, store))(run)
+
+
+recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PLACE)
+"""Recordings on this computer or on object stores."""
 
 
 def store_argument_or_option(command: Command) -> Command:
     """The store as an argument, or as --store; the command gets `store`."""
 
     @wraps(command)
-    def run(*, place: Path | None, store: Path, **others: Any) -> Any:  # noqa: ANN401 - handed on
+    def run(*, place: "Path | Address | None", store: "Path | Address", **others: Any) -> Any:  # noqa: ANN401 - handed on
         context = click.get_current_context()
-        if place is None:
-            return command(store=own_store(context, store), **others)
-        if context.get_parameter_source("store") is ParameterSource.COMMANDLINE:
+        if place is not None and context.get_parameter_source("store") is ParameterSource.COMMANDLINE:
             raise click.UsageError("name the store once, with --store")
-        return command(store=place, **others)
+        with as_folder(own_store(context, store) if place is None else place) as folder:
+            return command(store=folder, **others)
 
-    return click.argument("place", metavar="[STORE]", required=False, type=PATH)(_store(None)(run))
+    return click.argument("place", metavar="[STORE]", required=False, type=PLACE)(_store(None)(run))
 
 
 # Settings

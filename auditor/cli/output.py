@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
 from time import monotonic
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli.log_lines import Level, is_json, tell
+from auditor.cli.log_lines import Level, is_json, named, tell
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
@@ -232,32 +233,93 @@ def say(text: str) -> None:
 
 def answer(text: object) -> None:
     """One line of an answer on stdout."""
-    click.echo(one_line(str(text)))
+    click.echo(one_line(named(str(text))))
 
 
 Advanced = Callable[[object, str, int], None]
 """Called with an item, what is done with it, and how many of its frames are; with none yet it is a remark."""
 Finished = Callable[..., None]
-"""Called when an item is finished, with remarks on it, each a line."""
+"""Called when an item is finished, with remarks on it, each a line, and with the item as `of` where it has a size."""
+
+
+class _Pace:
+    """How far some items are, by their bytes where these are known, and how long the others will take.
+
+    Of an item that is not finished the bytes are guessed from its frames, by those of the finished ones.
+    """
+
+    def __init__(self, total: int, sizes: Mapping[Any, int]) -> None:
+        self.total, self.ended = total, 0
+        self._sizes, self._began = sizes, monotonic()
+        self._frames: dict[object, int] = {}
+        self._left = set(sizes)
+
+    @property
+    def frames(self) -> int:
+        """Frames of all items so far."""
+        return sum(self._frames.values())
+
+    def advance(self, item: object, frames: int) -> None:
+        """So many frames of an item are done."""
+        self._frames[item] = frames
+
+    def finish(self, item: object) -> None:
+        """An item is finished."""
+        self.ended += 1
+        self._left.discard(item)
+
+    def fields(self) -> dict[str, object]:
+        """What a line of JSON has: numbers of items and frames, and where it is known the share and the time left."""
+        counted: dict[str, object] = {"done": self.ended, "of": self.total, "frames": self.frames}
+        share, left_s = self._share_and_time()
+        return counted if share is None else {**counted, "share": round(share, 4), "left_s": round(left_s)}
+
+    def __str__(self) -> str:
+        share, left_s = self._share_and_time()
+        counted = f"{self.ended} of {self.total} done, {self.frames} frames"
+        if share is None:
+            return counted
+        return f"{counted}, {100 * share:.0f} % of {_bytes(sum(self._sizes.values()))}, about {_time(left_s)} left"
+
+    def _share_and_time(self) -> tuple[float | None, float]:
+        every = sum(self._sizes.values())
+        new = [item for item in self._sizes if item not in self._left and self._frames.get(item)]
+        done: float = sum(self._sizes[item] for item in new)
+        if not done:
+            return None, 0.0
+        a_frame = done / sum(self._frames[item] for item in new)
+        done += sum(min(self._sizes[item], a_frame * self._frames.get(item, 0)) for item in self._left)
+        known = sum(size for item, size in self._sizes.items() if item not in self._left and item not in new)
+        return (known + done) / every, (monotonic() - self._began) * (every - known - done) / done
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager
-def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
-    """Show how far a number of recordings are.
+def progress(
+    total: int, doing: str, sizes: Mapping[Any, int] = MappingProxyType({})
+) -> Iterator[tuple[Advanced, Finished]]:
+    """Show how far a number of recordings are; `sizes` are their bytes, where these say how long each takes.
 
     A terminal gets a bar; anything else the remarks only, and now and then a line that counts. As JSON each is a line.
     """
     from rich.console import Console  # noqa: PLC0415
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
     console = Console(stderr=True, highlight=False, markup=False, emoji=False)
-    columns = (
-        TextColumn(doing),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[frames]} frames"),
-        TimeElapsedColumn(),
-    )
+    columns = (TextColumn(doing), BarColumn(), TextColumn("{task.fields[pace]}"), TimeElapsedColumn())
     bars = console.is_terminal and not is_json()
 
     def remark(text: str, level: Level = Level.REMARK, **more: object) -> None:
@@ -266,30 +328,26 @@ def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
         else:
             console.print(shown(text), soft_wrap=True)
 
-    frames: dict[object, int] = {}
-    counted_at = monotonic()
+    pace, counted_at = _Pace(total, sizes), monotonic()
     with Progress(*columns, console=console, transient=True, disable=not bars) as bar:
-        task = bar.add_task(doing, total=total, frames=0)
+        task = bar.add_task(doing, total=total, pace=pace)
 
         def advanced(item: object, what: str, done: int) -> None:
             nonlocal counted_at
             if done == 0:
                 remark(f"{item}: {what}", item=str(item))
-            frames[item] = done
-            bar.update(task, frames=sum(frames.values()))
+            pace.advance(item, done)
+            bar.update(task)
             if not bars and monotonic() - counted_at >= _COUNT_EACH_S:
                 counted_at = monotonic()
-                ended = int(bar.tasks[0].completed)
-                done_frames = sum(frames.values())
-                text = f"{doing}: {ended} of {total} done, {done_frames} frames"
-                remark(text, Level.PROGRESS, done=ended, of=total, frames=done_frames)
+                remark(f"{doing}: {pace}", Level.PROGRESS, **pace.fields())
 
-        def finished(*remarks: str) -> None:
+        def finished(*remarks: str, of: object = None) -> None:
+            pace.finish(of)
             bar.advance(task)
             for text in remarks:
                 remark(text)
             if is_json():
-                ended, done_frames = int(bar.tasks[0].completed), sum(frames.values())
-                tell(f"{doing}: {ended} of {total} done", Level.PROGRESS, done=ended, of=total, frames=done_frames)
+                tell(f"{doing}: {pace.ended} of {total} done", Level.PROGRESS, **pace.fields())
 
         yield advanced, finished

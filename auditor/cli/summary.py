@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
-from auditor.cli.exit_codes import NotAudited, Tally
+from auditor.cli.exit_codes import Exit, NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.many import Judged
-    from auditor.pipeline.measured import Measured
+    from auditor.pipeline.many import Batch, Judged
+    from auditor.pipeline.measured import Measured, MeasureTask
     from auditor.pipeline.scan import Scan
-    from auditor.recordings import Location
     from auditor.store import Store, StoredJudgement
     from auditor.store.export import Table
 
@@ -27,6 +26,7 @@ _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
 _ID_SHOWN = 8
 _REMARK = "remark"
+_ONCE = "the same command without --shard relates, judges and shows them, and reads nothing again"
 _MOST_NAMED = 3
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -43,19 +43,23 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         say(f"{note}: it is text and no recording, and was not read")
     for error in batch.errors:
         say(f"auditor: {error}")
-        _leave(tally, Path(error.where), error)
-    with progress(len(batch.tasks), "measuring") as (advanced, finished):
+        _leave(tally, error.where, error)
+    _say_remote(batch)
+    with progress(len(batch.tasks), "measuring", {task: _size_of(task) for task in batch.tasks}) as (
+        advanced,
+        finished,
+    ):
         for outcome in scan.measure(advanced):
             if outcome.error is not None:
-                finished(f"auditor: {outcome.error}")
+                finished(f"auditor: {outcome.error}", of=outcome.item)
                 tally.incomplete |= was_examined(outcome.error)
-                _leave(tally, outcome.item.recording, outcome.error)
+                _leave(tally, str(outcome.item), outcome.error)
             elif outcome.result is not None:
                 how = "measured" if outcome.result.fresh else "measured before"
                 if batch.shows_known or outcome.result.fresh:
-                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}", of=outcome.item)
                 else:
-                    finished()
+                    finished(of=outcome.item)
     before = sum(not one.fresh for one in scan.measured)
     if before and not batch.shows_known:
         say(f"{_count(before)} measured before")
@@ -67,6 +71,22 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
     _say_once(remarks)
 
 
+def _size_of(task: "MeasureTask") -> int:
+    """The bytes of a recording; 0 where they cannot be known, which is its own error later on."""
+    try:
+        return task.location.size_bytes
+    except OSError:
+        return 0
+
+
+def _say_remote(batch: "Batch") -> None:
+    """Say which room copies of what lies on object stores take."""
+    sizes = [task.location.size_bytes for task in batch.remote]
+    if sizes:
+        room = f"at most {batch.spool.room_bytes / 1e6:.0f} MB in {batch.spool.above}"
+        say(f"{_count(len(sizes))} of {sum(sizes) / 1e6:.0f} MB on object stores: copied while they are read, {room}")
+
+
 def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
     """Say that recordings were measured only."""
     if measured:
@@ -75,6 +95,13 @@ def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
     for one in measured:
         name, path = storable(one.recording.name), storable(str(one.recording))
         tally.not_audited.append(NotAudited(name, path, "measured only"))
+
+
+def show_shard(shard: str, scan: "Scan", tally: Tally) -> None:
+    """Say what a shard measured: it ends well where it measured all of its recordings."""
+    failed = f", {_count(len(tally.not_audited))} could not be" if tally.not_audited else ""
+    say(f"shard {shard}: {_count(len(scan.measured))} measured{failed}; when all shards are done, {_ONCE}")
+    tally.audited |= bool(scan.measured)
 
 
 def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tally) -> "list[Judged]":
@@ -205,6 +232,8 @@ def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[st
 def closing_line(tally: Tally) -> str:
     """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why."""
     left = {one.path: one.reason for one in tally.not_audited}
+    if tally.exit_code() is Exit.FAILED:
+        return f"nothing was audited: {_reasons(left)}"
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
     if alerts := tally.with_alerts - tally.with_incidents:
         line += f", {len(alerts)} with alerts alone"
@@ -212,18 +241,22 @@ def closing_line(tally: Tally) -> str:
         line += f" ({len(tally.excused)} of them excused)"
     if not left:
         return f"{line}, all fully audited" if tally.audited else line
+    return f"{line}, {len(left)} not fully audited: {_reasons(left)}"
+
+
+def _reasons(left: Mapping[str, str]) -> str:
+    """The most frequent reasons why recordings, by their paths, were not fully audited."""
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
     reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
     others = len(why) - _MOST_NAMED
-    more = f", and {others} other reason{'s' * (others > 1)}" if others > 0 else ""
-    return f"{line}, {len(left)} not fully audited: {reasons}{more}"
+    return f"{reasons}, and {others} other reason{'s' * (others > 1)}" if others > 0 else reasons
 
 
-def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
-    """A recording could not be measured."""
+def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
+    """A recording at a path or an address could not be measured."""
     tally.failed = True
-    tally.recordings.add(str(path))
-    tally.not_audited.append(NotAudited(storable(path.name), storable(str(path)), storable(error.what)))
+    tally.recordings.add(place)
+    tally.not_audited.append(NotAudited(storable(Path(place).name), storable(place), storable(error.what)))
 
 
 def _say_once(remarks: Remarks) -> None:

@@ -5,6 +5,7 @@ from decimal import Decimal
 from math import isfinite
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -42,6 +43,31 @@ class LocalPath(click.Path):
 
 PATH = LocalPath()
 """A file or folder of this computer, as a Path."""
+
+
+class RecordingPlace(LocalPath):
+    """A path on this computer, or the address of objects, such as s3://bucket/fleet/**/*.mcap."""
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - click's signature
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:  # noqa: ANN401 - a Path or an Address
+        """The path or address. Fails as click does."""
+        from auditor.errors import SettingError  # noqa: PLC0415 - keeps --help quick
+        from auditor.pipeline.remote.addresses import Address, address_of  # noqa: PLC0415
+
+        if isinstance(value, Address):
+            return value
+        try:
+            return address_of(value) or super().convert(value, param, ctx)
+        except SettingError as error:
+            self.fail(f"{error.where}: {error.what}; {error.remedy}", param, ctx)
+
+
+PLACE = RecordingPlace()
+"""Where recordings lie, as a Path or an Address."""
 
 
 class _Rate(click.ParamType[Decimal]):

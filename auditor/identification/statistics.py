@@ -91,6 +91,7 @@ def sensor_statistics(
     coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
+        """What the voters of a check say together; None where one that it needs says nothing."""
         if one.check is Check.STRIPED_LIGHT:
             return _least_share(one, shares)
         if one.check in SHARE_CHECKS:

@@ -15,7 +15,7 @@ from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
 from textwrap import fill
 from types import NoneType
-from typing import Any, TypedDict, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from auditor.errors import SettingError
 from auditor.model.pictures import Pictures
@@ -156,22 +156,6 @@ class Criteria:
             raise SettingError(what, where="--recount", remedy=remedy)
 
 
-class JudgingKeywords(TypedDict, total=False):
-    """The fields of `Criteria` as keywords, for type checkers."""
-
-    r: Decimal | float | str
-    method: Method | str
-    statistic: Statistic | str
-    incidents_per_hour: float | None
-    transfer: bool
-    strict: bool
-    recount: bool
-    calibration: str | None
-    min_coverage: float
-    min_view: float
-    no_sensors: Iterable[str]
-
-
 # Measuring
 
 
@@ -181,7 +165,7 @@ class MeasureSettings:
 
     matcher: str = field(
         default="sgbm",
-        metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE."),
+        metadata=_about("Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, or onnx:FILE."),
     )
     weights: Path | None = field(
         default=None, metadata=_about("Checkpoint of psmnet; without it the weights that come with auditor.")
@@ -255,6 +239,31 @@ class MeasureSettings:
             "cloud."
         ),
     )
+    shard: str | None = field(
+        default=None,
+        metadata=_about(
+            "Only the recordings of this shard of several, 0/8 to 7/8: so many processes, on any machines, share the "
+            "work without knowing of each other. They measure only: the same command without it judges, once.",
+            metavar="I/N",
+        ),
+    )
+    spool: Path | None = field(
+        default=None,
+        metadata=_about(
+            "Folder for copies of recordings on object stores, each for as long as it is read.  [default: where "
+            "temporary files are]"
+        ),
+    )
+    spool_limit: float | None = field(
+        default=None,
+        metadata=_about(
+            "Room that these copies may take together.  [default: half of what is free]",
+            metavar="MB",
+            unit="MB",
+            least=0,
+            above_least=True,
+        ),
+    )
     measure_again: bool = field(
         default=False,
         metadata=_about("Measure also what the store has; the earlier measurement goes, with its judgements."),
@@ -263,33 +272,6 @@ class MeasureSettings:
         default=False,
         metadata=_about("Read also files whose path, size, times and inode are those of when the store read them."),
     )
-
-
-class MeasuringKeywords(TypedDict, total=False):
-    """The fields of `MeasureSettings` as keywords, for type checkers."""
-
-    matcher: str
-    weights: str | Path | None
-    align_corners: bool | None
-    max_disparity: int | None
-    device: str
-    precision: str
-    compiled: bool
-    rig: str | Path | None
-    vehicle: str | None
-    weather: str | None
-    drive: str | None
-    path_pattern: str | None
-    time_limit: float | None
-    memory_limit: float
-    jobs: int | None
-    pictures: Pictures | str
-    measure_again: bool
-    verify_content: bool
-
-
-class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
-    """The settings of a scan as keywords, for type checkers."""
 
 
 # What is made from them

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from auditor.errors import QueryError
 from auditor.pipeline.calibrations.names import listing_calibrations
+from auditor.resources import is_address
 from auditor.store import Store, run_query, run_sandboxed
 from auditor.store import query as find_query
 from auditor.store.export import Table
@@ -14,7 +15,11 @@ PathLike = str | Path
 
 
 def opened(store: Store | PathLike) -> Store:
-    """A store, or the one in a folder. Raises StoreError where there is none."""
+    """A store, the one in a folder, or the one at an address as it is now. Raises StoreError where there is none."""
+    if isinstance(store, str) and is_address(store):
+        from auditor.pipeline.remote.mirror import brought_here  # noqa: PLC0415 - it reads recordings, too
+
+        return Store.open(brought_here(store))
     return store if isinstance(store, Store) else Store.open(store)
 
 

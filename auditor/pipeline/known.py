@@ -37,9 +37,10 @@ def stamp_of(where: Path | Location, procedure: Procedure, rig: Path | None) -> 
     return None
 
 
-def sighted(before: Sequence[Sighting], path: Path, stamp: str | None, measured: Sequence[str]) -> tuple[Sighting, ...]:
-    """The names and paths that a content was read under, after it was read at this path, in order."""
-    name, place = storable(path.name), storable(str(path.resolve()))
+def sighted(
+    before: Sequence[Sighting], name: str, place: str, stamp: str | None, measured: Sequence[str]
+) -> tuple[Sighting, ...]:
+    """The names and places that a content was read under, after it was read under these, in order."""
     now = [one for one in before if (one.name, one.path) == (name, place)]
     seen = now[0] if now else Sighting(name, place, datetime.now(UTC))
     read = replace(seen, stamp=stamp, measurements=tuple(measured))
@@ -51,6 +52,7 @@ class KnownFiles:
 
     def __init__(self, tasks: Sequence[MeasureTask], store: Store | None, *, read_again: bool) -> None:
         self._seen: dict[str, list[tuple[RecordingRecord, Sighting]]] = {}
+        """By path; what lies on an object store by its stamp, which has its addresses in it."""
         if store is None or read_again:
             return
         self._store = store
@@ -59,19 +61,26 @@ class KnownFiles:
             self._store.measurements()  # at once: that takes far less than one by one
         for record in self._store.recordings():
             for one in record.sightings:
-                self._seen.setdefault(one.path, []).append((record, one))
+                for known in (one.path, *([one.stamp] if one.stamp else ())):
+                    self._seen.setdefault(known, []).append((record, one))
 
     def measured(self, task: MeasureTask) -> Measured | None:
         """What the store has of a recording whose files are as they were when it read them; None where they are not."""
-        path = located(task.recording).path
-        seen = self._seen.get(storable(str(path.resolve())), ())
-        stamp = stamp_of(task.recording, self._procedure, task.rig) if seen else None
+        if not self._seen:
+            return None
+        location = task.location
+        if location.remote is not None:
+            stamp = stamp_of(location, self._procedure, task.rig)
+            seen: Sequence[tuple[RecordingRecord, Sighting]] = self._seen.get(stamp or "", ())
+        else:
+            seen = self._seen.get(storable(location.place), ())
+            stamp = stamp_of(location, self._procedure, task.rig) if seen else None
         for record, one in seen:
             if one.stamp is None or one.stamp != stamp or _tells_more(task.origin, record):
                 continue
             if one.measurements and all(map(self._store.has_measurement, one.measurements)):
                 known = [self._store.measurement(measurement) for measurement in one.measurements]
-                return measured_of(path, record.recording_id, known)
+                return measured_of(location.path if location.remote is None else location, record.recording_id, known)
         return None
 
 

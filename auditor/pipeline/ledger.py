@@ -13,6 +13,7 @@ from auditor.errors import AuditorError, LimitError, RigError
 from auditor.model.text import storable
 from auditor.pipeline.many import Judged
 from auditor.pipeline.measured import Measured
+from auditor.resources import is_address
 from auditor.store import Store
 from auditor.store.records import content_id, to_utc
 
@@ -47,23 +48,31 @@ def keep_ledger(
 def _failed(error: AuditorError) -> Row:
     kinds = {RigError: Outcome.NO_RIG, LimitError: Outcome.ENDED}
     outcome = next((one for kind, one in kinds.items() if isinstance(error, kind)), Outcome.NOT_READ)
-    return _row(Path(error.where), outcome, reason=storable(error.what), remedy=storable(error.remedy))
+    return _row(*_named(error.where), outcome, reason=storable(error.what), remedy=storable(error.remedy))
 
 
 def _read(measured: Sequence[Measured], gaps: dict[str, list[str]]) -> Iterator[Row]:
     """The rows of recordings that were read; of several paths of one content the later ones are twins."""
-    first: dict[str, Path] = {}
+    first: dict[str, str] = {}
     for one in measured:
-        known, path = one.recording_id, first.setdefault(one.recording_id, one.recording)
-        if path == one.recording:
-            yield _row(path, Outcome.READ, recording_id=known, gaps=gaps.get(known, ()))
+        known, here = one.recording_id, str(one.recording)
+        there = first.setdefault(known, here)
+        if there == here:
+            yield _row(*_named(here), Outcome.READ, recording_id=known, gaps=gaps.get(known, ()))
         else:
-            reason = f"the same content as {storable(str(path))}"
-            yield _row(one.recording, Outcome.TWIN, reason=reason, recording_id=known)
+            reason = f"the same content as {storable(there)}"
+            yield _row(*_named(here), Outcome.TWIN, reason=reason, recording_id=known)
+
+
+def _named(where: str) -> tuple[str, str]:
+    """The place and the name of an input: of a path the whole one, of an address itself."""
+    place = where if is_address(where) else str(Path(where).absolute())
+    return place, Path(where).name
 
 
 def _row(
-    path: Path,
+    place: str,
+    name: str,
     outcome: Outcome,
     *,
     reason: str = "",
@@ -72,8 +81,8 @@ def _row(
     gaps: Sequence[str] = (),
 ) -> Row:
     return {
-        "path": storable(str(path.absolute())),
-        "name": storable(path.name),
+        "path": storable(place),
+        "name": storable(name),
         "outcome": outcome.value,
         "reason": reason or None,
         "remedy": remedy or None,

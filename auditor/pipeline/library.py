@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import TypeVar, Unpack
 
 from auditor import recordings as reading
 from auditor.errors import AuditorError, StoreError
@@ -18,12 +18,10 @@ from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
+from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords, ScanKeywords
 from auditor.model.settings import (
     Criteria,
-    JudgingKeywords,
     MeasureSettings,
-    MeasuringKeywords,
-    ScanKeywords,
     explained,
     made,
     settings_of,
@@ -31,17 +29,22 @@ from auditor.model.settings import (
 )
 from auditor.pipeline.asking import PathLike, opened
 from auditor.pipeline.calibrations.batch import judge_batch
+from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
-from auditor.pipeline.many import Batch, Judged, JudgeSettings, choose_clean, find_batch, measure_all
+from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, measure_all
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
+from auditor.pipeline.remote.addresses import Address, path_or_address
+from auditor.pipeline.remote.mirror import mirrored
 from auditor.pipeline.scan import Scan
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
+
+Result = TypeVar("Result")
 
 Progress = Callable[[object, str, int], None]
 """Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
@@ -144,15 +147,19 @@ def calibrate(
 
     Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
     """
-    paths, settings = _paths(sources), _measuring(network, measuring)
-    folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
-    batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
+    if isinstance(address := path_or_address(store), Address):
+        with mirrored(address) as here:
+            return calibrate(sources, store=here, frames=frames, network=network, on_progress=on_progress, **measuring)
+    places, settings = _places(sources), _measuring(network, measuring)
+    given = [one for one in places if isinstance(one, Path) and Store.is_at(one)]
+    folder, stores = Path(store), [Store.open(path) for path in given]
+    batch = find_batch([one for one in places if one not in given], folder, settings)
     kept = Store.open(folder, create=True)
     with logged(kept.folder):
         outcomes = list(measure_all(batch, on_progress or _silent))
         relate(kept)
-        given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
-        clean = choose_clean(given, stores)
+        measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
+        clean = choose_clean(measured, stores)
         made = make(clean, Criteria.r, frames, jobs=settings.jobs)
         keep_calibrated(kept, made)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
@@ -177,14 +184,24 @@ def scan(
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
+    if isinstance(address := path_or_address(store), Address):
+        return _mirrored(
+            address, lambda here: scan(recordings, store=here, network=network, on_progress=on_progress, **settings)
+        )
     judging = {name: value for name, value in settings.items() if name in settings_of(Criteria)}
     measuring = {name: value for name, value in settings.items() if name not in judging}
     if unknown := measuring.keys() - settings_of(MeasureSettings).keys():
         raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
     folder = Path(store)
     chosen = judge_settings(folder, criteria(judging))
-    batch = find_batch(_paths(recordings), folder, _measuring(network, measuring))
+    batch = find_batch(_places(recordings), folder, _measuring(network, measuring))
     return _scan(batch, folder, chosen, on_progress or _silent)
+
+
+def _mirrored(address: Address, steps: Callable[[Path], Iterator[Result]]) -> Iterator[Result]:
+    """What is done to the mirror of a store, which is put back behind the last step."""
+    with mirrored(address) as here:
+        yield from steps(here)
 
 
 def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
@@ -198,7 +215,8 @@ def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progr
         judged = {one.measurement_id: one for one in scan.judge(judging)}
         deque(scan.finish(), maxlen=0)
     for one in scan.measured:
-        yield Scanned(str(one.recording), one, tuple(judged[known] for known in one.measurement_ids))
+        verdicts = (judged[known] for known in one.measurement_ids if known in judged)
+        yield Scanned(str(one.recording), one, tuple(verdicts))
 
 
 @explained(Criteria)
@@ -212,6 +230,8 @@ def judge(
     Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
     nothing has been measured.
     """
+    if isinstance(store, str) and isinstance(address := path_or_address(store), Address):
+        return _mirrored(address, lambda here: judge(here, jobs=jobs, **judging))
     return judge_store(opened(store), criteria(judging), jobs)
 
 
@@ -240,8 +260,9 @@ def _measuring(network: MatcherOptions, given: Mapping[str, object]) -> MeasureS
     return made(MeasureSettings, {**of_network, **given})
 
 
-def _paths(sources: PathLike | Iterable[PathLike]) -> list[Path]:
-    return [Path(sources)] if isinstance(sources, str | Path) else [Path(path) for path in sources]
+def _places(sources: PathLike | Iterable[PathLike]) -> list[Path | Address]:
+    """Paths, and addresses of object stores. Raises SettingError."""
+    return [path_or_address(one) for one in ([sources] if isinstance(sources, str | Path) else sources)]
 
 
 def _silent(item: object, what: str, frames: int) -> None:

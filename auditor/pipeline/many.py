@@ -1,18 +1,17 @@
 """Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 
-from auditor.errors import AuditorError, LimitError, RecordingError, RigError
+from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.settings import Criteria, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
-    counted_earlier,
     fitting_calibration,
     judge_measurement,
     prior_for,
@@ -24,11 +23,16 @@ from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
-from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
-from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
+from auditor.pipeline.remote.addresses import Address
+from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.shards import shard_of
+from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
+from auditor.pipeline.remote.supply import Supply
+from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all, run_from
+from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
-from auditor.store.reviews import false_alarms
+from auditor.store.mirrored import is_mirror
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
@@ -84,6 +88,12 @@ class Batch:
     limits: LimitsOf
     store: Store | None = None
     notes: tuple[Path, ...] = ()
+    spool: Spool = field(default_factory=Spool)
+
+    @property
+    def remote(self) -> tuple[MeasureTask, ...]:
+        """What lies on object stores."""
+        return tuple(task for task in self.tasks if task.location.remote is not None)
 
     @property
     def shows_known(self) -> bool:
@@ -91,8 +101,11 @@ class Batch:
         return len(self.tasks) <= MOST_KNOWN
 
 
-def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, limits: LimitsOf | None = None) -> Batch:
-    """Find the recordings at some paths, in the order given; make the store where there are any.
+def find_batch(
+    given: Sequence[Path | Address], store: Path, settings: MeasureSettings, limits: LimitsOf | None = None
+) -> Batch:
+    """Find the recordings at some paths and addresses, in the order given, paths first; make the store where there are
+    any. Of a shard only its own are found.
 
     `limits` take the place of those of the settings. Raises SettingError for an unknown matcher or an origin that
     cannot be read, RigError for a rig file that cannot be read, and StoreError: these are errors of the whole command,
@@ -102,12 +115,21 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, li
     find_matcher(settings.matcher, network)
     if settings.rig:
         check_rig_file(settings.rig)
+    if settings.shard is not None:
+        shard_of(settings.shard)
     limits = limits or limits_by_size(settings.time_limit, settings.memory_limit)
-    found = find_recordings(paths)
-    if not found.recordings:
+    found = find_all(given)
+    recordings = _of_shard(found.recordings, settings.shard)
+    if not recordings:
         return Batch((), found.errors, settings, limits, notes=found.notes)
     kept = Store.open(store, create=True)
-    network, jobs = share_threads(network, min(settings.jobs, len(found.recordings)))
+    if settings.measure_again and is_mirror(kept.folder):
+        raise SettingError(
+            "what is measured stays: others may have judged by it",
+            where="--measure-again",
+            remedy="measure into another store",
+        )
+    network, jobs = share_threads(network, min(settings.jobs, len(recordings)))
     tasks = tuple(
         MeasureTask(
             location,
@@ -119,9 +141,15 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings, li
             again=settings.measure_again,
             pictures=settings.pictures,
         )
-        for location in found.recordings
+        for location in recordings
     )
-    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes)
+    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes, spool_of(settings))
+
+
+def _of_shard(recordings: Sequence[Location], text: str | None) -> Sequence[Location]:
+    """Those of some recordings that belong to a shard, by their places; all of them without one."""
+    shard = shard_of(text) if text is not None else None
+    return recordings if shard is None else [one for one in recordings if shard.has(one.place)]
 
 
 def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
@@ -147,91 +175,29 @@ def measure_all(
             unknown.append(task)
         else:
             yield Outcome(task, found)
-    outcomes = run_all(
-        measure_recording, unknown, settings.jobs, on_progress, lambda task: batch.limits(task.recording)
-    )
-    for outcome in outcomes:
+    for outcome in _run(batch, unknown, on_progress):
         error = outcome.error.located(outcome.item) if outcome.error is not None else None
-        yield replace(outcome, error=error)
+        yield replace(outcome, error=named_as_given(error, outcome.item.location) if error is not None else None)
+
+
+def _run(
+    batch: Batch, tasks: Sequence[MeasureTask], on_progress: Callable[[object, str, int], None]
+) -> Iterator[Outcome[MeasureTask, Measured]]:
+    """Measure some recordings, those of object stores while the next ones are copied."""
+    jobs = batch.settings.jobs
+
+    def limits(task: MeasureTask) -> Limits:
+        return batch.limits(task.recording)
+
+    if all(task.location.remote is None for task in tasks):
+        return run_all(measure_recording, tasks, jobs, on_progress, limits)
+    supply = Supply(tasks, batch.spool, lambda task: task.location, MeasureTask.at, jobs)
+    return run_from(supply, measure_recording, jobs, on_progress, limits)
 
 
 def was_examined(error: AuditorError) -> bool:
     """True where a recording could be read but not audited, or took too much: the error says what is missing."""
     return isinstance(error, RigError | LimitError)
-
-
-# Calibrating
-
-
-@dataclass(frozen=True)
-class CleanMeasurements:
-    """Measurements to calibrate on, each with its store, and those that are left `out`, each with the reason."""
-
-    chosen: tuple[tuple[Store, str], ...]
-    out: tuple[tuple[Store, str, str], ...]
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """A sentence for each measurement that is left out."""
-        return tuple(f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in self.out)
-
-
-def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
-    """The measurements `given` as clean and those that `stores` hold beside them.
-
-    Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
-    there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
-    incidents or alerts, unless all of these were reviewed as false alarms.
-    """
-    known = {measurement for _, measurement in given}
-    named = {store.measurement(one).recording_id for store, one in given}
-    reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    for store, one in given:
-        recording = store.recording(store.measurement(one).recording_id)
-        reasons.append((store, one, attacked_by_labels(store, one) or held_by(store, recording, among=named)))
-    chosen = tuple((store, one) for store, one, reason in reasons if not reason)
-    return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
-
-
-def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
-    """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
-    judgements, excused = store.current_judgements(), false_alarms(store)
-    recordings = {one.recording_id: one for one in store.recordings()}  # at once: one by one takes far longer
-    for stored in store.measurements():
-        measurement = stored.measurement_id
-        if measurement not in given:
-            reason = attacked_by_labels(store, measurement) or held_by(store, recordings[stored.recording_id])
-            reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
-            reason = reason or ("its verdicts are withheld" * bool(stored.withheld))
-            yield measurement, reason or (_found(judgements.get(measurement)) * (measurement not in excused))
-
-
-def attacked_by_labels(store: Store, measurement: str) -> str:
-    """That labels say that the recording of a measurement was attacked; empty where none does."""
-    recording_id = store.measurement(measurement).recording_id
-    if store.labels(recording_id):
-        return "it carries the ground truth of an attack"
-    given = any(label.attack is not None for label in store.given_labels(recording_id))
-    return "it was labelled as attacked" if given else ""
-
-
-def held_by(store: Store, recording: RecordingRecord, among: Collection[str] | None = None) -> str:
-    """That another recording, `among` some, holds every frame of one; empty where none does."""
-    later = recording.superseded_by
-    if later is None or (among is not None and later not in among):
-        return ""
-    return f"{store.recording(later).name} holds every frame of it"
-
-
-def _found(judgement: StoredJudgement | None) -> str:
-    if judgement is None or not judgement.found:
-        return ""
-    count = judgement.found
-    return (
-        f"by its current verdicts (method {judgement.method}, r = {judgement.r}) "
-        f"{count} frame{' is' if count == 1 else 's are'} in incidents or alerts; if it is known to be clean, give the "
-        "recording itself, or judge the store again (auditor judge) where the verdicts were wrong"
-    )
 
 
 # Judging

@@ -92,7 +92,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     stamp = stamp_of(task.recording, procedure, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         surveyed = survey(recording)  # first: what it reads is hashed meanwhile
-        entry.used("recording", recording.recording_id, storable(str(recording.path)))
+        entry.used("recording", recording.recording_id, storable(_shown(task, recording)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
         by_id, fresh = _Job(task, recording, store, matcher, procedure, progress).measure(surveyed)
@@ -108,7 +108,13 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             if record != kept:
                 store.write_labels(recording.recording_id, recording.labels(), next(iter(by_id.values())).rig)
                 store.write_recording(record)
-        return measured_of(recording.path, recording.recording_id, measurements, fresh=fresh)
+        path = recording.path if task.location.remote is None else task.location
+        return measured_of(path, recording.recording_id, measurements, fresh=fresh)
+
+
+def _shown(task: MeasureTask, recording: Recording) -> str:
+    """A recording as it was named."""
+    return str(recording.path if task.location.remote is None else task.location)
 
 
 @dataclass(frozen=True)
@@ -346,11 +352,13 @@ def _recording_record(
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
     ids = [one.measurement_id for one in measurements]
-    sightings = sighted(known.sightings if known is not None else (), recording.path, stamp, ids)
+    place = storable(str(recording.path.resolve()) if task.location.remote is None else task.location.place)
+    before = known.sightings if known is not None else ()
+    sightings = sighted(before, storable(recording.path.name), place, stamp, ids)
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=sightings[0].name,
-        path=storable(str(recording.path.resolve())),
+        path=place,
         files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(located(task.recording).first) or format_of(recording.files[0]),

@@ -1,14 +1,14 @@
 """A recording to be measured, what becomes of it, and how this auditor measures."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.pictures import Pictures
-from auditor.recordings import Location, Origin
+from auditor.recordings import Location, Origin, located
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
 
@@ -22,7 +22,8 @@ class MeasureTask:
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
     says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
     as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
-    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
+    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts. `given` is the task
+    of the batch, where this is one of a copy of its recording.
     """
 
     recording: Path | Location
@@ -33,16 +34,26 @@ class MeasureTask:
     origin: Origin = _UNKNOWN
     again: bool = False
     pictures: Pictures = Pictures.ALL
+    given: "MeasureTask | None" = None
 
     def __str__(self) -> str:
         return str(self.recording)
+
+    @property
+    def location(self) -> Location:
+        """Where its recording lies."""
+        return located(self.recording)
+
+    def at(self, location: Location) -> "MeasureTask":
+        """The same of a copy of its recording."""
+        return replace(self, recording=location, given=self)
 
 
 @dataclass(frozen=True)
 class Measured:
     """A recording that is in the store: its measurements, one a rig, and whether any of it was measured just now."""
 
-    recording: Path
+    recording: Path | Location
     recording_id: str
     measurement_ids: tuple[str, ...]
     frames: int
@@ -52,7 +63,7 @@ class Measured:
 
 
 def measured_of(
-    path: Path, recording_id: str, measurements: Sequence[StoredMeasurement], *, fresh: bool = False
+    path: Path | Location, recording_id: str, measurements: Sequence[StoredMeasurement], *, fresh: bool = False
 ) -> Measured:
     """What is said of a recording that has these measurements."""
     return Measured(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError
-from auditor.pipeline.asking import query
+from auditor.pipeline.asking import opened, query
 from auditor.store import Connection, Store, list_queries, list_views, plain_connection
 from auditor.store.export import Table
 
@@ -16,8 +16,11 @@ if TYPE_CHECKING:
 
 
 def open_store(path: str | Path) -> "OpenedStore":
-    """Open a store to ask it questions. Raises StoreError where there is none, or one of another version."""
-    return OpenedStore(Store.open(path))
+    """Open a store to ask it questions; one at an address such as s3://bucket/audit is asked as it is now.
+
+    Raises StoreError where there is none, or one of another version.
+    """
+    return OpenedStore(opened(path))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from auditor.pipeline.ledger import keep_ledger
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, judge_all, measure_all
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.remote.mirror import put_back_if_due
 from auditor.pipeline.workers import Outcome
 from auditor.store import Store
 from auditor.store.log import logged
@@ -31,7 +32,7 @@ class Scan:
 
     def __init__(self, batch: Batch, folder: Path) -> None:
         self.batch, self._folder = batch, folder
-        self._results: dict[MeasureTask, Measured] = {}
+        self._results: dict[MeasureTask, list[Measured]] = {}
         self.errors: list[AuditorError] = list(batch.errors)
         self.judged: list[Judged] = []
 
@@ -40,9 +41,14 @@ class Scan:
         return logged(self._folder) if self.batch.tasks or Store.is_at(self._folder) else nullcontext()
 
     @property
+    def _is_whole(self) -> bool:
+        """False for a shard: what needs all recordings is done once, when all shards are done."""
+        return self.batch.settings.shard is None
+
+    @property
     def measured(self) -> list[Measured]:
         """The recordings that the store has, in the order given."""
-        return [self._results[task] for task in self.batch.tasks if task in self._results]
+        return [one for task in self.batch.tasks for one in self._results.get(task, ())]
 
     @cached_property
     def store(self) -> Store | None:
@@ -60,12 +66,14 @@ class Scan:
             if outcome.error is not None:
                 self.errors.append(outcome.error)
             elif outcome.result is not None:
-                self._results[outcome.item] = outcome.result
+                self._results.setdefault(outcome.item.given or outcome.item, []).append(outcome.result)
+                put_back_if_due(self._folder)
             yield outcome
 
     def relate(self) -> Iterator[str]:
         """Relate what was measured to the store's other recordings: a sentence for each that another one holds."""
-        yield from map(str, relate(self.store) if self.store is not None and self._results else ())
+        related = self.store is not None and self._results and self._is_whole
+        yield from map(str, relate(self.store) if related and self.store is not None else ())
 
     def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[Judged]:
         """Judge what was measured, by each other where nothing fits, or `only` these measurements one by one; verdicts
@@ -73,7 +81,7 @@ class Scan:
         """
         store, judging = self.store, replace(settings, only_stale=True)
         ids = self.measurement_ids if only is None else list(only)
-        if store is None or not ids:
+        if store is None or not ids or not self._is_whole:
             return
         for one in judge_batch(store, ids, judging) if only is None else judge_all(store, ids, judging):
             self.judged.append(one)
@@ -85,10 +93,10 @@ class Scan:
         if store is None:
             return
         keep_ledger(store, self.errors, self.measured, self.judged)
-        if (packed := pack_where_many(store)).files:
+        if self._is_whole and (packed := pack_where_many(store)).files:
             yield f"{self._folder}: {packed.files} small files are {packed.packs} now, as by auditor store compact"
         found = [one.measurement_id for one in self.judged if one.found and (self.batch.shows_known or one.fresh)]
         how, limits = self.batch.settings, self.batch.limits
-        for pictured in picture_incidents(store, found, how.pictures, limits, how.jobs) if found else ():
-            if pictured.remark:
-                yield f"{pictured.recording}: {pictured.remark}"
+        pictured = picture_incidents(store, found, how.pictures, limits, how.jobs, self.batch.spool) if found else ()
+        yield from (f"{one.recording}: {one.remark}" for one in pictured if one.remark)
+        self.batch.spool.close()

@@ -18,7 +18,7 @@ from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from time import monotonic
 from traceback import extract_tb
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from auditor.errors import AuditorError, LimitError
 from auditor.model.settings import MeasureSettings
@@ -89,6 +89,52 @@ class Outcome(Generic[Item, Result]):
     error: AuditorError | None = None
 
 
+class Source(Protocol[Item]):
+    """Items that come to be there one after the other."""
+
+    def take(self) -> "Item | Outcome[Item, Any] | None":
+        """The next item that is there, or the outcome of one that cannot be; None where none is there yet."""
+
+    def has_more(self) -> bool:
+        """Whether there will be another one."""
+
+    def done(self, item: Item) -> None:
+        """Called when an item has its outcome."""
+
+    def close(self) -> None:
+        """Called when no more are taken."""
+
+
+class _Given(Generic[Item]):
+    """Items that are all there."""
+
+    def __init__(self, items: Sequence[Item]) -> None:
+        self._items = deque(items)
+
+    def take(self) -> Item | None:
+        return self._items.popleft() if self._items else None
+
+    def has_more(self) -> bool:
+        return bool(self._items)
+
+    def done(self, item: Item) -> None:
+        """Nothing is held for it."""
+
+    def close(self) -> None:
+        self._items.clear()
+
+
+def run_from(
+    source: Source[Item],
+    task: Callable[[Item, Progress], Result],
+    jobs: int,
+    on_progress: Callable[[Item, str, int], None],
+    limits: Callable[[Item], Limits],
+) -> Iterator[Outcome[Item, Result]]:
+    """As `run_all` with limits, of items that come to be there one after the other."""
+    return _Run(task, source, jobs, on_progress, limits).outcomes()
+
+
 def run_all(
     task: Callable[[Item, Progress], Result],
     items: Sequence[Item],
@@ -106,7 +152,8 @@ def run_all(
         for item in items:
             yield _outcome(task, item, partial(on_progress, item))
     elif items:
-        yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
+        own = {id(item): limits(item) if limits else Limits() for item in items}
+        yield from run_from(_Given(items), task, min(jobs, len(items)), on_progress, lambda item: own[id(item)])
 
 
 @dataclass(frozen=True)
@@ -177,13 +224,14 @@ class _Run(Generic[Item, Result]):
     def __init__(
         self,
         task: Callable[[Item, Progress], Result],
-        items: Sequence[Item],
+        source: Source[Item],
         jobs: int,
         on_progress: Callable[[Item, str, int], None],
         limits: Callable[[Item], Limits],
     ) -> None:
         self._task = task
-        self._waiting = deque((item, limits(item)) for item in items)
+        self._source, self._limits = source, limits
+        self._failed: list[Outcome[Item, Result]] = []
         self._jobs = jobs
         self._on_progress = on_progress
         self._running: dict[Connection[Any, Any], _Running[Item]] = {}
@@ -191,21 +239,27 @@ class _Run(Generic[Item, Result]):
     def outcomes(self) -> Iterator[Outcome[Item, Result]]:
         try:
             self._start()
-            while self._running:
-                wait_for([*self._running], _POLL_S)
+            while self._running or self._failed or self._source.has_more():
+                wait_for([*self._running], 0 if self._failed else _POLL_S)
                 outcomes = [outcome for pipe in [*self._running] if (outcome := self._receive(pipe))]
                 self._start()  # before whoever asks takes their time with the outcomes
+                outcomes += self._failed
+                self._failed = []
                 yield from outcomes
                 for running in self._running.values():
                     running.end_if_over_budget()
         finally:
+            self._source.close()
             with _uninterrupted():
                 for running in self._running.values():
                     running.stop()
 
     def _start(self) -> None:
-        while self._waiting and len(self._running) < self._jobs:
-            item, limits = self._waiting.popleft()
+        while len(self._running) < self._jobs and (item := self._source.take()) is not None:
+            if isinstance(item, Outcome):
+                self._failed.append(item)
+                continue
+            limits = self._limits(item)
             with _uninterrupted():  # a process that is half started would never be stopped
                 worker = _forked(_work, current_runs(), self._task, item, limits.seconds)
                 self._running[worker.pipe] = _Running(item, limits, worker, monotonic())
@@ -221,6 +275,7 @@ class _Run(Generic[Item, Result]):
             if isinstance(sent, Outcome):
                 del self._running[pipe]
                 running.stop()
+                self._source.done(running.item)
                 return replace(sent, item=running.item)
             running.last_sign_s = monotonic()
             self._on_progress(running.item, *sent)

@@ -15,18 +15,59 @@ _SETTLED_NS = 2_000_000_000
 
 
 @dataclass(frozen=True)
+class StoredObject:
+    """One object of an object store: its address, its size in bytes, its ETag, and when it was written."""
+
+    address: str
+    size_bytes: int
+    etag: str | None
+    written: str
+
+
+@dataclass(frozen=True)
+class Remote:
+    """A recording on an object store: its address, and its objects, all of which lie beside or below it."""
+
+    address: str
+    objects: tuple[StoredObject, ...]
+
+    @property
+    def above(self) -> str:
+        """What the addresses of all its objects begin with; what follows are names of files."""
+        return self.address.rpartition("/")[0] + "/"
+
+    @property
+    def size_bytes(self) -> int:
+        """The size of all its objects."""
+        return sum(one.size_bytes for one in self.objects)
+
+    @property
+    def identity(self) -> str:
+        """A hash of all that the object store says of its objects."""
+        lines = sorted(f"{one.address} {one.size_bytes} {one.etag} {one.written}\n" for one in self.objects)
+        return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+@dataclass(frozen=True)
 class Location:
-    """A recording on disk.
+    """A recording on disk, or on an object store.
 
     Where it is several files that were given or found beside one another, `streams` holds them: those of one stream
-    follow one another, streams run side by side. `path` then is a name for all of them, in their folder.
+    follow one another, streams run side by side. `path` then is a name for all of them, in their folder. `remote` says
+    of which objects the files are copies; before they are copied nothing is at `path`.
     """
 
     path: Path
     streams: tuple[tuple[Path, ...], ...] = ()
+    remote: Remote | None = None
 
     def __str__(self) -> str:
-        return str(self.path)
+        return str(self.path) if self.remote is None else self.remote.address
+
+    @property
+    def place(self) -> str:
+        """Where people find it again: its whole path, or its address."""
+        return str(self.path.resolve()) if self.remote is None else self.remote.address
 
     @property
     def name(self) -> str:
@@ -41,6 +82,8 @@ class Location:
     @property
     def size_bytes(self) -> int:
         """The size of all its files. Raises OSError."""
+        if self.remote is not None:
+            return self.remote.size_bytes
         return sum(file.stat().st_size for file in self._files())
 
     @property
@@ -50,6 +93,8 @@ class Location:
         It is one of their paths, sizes, times and inodes. The time of the last change tells of a file whose time of
         modification was set back. Raises OSError.
         """
+        if self.remote is not None:
+            return self.remote.identity
         whole = hashlib.sha256()
         for file in sorted({*self._files(), *self._beside()}):
             status = file.stat()

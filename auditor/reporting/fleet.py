@@ -14,8 +14,7 @@ from auditor.model.verdict import VerdictKind
 from auditor.reporting.incident.loading import Incidents, OneIncident
 from auditor.reporting.incident.page import Clock
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
-from auditor.reporting.numbers import FILTERS, count
-from auditor.reporting.templates import fill
+from auditor.reporting.templates import FILTERS, count, fill
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import RecordingRecord

@@ -3,7 +3,11 @@
 Whatever unpacks asks a `Budget` with the sizes that a file declares, before anything is allocated, and stops at them.
 """
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 MAX_BYTES = 64 * 2**20
 """Bytes of a record, chunk or unpacked chunk: a scan may use 300 MB of memory, and real chunks have 1 to 10 MB."""
@@ -94,3 +98,23 @@ class Spending:
         self._packed += packed
         self._unpacked += size
         self._parts += 1
+
+
+_DATA_PAGES = 5  # in /proc/self/statm
+
+
+@contextmanager
+def at_most(more_bytes: int) -> Iterator[None]:
+    """Let this process take so many bytes more inside the block: then allocations fail, as where memory is short.
+
+    It holds for all threads. The limit of before holds again behind the block.
+    """
+    before, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[_DATA_PAGES])
+    wanted = pages * resource.getpagesize() + more_bytes
+    limits = [limit for limit in (wanted, before, hard) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (before, hard))

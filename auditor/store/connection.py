@@ -167,6 +167,14 @@ def _without_files() -> duckdb.DuckDBPyConnection:
     return connection
 
 
+def shut_connection() -> duckdb.DuckDBPyConnection:
+    """A connection to an empty database in memory."""
+    connection = duckdb.connect(config=SHUT)
+    with suppress(duckdb.InvalidInputException):  # a notebook without the package for bars has none
+        connection.execute("SET enable_progress_bar = false")  # it would stand in redirected output
+    return connection
+
+
 def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
     """Give a kept connection what it needs of a store."""
     files, filling = _files_of(store), _Filling(kept.connection)
@@ -184,7 +192,7 @@ def _files_of(store: Store | None) -> ReadOnlyFiles:
 def _opened(files: ReadOnlyFiles, limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection to an empty database that can read these files, and write none."""
     with ExitStack() as on_error:
-        connection = on_error.enter_context(duckdb.connect(config=SHUT))
+        connection = on_error.enter_context(shut_connection())
         connection.register_filesystem(files)
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
         connection.execute("SET parquet_metadata_cache = true")  # each view over a file would read its footer again

@@ -122,6 +122,9 @@ CHUNK_FRAMES = 10
 INTERVAL_FRAMES = 10
 """Frames that an attack of the experiment `intervals` lasts."""
 
+LASTING = "lasting"
+"""The variant of its attacks that last for all of a recording, or for each of its intervals that is attacked."""
+
 
 _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px")
 

@@ -11,7 +11,7 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import SHUT, asking, connected, in_one_line, needed_by, raise_damage
+from auditor.store.connection import asking, connected, in_one_line, needed_by, raise_damage, shut_connection
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
@@ -145,7 +145,7 @@ def _in_one_line(where: str, store: Store, text: str, limits: SqlLimits | None =
 @cache
 def _parser() -> duckdb.DuckDBPyConnection:
     """Reads statements and runs none."""
-    return duckdb.connect(config=SHUT)
+    return shut_connection()
 
 
 def _refuse_but_select(text: str) -> None:
@@ -176,7 +176,7 @@ def _kind(statement: duckdb.Statement) -> str:
 
 def _nearest(name: str, known: Sequence[str]) -> str:
     near = get_close_matches(name, known, 1)
-    return f"did you mean {near[0]}? auditor query lists all" if near else f"the queries are {', '.join(known)}"
+    return f"did you mean {near[0]}? auditor query lists all" if near else f"there are {', '.join(known)}"
 
 
 @dataclass(frozen=True)
@@ -196,8 +196,8 @@ def describe(name: str) -> Description:
         return _described(queries()[name], "query")
     if name in views():
         return _described(views()[name], "view")
-    names = ", ".join([*(query.name for query in list_queries()), *views()])
-    raise QueryError("there is no such query or view", where=name, remedy=f"there are {names}")
+    names = [*(query.name for query in list_queries()), *views()]
+    raise QueryError("there is no such query or view", where=name, remedy=_nearest(name, names))
 
 
 def list_views() -> list[SqlFile]:

@@ -199,7 +199,16 @@ def _of_part(part: Part, columns: Sequence[str], source: Source) -> pa.Table:
     if part.group is None:
         return schema.empty_table().select(present)
     group = _group(part.path, part.group, (part.column, *(name for name in present if name != part.column)))
-    return group.filter(pc.equal(group[part.column], part.row_id)).select(present)
+    return _rows_of(group, pc.equal(group[part.column], part.row_id)).select(present)
+
+
+def _rows_of(group: pa.Table, own: pa.ChunkedArray) -> pa.Table:
+    """The rows that are an id's own; nothing is copied where they follow one another, as they do in packs."""
+    count = pc.sum(own).as_py() or 0
+    rows = slice(first := max(0, pc.index(own, pa.scalar(value=True)).as_py()), first + count)
+    if pc.sum(own[rows]).as_py() in {count, None}:
+        return group[rows]
+    return group.filter(own)
 
 
 def _common(columns: Sequence[str], schema: pa.Schema) -> list[str]:
@@ -222,11 +231,16 @@ def _footer(pack: Path) -> tuple[pq.FileMetaData, pa.Schema]:
 
 
 def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
-    """The rows of a file of a table, or of an id, some row groups at a time; its columns are those it was written with.
+    """The rows of a file of a table, or of an id, some at a time; its columns are those it was written with.
 
     Raises StoreError.
     """
-    names = table_schema(table).arrow.names
+    for rows in stream_tables(source, table_schema(table).arrow.names):
+        yield from rows.to_pylist()
+
+
+def stream_tables(source: Source, names: Sequence[str]) -> Iterator[pa.Table | pa.RecordBatch]:
+    """Some columns of a file of a table, or of an id, some rows at a time. Raises StoreError."""
 
     def opened(place: Path | Part) -> pa.Table | pq.ParquetFile:
         return _of_part(place, names, source) if isinstance(place, Part) else pq.ParquetFile(place)
@@ -234,12 +248,11 @@ def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
     found = _read(source, opened)
     with _reporting(source):
         if isinstance(found, pa.Table):
-            yield from found.to_pylist()
+            yield found
             return
         with found as file:
             _check_version(file.schema_arrow, source)
-            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=names):
-                yield from batch.to_pylist()
+            yield from file.iter_batches(batch_size=BATCH_ROWS, columns=list(names))
 
 
 def read_rows(table: str, source: Source) -> list[dict[str, Any]]:

@@ -5,8 +5,11 @@
 --
 -- column name: What the incident may have been called; its own name is one of them.
 -- column incident_id: The incident, as in `incidents`.
-WITH part AS (
-    SELECT incident_id, unnest(parts) AS part FROM incidents
+WITH incident AS MATERIALIZED (
+    SELECT incident_id, parts FROM incidents
+),
+part AS (
+    SELECT incident_id, unnest(parts) AS part FROM incident
 ),
 framed AS (
     SELECT
@@ -26,7 +29,7 @@ framed AS (
         ON held.superseded_by = verdicts.recording_id
 ),
 named AS (
-    SELECT incident_id AS name, incident_id, -2 AS away FROM incidents
+    SELECT incident_id AS name, incident_id, -2 AS away FROM incident
     UNION ALL
     SELECT reviewed_as, incident_id, -1 FROM incident_reviews
     UNION ALL

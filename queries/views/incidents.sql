@@ -34,9 +34,14 @@
 -- column review: What somebody said of it (auditor review): confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
 -- column reviewed_seconds: How long the incident was when that was said; it may have grown since.
-WITH placed AS (
+WITH placed AS MATERIALIZED (
     SELECT
         measurement.measurement_id,
+        measurement.matcher,
+        measurement.measured_at,
+        recording.drive_id,
+        recording.clock,
+        rig.sensors,
         dense_rank() OVER (
             ORDER BY recording.drive_id, [sensor.topic FOR sensor IN rig.sensors], measurement.matcher,
                 measurement.settings, measurement.counting_version
@@ -193,24 +198,24 @@ shared AS (
 told AS (
 SELECT
     any_value(name_of_incident(
-        whole.parts[1].recording_id, incident.rig_id, measurement.matcher, whole.parts[1].from_ns
+        whole.parts[1].recording_id, incident.rig_id, about.matcher, whole.parts[1].from_ns
     )) AS begins,
-    max(measurement.measured_at) AS measured_at,
+    max(about.measured_at) AS measured_at,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
-    any_value(recording.drive_id) AS drive_id,
+    any_value(about.drive_id) AS drive_id,
     any_value(whole.parts[1].measurement_id) AS measurement_id,
     any_value(whole.parts[1].judgement_id) AS judgement_id,
     any_value(incident.rig_id) AS rig_id,
     CASE WHEN any_value(incident.alert) THEN 'alert' ELSE 'incident' END AS grade,
     incident.kind,
     incident.attacked,
-    any_value(names_of(incident.attacked, rig.sensors)) AS attacked_names,
+    any_value(names_of(incident.attacked, about.sensors)) AS attacked_names,
     min(stamp_ns) AS from_ns,
     max(stamp_ns) AS to_ns,
     (max(stamp_ns) - min(stamp_ns)) / 1e9 AS seconds,
-    CASE WHEN any_value(recording.clock) = 'utc' THEN make_timestamp_ns(min(stamp_ns)) END AS from_utc,
+    CASE WHEN any_value(about.clock) = 'utc' THEN make_timestamp_ns(min(stamp_ns)) END AS from_utc,
     count(*) AS frames,
     any_value(whole.parts[1].first_frame) AS first_frame,
     any_value(whole.parts[-1].last_frame) AS last_frame,
@@ -235,9 +240,8 @@ FROM numbered AS incident
 JOIN whole USING (line, kind, attacked, run)
 LEFT JOIN carried USING (line, kind, attacked, run)
 LEFT JOIN shared USING (line, kind, attacked, run)
-LEFT JOIN rigs AS rig USING (rig_id)
-LEFT JOIN measurements AS measurement ON measurement.measurement_id = incident.measurement_id
-LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
+JOIN (SELECT measurement_id, matcher, measured_at, drive_id, clock, sensors FROM placed) AS about
+    ON about.measurement_id = incident.measurement_id
 LEFT JOIN judgements AS judgement ON judgement.judgement_id = incident.judgement_id
 GROUP BY line, incident.kind, incident.attacked, run
 HAVING bool_or(wanted)

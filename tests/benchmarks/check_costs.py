@@ -32,10 +32,10 @@ from auditor.measurement.checks.light import LightDifference, light_difference, 
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
 from auditor.measurement.checks.striped_light import Rows
-from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.disparity.matchers.sgbm import equalised
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.model.arrays import Image
 from auditor.model.checks import rig_sensor_checks

@@ -13,13 +13,13 @@ import numpy as np
 from auditor.lab.attacks.faults import (
     DimmedCamera,
     HiddenSector,
+    Rain,
     ScatteredPoints,
     ShiftedCamera,
     TurnedLidar,
 )
-from auditor.lab.attacks.light_patterns import LaserPattern
+from auditor.lab.attacks.interference import LaserPattern
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula, draw_wall
-from auditor.lab.attacks.rain import Rain
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause

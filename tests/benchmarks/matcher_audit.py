@@ -20,7 +20,7 @@ import numpy as np
 
 from auditor.lab.attacks.paper import Facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.attacks import Attacks
+from auditor.lab.evaluation.experiments import Attacks
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
 from auditor.model.frames import Frame

@@ -12,7 +12,7 @@ import jsonschema  # type: ignore[import-untyped]
 import pytest
 
 from auditor.casefile.checking import check_case
-from auditor.casefile.manifest import files_of, sha256_of
+from auditor.casefile.folder import files_of, sha256_of
 from auditor.casefile.write import write_zip
 from auditor.cli import run
 from auditor.errors import SettingError

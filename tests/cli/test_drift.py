@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from auditor.cli.metrics import drift_metrics
+from auditor.cli.refresh_answers import drift_metrics
 from auditor.pipeline.refreshing.drift import fleet_drift
 from auditor.store import Store
 from tests.making.audits import Audit

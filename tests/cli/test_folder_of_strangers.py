@@ -1,5 +1,6 @@
 """A shell that stands in a folder of logs: no file there becomes code, whichever verb is run."""
 
+import json
 import os
 import shutil
 import signal
@@ -70,13 +71,42 @@ def ran(folder: Path) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "demo"])
-def test_no_verb_runs_a_module_of_the_working_folder(verb: str, incident: tuple[Path, str]) -> None:
+ONE_AFTER_THE_OTHER = """
+import json, os, sys
+from auditor.__main__ import main
+for words in json.loads(sys.argv[1]):
+    sys.argv = ["auditor", *words]
+    try:
+        main()
+    except SystemExit:
+        pass
+    searched = [folder for folder in sys.path if os.path.realpath(folder) == os.getcwd()]
+    print("ended:", words[0], searched, os.path.exists("markers"), file=sys.stderr)
+"""
+"""Each verb as the installed script calls it, and how it left the process for the next one."""
+
+
+def test_no_verb_runs_a_module_of_the_working_folder(incident: tuple[Path, str], tmp_path: Path) -> None:
+    """All verbs but the demo in one process: what they start is started anew, and searches what this one searches."""
     folder, whole_id = incident
-    command = [AUDITOR, verb, *(whole_id if word == "INCIDENT" else word for word in COMMANDS[verb])]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    wanted = [verb for verb in VERBS if verb != "demo"]
+    commands = [[verb, *(whole_id if word == "INCIDENT" else word for word in COMMANDS[verb])] for verb in wanted]
+    program = tmp_path / "verbs.py"
+    program.write_text(ONE_AFTER_THE_OTHER)
+    done = subprocess.run(
+        [sys.executable, program, json.dumps(commands)], cwd=folder, capture_output=True, text=True, check=False
+    )
+    ended = [line for line in done.stderr.splitlines() if line.startswith("ended: ")]
+    assert ended == [f"ended: {verb} [] False" for verb in wanted], done.stderr
     assert ran(folder) == []
-    assert not {"ModuleNotFoundError", "defect of auditor"} & set(done.stderr.split(": "))
+    assert not {"ModuleNotFoundError", "defect of auditor"} & set(done.stderr.replace("\n", ": ").split(": "))
+
+
+def test_the_installed_script_runs_no_module_of_the_working_folder(incident: tuple[Path, str]) -> None:
+    folder, _ = incident
+    done = subprocess.run([AUDITOR, "inspect", "drive.mcap"], cwd=folder, capture_output=True, check=False)
+    assert ran(folder) == []
+    assert b"cam" in done.stdout
 
 
 def test_the_demo_runs_no_module_of_the_working_folder(incident: tuple[Path, str]) -> None:

@@ -3,8 +3,6 @@
 import csv
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow as pa
@@ -41,12 +39,6 @@ def answered(folder: Path, capfdbinary: pytest.CaptureFixture[bytes], *arguments
     capfdbinary.readouterr()
     assert run(["query", *arguments, "--store", str(folder / "audit")]) == 0
     return capfdbinary.readouterr().out
-
-
-def test_pandas_which_alone_has_a_type_for_nanoseconds_is_not_needed(folder):
-    program = "import sys; sys.modules['pandas'] = None; from auditor.cli import run; sys.exit(run(sys.argv[1:]))"
-    command = [sys.executable, "-c", program, "query", "incidents", "--store", str(folder / "audit")]
-    assert FROM_UTC in subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
 
 
 def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):

@@ -136,7 +136,7 @@ def test_wrong_values_in_the_environment_are_refused_by_name(audit, monkeypatch)
 
 def test_a_file_beside_the_logs_of_strangers_is_not_read(audit, written, tmp_path):
     """Else it would choose another store, laxer thresholds, or a network whose file lies beside it."""
-    written('[defaults]\nstore = "other"\nr = 1\nmatcher = "torchscript:evil.pt"\nnonsense = 1', "auditor.toml")
+    written('[defaults]\nstore = "other"\nr = 1\nmatcher = "onnx:evil.onnx"\nnonsense = 1', "auditor.toml")
     add_drive(Store.open(tmp_path / "fleet"), "one", seed=1)
     code, _, err = audit("drift", "--store", "fleet")
     assert code == 3

@@ -13,11 +13,10 @@ from auditor.cli import run
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions
 from auditor.model.pictures import Pictures
+from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords
 from auditor.model.settings import (
     Criteria,
-    JudgingKeywords,
     MeasureSettings,
-    MeasuringKeywords,
     about,
     default,
     settings_of,
@@ -57,6 +56,9 @@ EXAMPLES = {
     "pictures": ("none", Pictures.NONE),
     "measure_again": (True, True),
     "verify_content": (True, True),
+    "shard": ("1/4", "1/4"),
+    "spool": ("copies", Path("copies")),
+    "spool_limit": ("1000", 1000.0),
 }
 """Of each setting a value that is not its default: as it is written on a command line, and as it is meant."""
 

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,7 @@ from auditor.cli import output, run, summary
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
+from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.scan import Scan
 from auditor.store import Store
 from auditor.store.records import JudgementRecord
@@ -92,13 +94,18 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
     def measure_all(batch, advanced):
         for task in batch.tasks:
             result = SimpleNamespace(
-                recording=task, recording_id=task, frames=1, fresh=True, calibration_warnings=("it does not fit",)
+                recording=task.recording,
+                recording_id=str(task),
+                frames=1,
+                fresh=True,
+                calibration_warnings=("it does not fit",),
             )
             yield SimpleNamespace(item=task, error=None, result=result)
 
     monkeypatch.setattr("auditor.pipeline.scan.measure_all", measure_all)
     tally = Tally()
-    batch = SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=(), notes=(), shows_known=True)
+    tasks = tuple(MeasureTask(Path(name), tmp_path) for name in ("a.mcap", "b.mcap"))
+    batch = SimpleNamespace(tasks=tasks, remote=(), errors=(), notes=(), shows_known=True)
     summary.show_measuring(Scan(batch, tmp_path), tally)
     assert capfd.readouterr().err.splitlines() == [
         "a.mcap: 1 frames measured",
@@ -157,7 +164,7 @@ def test_a_scan_of_nothing_says_so_in_every_form(tmp_path, capfd):
     scan = ["scan", str(tmp_path / "none.mcap"), "--store", str(tmp_path / "audit")]
     assert run(scan) == 2
     reason = "there is no such file or folder"
-    assert capfd.readouterr().out == f"1 recording: none with incidents, 1 not fully audited: {reason}\n"
+    assert capfd.readouterr().out == f"nothing was audited: {reason}\n"
     assert run([*scan, "--format", "json"]) == 2
     left = {"recording": "none.mcap", "path": str(tmp_path / "none.mcap"), "reason": reason}
     assert json.loads(capfd.readouterr().out) == {"recordings": [], "incidents": [], "not_audited": [left]}
@@ -191,6 +198,25 @@ def test_a_pipe_gets_a_line_now_and_then(capfd, monkeypatch):
         "evaluating: 1 of 2 done, 12 frames",
         "b.mcap: done",
         "b.mcap: WARNING: it was slow",
+    ]
+
+
+def test_where_sizes_are_known_a_line_has_the_share_of_bytes_and_the_time_left(capfd, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(output, "monotonic", lambda: now[0])
+    sizes = {"known": 10**9, "a": 10**9, "b": 2 * 10**9, "c": 10**9}
+    with output.progress(4, "measuring", sizes) as (advanced, finished):
+        finished("known: measured before", of="known")
+        now[0] = 30
+        advanced("a", "a", 100)
+        finished("a: done", of="a")
+        now[0] = 60
+        advanced("b", "b", 50)
+    assert capfd.readouterr().err.splitlines() == [
+        "known: measured before",
+        "measuring: 1 of 4 done, 100 frames",
+        "a: done",
+        "measuring: 2 of 4 done, 150 frames, 50 % of 5 GB, about 2 min left",
     ]
 
 

@@ -7,8 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
-from auditor.lab.evaluation.attacks import Attacks
-from auditor.lab.evaluation.experiments import DELAYS, Experiment, SeededDraws
+from auditor.lab.evaluation.experiments import DELAYS, Attacks, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.judge import Criteria, judge_measurement

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from auditor.model.calibration import Calibration
+from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import make
-from auditor.pipeline.many import CleanMeasurements
 from auditor.store import Store
 
 

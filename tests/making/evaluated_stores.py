@@ -12,7 +12,7 @@ from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, make_features, new_store, part_columns
 
 
-def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
+def evaluated(folder, rig, *, frames=10, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
     """A store in which an attack raises the E of its triples, in a share of its cases."""
     store = new_store(folder)
     store.write_rig(rig)

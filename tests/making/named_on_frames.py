@@ -5,7 +5,7 @@ import numpy as np
 from auditor.identification.algorithm2 import identify
 from auditor.lab.attacks.paper import draw_facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.attacks import Attack, Attacks
+from auditor.lab.evaluation.experiments import Attack, Attacks
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.frames import Frame
 from auditor.model.measurement import Statistic

@@ -11,10 +11,10 @@ import pytest
 from auditor.errors import StoreError
 from auditor.model.measurement import Statistic
 from auditor.pipeline.calibrations import making
+from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.versions import Kept, keep_calibrated
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.many import choose_clean
 from auditor.store import Store, calibrations
 from tests.making.fleets import add_drive
 from tests.making.left_out import leave_one_out_paper, leave_one_out_robust

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from auditor.lab.attacks.faults import Rain
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.attacks.rain import Rain
 from auditor.lab.simulation.drives import make_drive
 from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame

@@ -45,15 +45,6 @@ def test_an_attacked_twin_of_a_clean_recording_is_found(audit: Audit, tmp_path: 
     assert audit.scan(write(tmp_path / "log.mcap", ATTACKED)).code in {Exit.FINDINGS, Exit.FINDINGS_INCOMPLETE}
 
 
-def test_a_growing_file_gives_one_incident(audit: Audit, tmp_path: Path):
-    log = tmp_path / "log.mcap"
-    for end in (MOMENTS - 2, MOMENTS):
-        write(log, [sent for sent in ATTACKED if sent.moment < end])
-        assert audit.scan(log).code == Exit.FINDINGS
-    [incident] = audit(*INCIDENTS).rows
-    assert incident["last_frame"] == MOMENTS - 1
-
-
 def test_a_copy_under_another_name_gives_one_incident_and_both_names_are_kept(
     audit_of_log: Audit, scanned: Path, tmp_path: Path
 ):

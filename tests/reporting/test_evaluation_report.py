@@ -8,10 +8,9 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import StoreError
 from auditor.lab.evaluation.experiments import EXPERIMENTS, INTERVALS
-from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
+from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation, percent, render_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
-from auditor.reporting.evaluation.render import percent, render_evaluation
 from auditor.store.queries import run_query
 from tests.making.evaluated_stores import evaluated
 from tests.making.pages import BROWSER, HOSTILE, Page, browse
@@ -117,7 +116,7 @@ def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
         cells = next(one.cells for one in table.rows if one.label == "S_1, still")
         assert cells[3] == Rate(row["found"], 4, row["low"], row["high"], row["resolvable"])
         assert cells[4].k == row["named"]
-    assert "Intervals of one second" in Page(render_evaluation(shown)).text
+    assert "Attacks of one second, and lasting ones" in Page(render_evaluation(shown)).text
 
 
 def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():

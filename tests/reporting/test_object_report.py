@@ -5,10 +5,9 @@ import pytest
 
 from auditor.lab.evaluation.experiments import EXPERIMENTS
 from auditor.reporting.evaluation import published
-from auditor.reporting.evaluation.loading import load_evaluation
+from auditor.reporting.evaluation.loading import load_evaluation, render_evaluation
 from auditor.reporting.evaluation.page import Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX
-from auditor.reporting.evaluation.render import render_evaluation
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart
 from auditor.store.queries import run_query
 from tests.making.evaluated_stores import evaluated

@@ -7,7 +7,7 @@ from auditor.model.checks import DIRECTION_CHECKS, LIDAR_CHECKS, Check, SensorCh
 from auditor.model.verdict import Evidence
 from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render
-from auditor.reporting.incident.scores import evidence_lines, sensor_scores
+from auditor.reporting.incident.timeline import evidence_lines, sensor_scores
 from tests.making.pages import Page
 from tests.making.report_stores import add_recording, make_rig, new_store
 

@@ -54,7 +54,7 @@ def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
 
 def test_of_many_recordings_few_are_in_memory_and_row_groups_may_end_within_one(tmp_path, monkeypatch):
     monkeypatch.setattr(model, "MOST_FRAMES_KEPT", 2)
-    monkeypatch.setattr(tables, "BATCH_ROWS", 5)
+    monkeypatch.setattr(tables, "BATCH_ROWS", 70)
     monkeypatch.setattr(tables, "GROUP_BYTES", 1)
     calibration = make(recordings=tuple(letter * 64 for letter in "ebdac"))
     write_calibration(calibration, tmp_path / "c")

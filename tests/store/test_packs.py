@@ -181,6 +181,12 @@ def test_recordings_are_judged_again_and_measured_again_in_a_packed_store(folder
     assert {str(one.r) for one in store.current_judgements().values()} == {"0.02"}
     pack(store)
     assert run_query(whole(folder), "summary").num_rows == 2
+    assert run(["judge", str(folder), "-r", "0.02"]) in {0, 1, 3, 4}
+    again = list((folder / "verdicts").glob("*.parquet"))
+    assert again, "they were packed, and are files of their own again"
+    whole(folder)
+    again[0].write_bytes(again[0].read_bytes() + b" ")
+    assert [one.place for one in verify(store).grave] == [f"verdicts/{again[0].name}"]
 
 
 @pytest.mark.parametrize("function", ["replace", "unlink"])

@@ -9,6 +9,7 @@ from auditor.model.checks import LIDAR_CHECKS, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 from auditor.store.calibrations import make_calibration
+from auditor.store.connection import shut_connection
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.clean_frames import clean_frames
@@ -453,3 +454,8 @@ def test_vehicles_of_one_kind_are_one_kind_in_words(store):
     words = {row["rig_id"]: row["kind"] for row in run_sql(store, "SELECT rig_id, kind FROM rigs").to_pylist()}
     first = min(rigs[:3], key=lambda rig: rig.rig_id)
     assert [words[rig.rig_id] for rig in rigs] == [str(first.kind)] * 3 + [str(rigs[3].kind)]
+
+
+def test_no_connection_shows_a_bar_that_would_stand_in_redirected_output():
+    with shut_connection() as connection:
+        assert connection.execute("SELECT current_setting('enable_progress_bar')").fetchone() == (False,)

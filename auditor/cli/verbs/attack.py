@@ -1,12 +1,14 @@
 """`auditor attack`: a compromised copy of a recording, with its ground truth inside."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from auditor.cli import options
 from auditor.cli.output import answer
@@ -14,41 +16,62 @@ from auditor.cli.values import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.lab.attacks.catalogue import Kind
     from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
     from auditor.pipeline.many import LimitsOf
 
 _SECOND_NS = 10**9
-_KINDS = (
-    *("facula", "spot", "blue", "green", "red", "infrared", "veil", "projected", "stripes", "shutter"),
-    *("blur", "electromagnetic", "dimmed", "soiled", "shifted", "pattern"),
-)
-_LIDAR_KINDS = (
-    *("wall", "far-wall", "ghost", "jitter", "shift", "removed", "seen-through", "saturated", "pulses"),
-    *("hidden", "scattered", "turned", "rain"),
-)
-_EITHER = ("delayed", "frozen")
 
 
-@click.command("attack", short_help="A compromised copy with its ground truth.")
+class _Kinds(click.ParamType[str]):
+    """The kinds of the catalogue, which is loaded when they are asked for: NumPy is heavy."""
+
+    name = "kind"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The kind. Fails as click does, with the nearest one."""
+        known = tuple(_catalogue())
+        if value not in known:
+            near = get_close_matches(value, known, 1)
+            guess = f"did you mean {near[0]!r}? " if near else ""
+            self.fail(f"there is no kind {value!r}; {guess}auditor attack --help lists all", param, ctx)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002 - click's signature
+        """The kinds that begin so."""
+        return [
+            CompletionItem(kind, help=one.does) for kind, one in _catalogue().items() if kind.startswith(incomplete)
+        ]
+
+
+class _Attack(click.Command):
+    """A command whose help ends with what each kind does."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """A line a kind, made from the catalogue."""
+        super().format_epilog(ctx, formatter)
+        with formatter.section("Kinds, and what --size is of each"):
+            formatter.write_dl([(kind, one.in_words) for kind, one in _catalogue().items()])
+
+
+def _catalogue() -> "Mapping[str, Kind]":
+    from auditor.lab.attacks.catalogue import KINDS  # noqa: PLC0415 - heavy
+
+    return KINDS
+
+
+@click.command("attack", cls=_Attack, short_help="A compromised copy with its ground truth.")
 @click.argument("source", type=PATH)
 @click.argument("target", type=PATH)
 @click.option("--on", "sensors", type=SENSOR, multiple=True, required=True, help="Sensor to attack; may be repeated.")
 @click.option(
     "--kind",
-    type=click.Choice((*_KINDS, *_LIDAR_KINDS, *_EITHER)),
-    help="What is done, in place of a facula on a camera and a wall in the LiDAR's cloud.",
+    type=_Kinds(),
+    metavar="KIND",
+    help="What is done, in place of a facula on a camera and a wall in the LiDAR's cloud: a kind listed below.",
 )
-@click.option(
-    "--size",
-    type=FiniteRange(min=0),
-    help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
-    "(grey levels), points of a ghost, jitter or shift of a sector (m), share of the rows that the shutter's stripes "
-    "light, height of what is projected (px of such an image), blur (px), electromagnetic stripes (number), range of a "
-    "far wall or of an object that is removed or seen through (m), hidden or noisy sector, turned LiDAR (degrees), "
-    "scattered points, "
-    "rain (mm/h), delay (frames), shift (rows), soil (blobs), share of light that dims.",
-)
+@click.option("--size", type=FiniteRange(min=0), help="How much, in the unit of the kind; see below.")
 @click.option("--range", "range_m", type=FiniteRange(min=1), help="How far away a ghost is, in m; 8 unless told.")
 @click.option(
     "--pattern",

@@ -14,14 +14,15 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
-from auditor.cli.values import PATH
+from auditor.cli.values import PATH, PLACE
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
+    from auditor.pipeline.calibrations.clean import CleanMeasurements
     from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
-    from auditor.pipeline.many import CleanMeasurements
+    from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
     from auditor.store import Store
 
@@ -43,7 +44,7 @@ class _Frames(click.ParamType[range]):
 
 
 @click.command("calibrate", short_help="Thresholds from clean recordings.")
-@click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=PATH)
+@click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=PLACE)
 @options.store_option
 @options.setting("r", "The r whose thresholds are shown.")
 @options.setting("method")
@@ -54,7 +55,7 @@ class _Frames(click.ParamType[range]):
 @options.measuring_options(*options.MEASURING)
 @format_option
 def command(
-    sources: tuple[Path, ...],
+    sources: "tuple[Path | Address, ...]",
     store: Path,
     r: Decimal,
     method: str,
@@ -87,16 +88,18 @@ def command(
     calibration promote puts one in force.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.clean import choose_clean  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.many import choose_clean, find_batch  # noqa: PLC0415
+    from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:
         check_thresholds(out)
     tally = Tally()
-    recordings = [path for path in sources if not Store.is_at(path)]
-    opened = [Store.open(path) for path in sources if path not in recordings]
+    stores = [one for one in sources if isinstance(one, Path) and Store.is_at(one)]
+    recordings = [one for one in sources if one not in stores]
+    opened = [Store.open(path) for path in stores]
     scan = Scan(find_batch(recordings, store, measuring), store) if recordings else None
     with logged(store) if (scan and scan.batch.tasks) or Store.is_at(store) else nullcontext():
         given = _measured(scan, store, tally)

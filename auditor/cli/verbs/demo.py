@@ -12,13 +12,17 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.exit_codes import Exit
+from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
 from auditor.cli.values import PATH
+from auditor.model.verdict import Method
 
 if TYPE_CHECKING:
     from auditor.lab.demo import Take
+    from auditor.model.settings import MeasureSettings
+    from auditor.pipeline.scan import Scan
+    from auditor.pipeline.workers import Limits
     from auditor.store import Store
 
 _MARKER = ".auditor-demo"
@@ -51,57 +55,70 @@ def command(folder: Path, method: str, jobs: int) -> int:
     Everything lands in the folder: the recordings, the store, the pages. Exits with 0 when the audit names exactly the
     sensors that were attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
-    from auditor.lab.demo import fleet  # noqa: PLC0415
-    from auditor.model.pictures import Pictures  # noqa: PLC0415
-    from auditor.model.settings import Criteria, MeasureSettings  # noqa: PLC0415
-    from auditor.model.verdict import Method  # noqa: PLC0415
-    from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
-    from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.many import (  # noqa: PLC0415
-        CleanMeasurements,
-        JudgeSettings,
-        find_batch,
-        judge_all,
-    )
-    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
-    from auditor.pipeline.scan import Scan  # noqa: PLC0415
-    from auditor.pipeline.workers import Limits  # noqa: PLC0415
+    from auditor.lab.demo import fleet  # noqa: PLC0415 - keeps --help quick
     from auditor.reporting import render_fleet_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
     clean, suspected = fleet(folder)
     _prepare(folder, (*clean, *suspected))
-    store = folder / "audit"
-    of_clean, tally = Tally(), Tally()
     _record((*clean, *suspected), jobs)
-    measuring, unlimited = MeasureSettings(jobs=jobs), lambda _: Limits()
-    kept = Store.open(store, create=True)
-    with logged(store):
-        batches = (
-            find_batch([take.file for take in takes], store, measuring, unlimited) for takes in (clean, suspected)
-        )
-        learnt, scan = (Scan(batch, store) for batch in batches)
-        show_measuring(learnt, of_clean)
-        given = tuple((kept, known) for known in learnt.measurement_ids)
-        made = make(CleanMeasurements(given, ()), Criteria.r, jobs=jobs)
-        keep_calibrated(kept, made, made_by="demo")
-        show_measuring(scan, tally)
-        r = Criteria.r if Method(method) is Method.ROBUST else Decimal(0)
-        judging = JudgeSettings(Criteria(r, Method(method), strict=True, min_coverage=1), made.calibration)
-        deque(judge_all(kept, learnt.measurement_ids, judging), maxlen=0)  # else the pages would call them not judged
-        judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
-        found = [one.measurement_id for one in judged if one.found]
-        for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, unlimited, jobs):
-            if pictured.remark:
-                say(f"{pictured.recording}: {pictured.remark}")
-        show_audit(kept, "table", tally, {one.recording_id for one in scan.measured})
+    kept = Store.open(folder / "audit", create=True)
+    with logged(kept.folder):
+        complete = _audit(kept, clean, suspected, Method(method), jobs)
         exact = _compare(kept, suspected)
-        page = render_fleet_report(kept, out=store / "reports")
+        page = render_fleet_report(kept, out=kept.folder / "reports")
     answer(f"The pages:         {page}")
-    answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
-    return Exit.CLEAN if exact and not (of_clean.failed or tally.failed) else Exit.FINDINGS
+    answer(f"Query the store:   auditor query --store {shlex.quote(str(kept.folder))}")
+    return Exit.CLEAN if exact and complete else Exit.FINDINGS
+
+
+def _audit(kept: "Store", clean: "Sequence[Take]", suspected: "Sequence[Take]", method: "Method", jobs: int) -> bool:
+    """Learn from the clean drives, judge all by that, and print what was found; True where nothing failed."""
+    from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415 - keeps --help quick
+    from auditor.model.settings import Criteria, MeasureSettings  # noqa: PLC0415
+    from auditor.pipeline.calibrations.clean import CleanMeasurements  # noqa: PLC0415
+    from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
+    from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
+    from auditor.pipeline.many import JudgeSettings, judge_all  # noqa: PLC0415
+
+    of_clean, tally = Tally(), Tally()
+    learnt, scan = (_scan_of(takes, kept, MeasureSettings(jobs=jobs)) for takes in (clean, suspected))
+    show_measuring(learnt, of_clean)
+    given = tuple((kept, known) for known in learnt.measurement_ids)
+    made = make(CleanMeasurements(given, ()), Criteria.r, jobs=jobs)
+    keep_calibrated(kept, made, made_by="demo")
+    show_measuring(scan, tally)
+    r = Criteria.r if method is Method.ROBUST else Decimal(0)
+    judging = JudgeSettings(Criteria(r, method, strict=True, min_coverage=1), made.calibration)
+    deque(judge_all(kept, learnt.measurement_ids, judging), maxlen=0)  # else the pages would call them not judged
+    judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
+    _picture(kept, [one.measurement_id for one in judged if one.found], jobs)
+    show_audit(kept, "table", tally, {one.recording_id for one in scan.measured})
+    return not (of_clean.failed or tally.failed)
+
+
+def _scan_of(takes: "Sequence[Take]", kept: "Store", measuring: "MeasureSettings") -> "Scan":
+    from auditor.pipeline.many import find_batch  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.scan import Scan  # noqa: PLC0415
+
+    files = [take.file for take in takes]
+    return Scan(find_batch(files, kept.folder, measuring, _unlimited), kept.folder)
+
+
+def _unlimited(_: object) -> "Limits":
+    from auditor.pipeline.workers import Limits  # noqa: PLC0415 - keeps --help quick
+
+    return Limits()
+
+
+def _picture(kept: "Store", found: Sequence[str], jobs: int) -> None:
+    """Keep pictures of what was found in these measurements."""
+    from auditor.model.pictures import Pictures  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
+
+    for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, _unlimited, jobs):
+        if pictured.remark:
+            say(f"{pictured.recording}: {pictured.remark}")
 
 
 def _prepare(folder: Path, takes: "Sequence[Take]") -> None:

@@ -101,30 +101,56 @@ def command(
     evaluation_objects says how often objects that sensors see do not match. Evaluations with several matchers in one
     store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.lab.evaluation import experiments_of, judge_cases, keep_missed  # noqa: PLC0415 - heavy
-    from auditor.lab.evaluation.object_baseline import check_detectors  # noqa: PLC0415
-    from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
-    from auditor.pipeline.many import limits_by_size, network_of, share_threads  # noqa: PLC0415
+    from auditor.pipeline.many import network_of, share_threads  # noqa: PLC0415 - heavy
     from auditor.recordings import find_recordings  # noqa: PLC0415
-    from auditor.store import Store, run_query  # noqa: PLC0415
 
     if not recordings and synthetic is None:
         raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
-    experiments_of(patterns)  # patterns that cannot be read, too, are the command's error
     network = network_of(measuring)
-    find_matcher(measuring.matcher, network)  # an unknown one is the command's error, not each recording's
-    check_detectors(detectors, labels)
+    _check(patterns, measuring.matcher, network, detectors, labels)
     inputs = find_recordings(recordings)
     for error in inputs.errors:
         say(f"auditor: {error}")
     sources = _sources(inputs.recordings, measuring.rig, synthetic or 0)
     if not sources:
         return Exit.FAILED
-    kept = Store.open(store, create=True)
     network, jobs = share_threads(network, measuring.jobs)
-    run = _Run(jobs, limits_by_size(measuring.time_limit, measuring.memory_limit))
     tasks = _tasks(sources, store, measuring.matcher, network, seed, draws, attack_every, jobs)
-    old = 0
+    complete = _evaluated(tasks, store, measuring, jobs, patterns, detectors, labels, leave_out, form)
+    return Exit.CLEAN if complete and not inputs.errors else Exit.FAILED
+
+
+def _check(
+    patterns: tuple[Path, ...], matcher: str, network: "MatcherOptions", detectors: tuple[str, ...], labels: Path | None
+) -> None:
+    """Raises SettingError for what would else be an error of each recording."""
+    from auditor.lab.evaluation import experiments_of  # noqa: PLC0415 - heavy
+    from auditor.lab.evaluation.object_baseline import check_detectors  # noqa: PLC0415
+    from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
+
+    experiments_of(patterns)
+    find_matcher(matcher, network)
+    check_detectors(detectors, labels)
+
+
+def _evaluated(
+    tasks: "Sequence[Task]",
+    store: Path,
+    measuring: "MeasureSettings",
+    jobs: int,
+    patterns: tuple[Path, ...],
+    detectors: tuple[str, ...],
+    labels: Path | None,
+    leave_out: str | None,
+    form: str,
+) -> bool:
+    """Measure the attacks of all shares, judge them, and print the summary; True where all could be measured."""
+    from auditor.lab.evaluation import judge_cases, keep_missed  # noqa: PLC0415 - heavy
+    from auditor.pipeline.many import limits_by_size  # noqa: PLC0415
+    from auditor.store import Store, run_query  # noqa: PLC0415
+
+    kept, old = Store.open(store, create=True), 0
+    run = _Run(jobs, limits_by_size(measuring.time_limit, measuring.memory_limit))
     with logged(store):
         run.attacks(tasks, patterns)
         if detectors:
@@ -139,7 +165,7 @@ def command(
         )
     if kept.ids("evaluations"):
         emit(run_query(kept, "evaluation_summary", {"left_out": leave_out or "all"}), form)
-    return Exit.CLEAN if run.complete and not inputs.errors else Exit.FAILED
+    return run.complete
 
 
 def _sources(recordings: "Sequence[Location]", rig: Path | None, streets: int) -> "list[Source]":

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from auditor.cli.exit_codes import Tally
     from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.remote.addresses import Address
     from auditor.recordings import Location
 
 _MOST_TOPICS_SHOWN = 200
@@ -35,7 +36,7 @@ _MOST_TOPICS_SHOWN = 200
     help="How it is printed.",
 )
 def command(
-    recordings: tuple[Path, ...],
+    recordings: "tuple[Path | Address, ...]",
     rig: Path | None,
     no_sensors: tuple[str, ...],
     limits: "LimitsOf",
@@ -58,6 +59,7 @@ def command(
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.cli.recording_description import describe  # noqa: PLC0415
     from auditor.errors import AuditorError, LimitError, SettingError  # noqa: PLC0415
+    from auditor.pipeline.remote.spool import copies_of  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
 
     if write_rig:
@@ -71,8 +73,10 @@ def command(
             remedy="name one of them",
         )
     descriptions = []
-    for where in found:
+    for where in copies_of(found):
         try:
+            if isinstance(where, AuditorError):
+                raise where
             description = run_within(limits(where), describe, where, rig, write_rig, no_sensors)
             if write_rig and description["rigs"]:
                 say(f"the rig is in {write_rig}")
@@ -94,12 +98,12 @@ def command(
     return tally.exit_code()
 
 
-def _found(recordings: "Sequence[Path]", tally: "Tally") -> "tuple[Location, ...]":
-    """The recordings at some paths; what is none is said, and fails where it may have been one."""
+def _found(recordings: "Sequence[Path | Address]", tally: "Tally") -> "tuple[Location, ...]":
+    """The recordings at some places; what is none is said, and fails where it may have been one."""
     from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
-    from auditor.recordings import find_recordings  # noqa: PLC0415
+    from auditor.pipeline.remote.finding import find_all  # noqa: PLC0415
 
-    found = find_recordings(recordings)
+    found = find_all(recordings)
     for note in found.notes:
         say(f"{note}: it is text and no recording, and was not read")
     for error in found.errors:

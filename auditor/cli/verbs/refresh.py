@@ -11,17 +11,18 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
-from auditor.cli.values import PATH
+from auditor.cli.values import PATH, PLACE
 
 if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
+    from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
     from auditor.store import Store
     from auditor.store.versions.decisions import Failure, Refresh
 
 
 @click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
-@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=PATH)
+@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=PLACE)
 @options.store_option
 @click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
 @options.setting("r", "The r that recordings are judged at.")
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 @options.setting("no_sensors")
 @options.measuring_options(*options.MEASURING)
 def command(
-    sources: tuple[Path, ...],
+    sources: "tuple[Path | Address, ...]",
     store: Path,
     r: Decimal,
     metrics: Path | None,
@@ -64,8 +65,9 @@ def command(
 
     if clean and not sources:
         raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")
-    others = [Store.open(path) for path in sources if Store.is_at(path)]
-    recordings = [path for path in sources if not Store.is_at(path)]
+    stores = [one for one in sources if isinstance(one, Path) and Store.is_at(one)]
+    others = [Store.open(path) for path in stores]
+    recordings = [one for one in sources if one not in stores]
     if dry_run:
         found = _tried(recordings, others, store, r, measuring.rig, no_sensors, clean=clean)
     else:
@@ -86,7 +88,7 @@ def command(
 
 
 def _tried(
-    recordings: list[Path],
+    recordings: "list[Path | Address]",
     others: "list[Store]",
     store: Path,
     r: Decimal,
@@ -103,7 +105,7 @@ def _tried(
     from auditor.store import Store  # noqa: PLC0415
 
     with TemporaryDirectory() as empty:
-        first = (recordings or others) and not store.exists()
+        first = (recordings or others) and not (store.exists() and any(store.iterdir()))
         kept = Store.open(empty, create=True) if first else Store.open(store)
         named = [known for other in others for known in other.ids("measurements")] if clean else []
         found = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
@@ -111,7 +113,7 @@ def _tried(
 
 
 def _refreshed(
-    recordings: list[Path],
+    recordings: "list[Path | Address]",
     others: "list[Store]",
     kept: "Store",
     r: Decimal,
@@ -122,8 +124,11 @@ def _refreshed(
     clean: bool,
 ) -> "Refresh":
     """Measure, judge, learn, and write the page and the metrics of it."""
-    from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.refresh_answers import refresh_metrics  # noqa: PLC0415
+    from auditor.cli.refresh_answers import (  # noqa: PLC0415 - keeps --help quick
+        drift_metrics,
+        refresh_metrics,
+        write_metrics,
+    )
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, new_ones, refresh  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
@@ -148,7 +153,9 @@ def _refreshed(
     return found
 
 
-def _measure(recordings: list[Path], store: "Store", measuring: "MeasureSettings") -> "tuple[Scan, list[Failure]]":
+def _measure(
+    recordings: "list[Path | Address]", store: "Store", measuring: "MeasureSettings"
+) -> "tuple[Scan, list[Failure]]":
     """Measure what the store does not have; the scan of all that was given, and what failed."""
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_measuring  # noqa: PLC0415

@@ -10,6 +10,7 @@ from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
     from auditor.model.settings import Criteria, MeasureSettings
+    from auditor.pipeline.remote.addresses import Address
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 @options.store_option
 @options.judging_options(*options.JUDGING)
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
-@options.measuring_options(*options.MEASURING)
+@options.measuring_options(*options.MEASURING, "shard")
 @format_option
 def command(
-    recordings: tuple[Path, ...],
+    recordings: "tuple[Path | Address, ...]",
     store: Path,
     judging: "Criteria",
     measuring: "MeasureSettings",
@@ -34,6 +35,8 @@ def command(
     auditor scan fleet_logs/*.mcap
     auditor scan fleet_logs/ -r 0 --store night/audit
 
+    auditor scan 's3://bucket/fleet/**/*.mcap'
+
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
     these. The parts of a split drive, given or found together, are one recording. What the store has measured already
     is not measured again, but with --measure-again. Files that are as they were when the store read them are not read
@@ -43,7 +46,13 @@ def command(
     others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import show_audit, show_judging, show_measuring, show_unjudged  # noqa: PLC0415
+    from auditor.cli.summary import (  # noqa: PLC0415
+        show_audit,
+        show_judging,
+        show_measuring,
+        show_shard,
+        show_unjudged,
+    )
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
@@ -55,12 +64,16 @@ def command(
         show_measuring(scan, tally)
         for superseded in scan.relate():
             say(superseded)
-        if measure_only:
+        if measuring.shard is not None:
+            show_shard(measuring.shard, scan, tally)
+        elif measure_only:
             show_unjudged(scan.measured, tally)
         else:
             show_judging(scan.judge(settings), scan.store, tally)
         for remark in scan.finish():
             say(remark)
+        if measuring.shard is not None:
+            return tally.exit_code()
         shown, show_known = {one.recording_id for one in scan.measured}, batch.shows_known or form != "table"
         show_audit(scan.store if shown else None, form, tally, shown, scan.judged, show_known=show_known)
     return tally.exit_code()

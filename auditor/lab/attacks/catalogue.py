@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,43 +13,56 @@ from auditor.lab.attacks.faults import (
     DelayedLidar,
     DimmedCamera,
     HiddenSector,
+    Rain,
     ScatteredPoints,
     ShiftedCamera,
     SoiledLens,
     TurnedLidar,
 )
-from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
-from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes, Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.lab.attacks.rain import Rain
 from auditor.lab.attacks.spoofing import ChangedRanges, GhostCar, RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
-from auditor.model.rig import Camera
-
-OfLight = Facula | LaserPattern | Stripes | ColouredFacula | InfraredFacula | Veil | ProjectedObject
-OnCamera = OfLight | AcousticBlur | ElectromagneticStripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
-Spoofed = BogusWall | GhostCar | RemovedObject | RandomRanges | ChangedRanges
-OnLidar = Spoofed | HiddenSector | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
+from auditor.model.rig import Camera, Rig
 
 _STRIPES_PX = 40.0
-_SHUTTER_LEVEL, _SHUTTER_DUTY = 120.0, 0.1
-_SPOT_PX, _SPOT_STRENGTH = 40.0, "opaque"
-_VEIL_LEVEL = 60.0
-_SIGN_PX, _SIGN_LEVEL = 120.0, 120.0
-_BLUR_PX = 15.0
-_LOST_STRIPES, _LOST_STRIPE_SHARE = 4, 0.08  # of the image's height
+_SHUTTER_LEVEL = 120.0
+_SPOT_STRENGTH = "opaque"
+_SIGN_LEVEL = 120.0
+_LOST_STRIPE_SHARE = 0.08  # of the image's height
 _AZIMUTHS_DEG = (-25.0, 25.0)
-_FAR_WALL_M, _OBJECT_M, _BEHIND_M = 30.0, 20.0, 60.0
-_SECTOR_DEG = 20.0
+_BEHIND_M = 60.0
 _SATURATED_LOST, _NOISE_M = 0.7, 100.0
-_GHOST_POINTS, _GHOST_M = 60.0, 8.0
+_GHOST_M = 8.0
 _LATERALS_M = (-3.0, 3.0)
-_JITTER_M, _SHIFT_M = 0.3, 1.0
-_JITTERY_DEG = 10.0
+_JITTERY_DEG, _SHIFTED_DEG = 10.0, 20.0
 _PULSES_M = 150.0  # a pulse each microsecond
+_RADIUS, _HEIGHT = "radius, px of an image 1242 px wide", "height, px of an image 1242 px wide"
+_AWAY = "range of the object, m"
 
 PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
 """Kinds that need further input: a picture file, the data of some frames ago, the data at the attack's start."""
+
+
+class Attack(Protocol):
+    """An attack or fault on one sensor, with all that determines its effect. Equal ones do the same."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - the class docstring says it
+    @property
+    def parameters(self) -> dict[str, object]: ...  # noqa: D102
+
+
+class OnCamera(Attack, Protocol):
+    """One on a camera."""
+
+    def apply(self, image: CameraImage) -> CameraImage: ...  # noqa: D102 - the attacked image
+
+
+class OnLidar(Attack, Protocol):
+    """One on the LiDAR."""
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud: ...  # noqa: D102 - the attacked cloud
 
 
 @dataclass(frozen=True)
@@ -60,19 +74,57 @@ class Drawing:
     size: float | None
     range_m: float | None = None
 
-    def sized(self, usual: float) -> float:
-        """The requested size, or the usual one."""
-        return usual if self.size is None else self.size
-
     @property
     def seed(self) -> int:
         """A seed for attacks that make draws of their own."""
         return int(self.rng.integers(1 << 31))
 
 
-def _facula(draw: Drawing, camera: Camera) -> Facula:
+@dataclass(frozen=True)
+class Kind:
+    """One kind for a person: what it `does`, what its `size` is, and its `usual` size; None where that is drawn."""
+
+    does: str
+    size: str
+    usual: float | None
+
+    @property
+    def in_words(self) -> str:
+        """What it does, what `--size` is of it, and the usual one in brackets."""
+        usual = "" if self.usual is None else f" [{self.usual:g}]"
+        return f"{self.does}: {self.size}{usual}" if self.size else self.does
+
+
+@dataclass(frozen=True)
+class CameraKind(Kind):
+    """A kind that is put on a camera: `draw` makes one of a size, which is None where it is to be drawn as well."""
+
+    draw: Callable[[Drawing, Camera, Any], OnCamera]
+
+    def __call__(self, draw: Drawing, camera: Camera) -> OnCamera:
+        """One on this camera, of the size that was asked for or the usual one."""
+        return self.draw(draw, camera, self.usual if draw.size is None else draw.size)
+
+
+@dataclass(frozen=True)
+class LidarKind(Kind):
+    """A kind that is put on the LiDAR, as `CameraKind`."""
+
+    draw: Callable[[Drawing, Any], OnLidar]
+
+    def __call__(self, draw: Drawing) -> OnLidar:
+        """One of the size that was asked for, or the usual one."""
+        return self.draw(draw, self.usual if draw.size is None else draw.size)
+
+
+def _facula(draw: Drawing, camera: Camera, radius: float | None) -> Facula:
     drawn = draw_facula(draw.rng, camera.width_px, camera.height_px, draw.strength)
-    return drawn if draw.size is None else replace(drawn, radius_px=draw.size * camera.width_px / PAPER_WIDTH_PX)
+    return drawn if radius is None else replace(drawn, radius_px=_scaled(radius, camera))
+
+
+def _scaled(length: float, camera: Camera) -> float:
+    """A length in px of an image as wide as the paper's, in px of this camera's."""
+    return length * camera.width_px / PAPER_WIDTH_PX
 
 
 def _place(draw: Drawing, camera: Camera) -> tuple[float, float]:
@@ -80,94 +132,122 @@ def _place(draw: Drawing, camera: Camera) -> tuple[float, float]:
     return float(draw.rng.uniform(0, camera.width_px)), float(draw.rng.uniform(0, camera.height_px))
 
 
-def _spot(draw: Drawing, camera: Camera) -> Facula:
-    radius = draw.sized(_SPOT_PX) * camera.width_px / PAPER_WIDTH_PX
-    return Facula(STRENGTHS[_SPOT_STRENGTH], radius, *_place(draw, camera))
+def _spot(draw: Drawing, camera: Camera, radius: float) -> Facula:
+    return Facula(STRENGTHS[_SPOT_STRENGTH], _scaled(radius, camera), *_place(draw, camera))
 
 
-def _coloured(colour: str) -> Callable[[Drawing, Camera], ColouredFacula]:
-    def draw_one(draw: Drawing, camera: Camera) -> ColouredFacula:
-        drawn = _facula(draw, camera)
+def _of(colour: str) -> Callable[[Drawing, Camera, float | None], ColouredFacula]:
+    def draw_one(draw: Drawing, camera: Camera, radius: float | None) -> ColouredFacula:
+        drawn = _facula(draw, camera, radius)
         return ColouredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px, colour)
 
     return draw_one
 
 
-def _infrared(draw: Drawing, camera: Camera) -> InfraredFacula:
-    drawn = _facula(draw, camera)
+def _infrared(draw: Drawing, camera: Camera, radius: float | None) -> InfraredFacula:
+    drawn = _facula(draw, camera, radius)
     return InfraredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
 
 
-def _projected(draw: Drawing, camera: Camera) -> ProjectedObject:
-    height = draw.sized(_SIGN_PX) * camera.width_px / PAPER_WIDTH_PX
-    return ProjectedObject(_SIGN_LEVEL, height, *_place(draw, camera))
+def _projected(draw: Drawing, camera: Camera, height: float) -> ProjectedObject:
+    return ProjectedObject(_SIGN_LEVEL, _scaled(height, camera), *_place(draw, camera))
 
 
-def _lost_rows(draw: Drawing, camera: Camera) -> ElectromagneticStripes:
+def _stripes(draw: Drawing, _: Camera, level: float) -> Stripes:
+    return Stripes(level, _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX)))
+
+
+def _shutter(draw: Drawing, _: Camera, duty: float) -> Stripes:
+    return Stripes(_SHUTTER_LEVEL, _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX)), duty)
+
+
+def _blur(draw: Drawing, _: Camera, length: float) -> AcousticBlur:
+    return AcousticBlur(length, float(draw.rng.uniform(0, 180)))
+
+
+def _lost_rows(draw: Drawing, camera: Camera, stripes: float) -> ElectromagneticStripes:
     height = round(_LOST_STRIPE_SHARE * camera.height_px)
-    return ElectromagneticStripes(round(draw.sized(_LOST_STRIPES)), height, int(draw.rng.integers(camera.height_px)))
+    return ElectromagneticStripes(round(stripes), height, int(draw.rng.integers(camera.height_px)))
 
 
-def _wall(draw: Drawing) -> BogusWall:
+def _azimuth(draw: Drawing) -> float:
+    return float(draw.rng.uniform(*_AZIMUTHS_DEG))
+
+
+def _wall(draw: Drawing, width_m: float | None) -> BogusWall:
     drawn = draw_wall(draw.rng)
-    return replace(drawn, width_m=draw.sized(drawn.width_m))
+    return replace(drawn, width_m=drawn.width_m if width_m is None else width_m)
 
 
-def _sector(draw: Drawing, lost: float, farthest_m: float) -> RandomRanges:
-    azimuth_deg = float(draw.rng.uniform(*_AZIMUTHS_DEG))
-    return RandomRanges(draw.sized(_SECTOR_DEG), azimuth_deg, lost, farthest_m, draw.seed)
+def _far_wall(draw: Drawing, range_m: float) -> BogusWall:
+    return replace(draw_wall(draw.rng), range_m=range_m)
 
 
-def _ghost(draw: Drawing) -> GhostCar:
+def _jitter(draw: Drawing, noise_m: float) -> ChangedRanges:
+    return ChangedRanges(_JITTERY_DEG, _azimuth(draw), 0.0, noise_m, draw.seed)
+
+
+def _shift(draw: Drawing, shift_m: float) -> ChangedRanges:
+    return ChangedRanges(_SHIFTED_DEG, _azimuth(draw), shift_m, 0.0, draw.seed)
+
+
+def _noisy(lost: float, farthest_m: float) -> Callable[[Drawing, float], RandomRanges]:
+    return lambda draw, width_deg: RandomRanges(width_deg, _azimuth(draw), lost, farthest_m, draw.seed)
+
+
+def _ghost(draw: Drawing, points: float) -> GhostCar:
     range_m = _GHOST_M if draw.range_m is None else draw.range_m
-    return GhostCar(round(draw.sized(_GHOST_POINTS)), range_m, float(draw.rng.uniform(*_LATERALS_M)), draw.seed)
+    return GhostCar(round(points), range_m, float(draw.rng.uniform(*_LATERALS_M)), draw.seed)
 
 
-def _changed(draw: Drawing, width_deg: float, shift_m: float, noise_m: float) -> ChangedRanges:
-    return ChangedRanges(width_deg, float(draw.rng.uniform(*_AZIMUTHS_DEG)), shift_m, noise_m, draw.seed)
+ON_CAMERA: Mapping[str, CameraKind] = {
+    "facula": CameraKind("a round light, brightest at its centre", _RADIUS, None, _facula),
+    "spot": CameraKind("a small facula, opaque", _RADIUS, 40.0, _spot),
+    **{
+        colour: CameraKind(f"a laser's {colour} light in one channel", _RADIUS, None, _of(colour)) for colour in COLOURS
+    },
+    "infrared": CameraKind("near infrared, alike in all channels", _RADIUS, None, _infrared),
+    "veil": CameraKind("an even light over the image", "grey levels", 60.0, lambda _draw, _, size: Veil(size)),
+    "projected": CameraKind("a sign that is thrown into the lens", _HEIGHT, 120.0, _projected),
+    "stripes": CameraKind("rows that are brighter in turn", "grey levels", 120, _stripes),
+    "shutter": CameraKind("narrow bright rows, as of a pulsed light", "share of the rows", 0.1, _shutter),
+    "blur": CameraKind("sound that shakes the stabiliser", "px", 15.0, _blur),
+    "electromagnetic": CameraKind("radio waves that lose rows", "stripes", 4, _lost_rows),
+    "dimmed": CameraKind("a fault: less light", "share of the light", 0.2, lambda _draw, _, size: DimmedCamera(size)),
+    "soiled": CameraKind("a fault: dirt on the lens", "blobs", 4, lambda draw, _, n: SoiledLens(round(n), draw.seed)),
+    "shifted": CameraKind("a fault: a camera that was knocked", "rows", 4, lambda _draw, _, n: ShiftedCamera(round(n))),
+}
+"""The kinds that are put on a camera, by name. Help, choices and documents are made of these."""
 
-
-ON_CAMERA: Mapping[str, Callable[[Drawing, Camera], OnCamera]] = {
-    "facula": _facula,
-    "spot": _spot,
-    **{colour: _coloured(colour) for colour in COLOURS},
-    "infrared": _infrared,
-    "veil": lambda draw, _: Veil(draw.sized(_VEIL_LEVEL)),
-    "projected": _projected,
-    "stripes": lambda draw, _: Stripes(draw.sized(120), _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX))),
-    "shutter": lambda draw, _: Stripes(
-        _SHUTTER_LEVEL, _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX)), draw.sized(_SHUTTER_DUTY)
+ON_LIDAR: Mapping[str, LidarKind] = {
+    "wall": LidarKind("a bogus wall near the vehicle", "width, m", None, _wall),
+    "far-wall": LidarKind("a bogus wall farther away", "range, m", 30.0, _far_wall),
+    "ghost": LidarKind("points of a car that is not there; --range says where", "points", 60, _ghost),
+    "jitter": LidarKind("a sector whose ranges jitter", "deviation, m", 0.3, _jitter),
+    "shift": LidarKind("a sector that is farther away than it was", "m", 1.0, _shift),
+    "removed": LidarKind("an object without its points", _AWAY, 20.0, lambda _, size: RemovedObject(size)),
+    "seen-through": LidarKind(
+        "an object whose points lie behind it", _AWAY, 20.0, lambda _, size: RemovedObject(size, _BEHIND_M)
     ),
-    "blur": lambda draw, _: AcousticBlur(draw.sized(_BLUR_PX), float(draw.rng.uniform(0, 180))),
-    "electromagnetic": _lost_rows,
-    "dimmed": lambda draw, _: DimmedCamera(draw.sized(0.2)),
-    "soiled": lambda draw, _: SoiledLens(round(draw.sized(4)), draw.seed),
-    "shifted": lambda draw, _: ShiftedCamera(round(draw.sized(4))),
+    "saturated": LidarKind("a sector of few and random ranges", "degrees", 20.0, _noisy(_SATURATED_LOST, _NOISE_M)),
+    "pulses": LidarKind("a sector of random ranges", "degrees", 20.0, _noisy(0.0, _PULSES_M)),
+    "hidden": LidarKind(
+        "a sector without points", "degrees", 20.0, lambda draw, size: HiddenSector(size, _azimuth(draw))
+    ),
+    "scattered": LidarKind("points anywhere", "points", 2000, lambda draw, n: ScatteredPoints(round(n), draw.seed)),
+    "turned": LidarKind("a fault: a LiDAR that was turned", "degrees", 1, lambda _, size: TurnedLidar(size)),
+    "rain": LidarKind("points of rain, and fewer others", "mm/h", 25, lambda draw, size: Rain(size, draw.seed)),
 }
-"""By name and size: radius in px of an image 1242 px wide of faculas and the spot; grey levels of veil and stripes;
-height in px of such an image of what is projected; share of the rows that the shutter's stripes light; px of blur;
-number of electromagnetic stripes; share of light; blobs; rows."""
+"""The kinds that are put on the LiDAR, as ON_CAMERA."""
 
-ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
-    "wall": _wall,
-    "far-wall": lambda draw: replace(draw_wall(draw.rng), range_m=draw.sized(_FAR_WALL_M)),
-    "ghost": _ghost,
-    "jitter": lambda draw: _changed(draw, _JITTERY_DEG, 0.0, draw.sized(_JITTER_M)),
-    "shift": lambda draw: _changed(draw, _SECTOR_DEG, draw.sized(_SHIFT_M), 0.0),
-    "removed": lambda draw: RemovedObject(draw.sized(_OBJECT_M)),
-    "seen-through": lambda draw: RemovedObject(draw.sized(_OBJECT_M), _BEHIND_M),
-    "saturated": lambda draw: _sector(draw, _SATURATED_LOST, _NOISE_M),
-    "pulses": lambda draw: _sector(draw, 0.0, _PULSES_M),
-    "hidden": lambda draw: HiddenSector(draw.sized(_SECTOR_DEG), float(draw.rng.uniform(*_AZIMUTHS_DEG))),
-    "scattered": lambda draw: ScatteredPoints(round(draw.sized(2000)), draw.seed),
-    "turned": lambda draw: TurnedLidar(draw.sized(1)),
-    "rain": lambda draw: Rain(draw.sized(25), draw.seed),
+OF_INPUT: Mapping[str, Kind] = {
+    PATTERN: Kind("the picture of a laser's pattern, from --pattern, over a camera's images", "", None),
+    DELAYED: Kind("a fault: what the sensor saw before", "frames", 1),
+    FROZEN: Kind("a fault: what the sensor saw when it began", "", None),
 }
-"""By name and size: width of a wall, range of a far one and of an object in m; points of a ghost; m of jitter and of
-shift; degrees of a sector; points; degrees of yaw; mm/h."""
 
-
-KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)
+KINDS: Mapping[str, Kind] = {**ON_CAMERA, **ON_LIDAR, **OF_INPUT}
+"""All of them, in the order of help and documents."""
 
 
 def check_kind(kind: str, *, lidar: bool) -> None:

@@ -18,7 +18,7 @@ from auditor.lab.attacks.catalogue import (
     OnLidar,
     check_kind,
 )
-from auditor.lab.attacks.light_patterns import LaserPattern
+from auditor.lab.attacks.interference import LaserPattern
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import AttackLabel

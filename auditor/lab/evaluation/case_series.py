@@ -24,7 +24,7 @@ from auditor.model.calibration import CleanFrames
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.rig import LIDAR
 from auditor.store.case_arrays import Cases, Floats
-from auditor.store.evaluation_tables import INTERVAL_FRAMES
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, LASTING
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -201,9 +201,10 @@ class CaseSeries:
         return np.asarray(values[places][:, columns])
 
     def _interval(self, place: int) -> tuple[object, ...]:
-        """The key that the cases of one interval share."""
+        """The key that the cases of one interval share, or of all intervals where an attack lasts."""
         one = self._cases.known[place]
-        return one.evaluation_id, one.frame // INTERVAL_FRAMES, one.draw, one.attacked, one.strength
+        where = (one.drive,) if one.strength == LASTING else (one.evaluation_id, one.frame // INTERVAL_FRAMES)
+        return *where, one.draw, one.attacked, one.strength
 
     def _drive(self, unordered: Sequence[int]) -> _Drive:
         places = np.array(sorted(unordered, key=lambda place: self._cases.known[place].frame), dtype=np.intp)

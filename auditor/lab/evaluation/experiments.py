@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.errors import DecodingError, SettingError
-from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing, OnCamera, OnLidar
 from auditor.lab.attacks.coloured_light import COLOURS, Veil
 from auditor.lab.attacks.faults import (
     DelayedCamera,
@@ -18,13 +18,28 @@ from auditor.lab.attacks.faults import (
     ShiftedCamera,
     TurnedLidar,
 )
-from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.interference import LaserPattern, Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.lab.evaluation.attacks import Attack
+from auditor.model.checks import Pair
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.recordings.decoding.pictures import decode_picture
-from auditor.store.evaluation_tables import INTERVAL_FRAMES
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, LASTING
+
+Attack = OnCamera | OnLidar
+Attacks = Mapping[int, Attack]
+"""The attack on each attacked sensor. Attacks are hashable, and equal ones do the same."""
+
+
+def parameters_of(attacks: Attacks) -> dict[str, dict[str, object]]:
+    """Everything that decides the effect of some attacks, by sensor."""
+    return {f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(attacks.items())}
+
+
+def of_two(attacks: Attacks, pair: Pair) -> Attacks:
+    """The attacks on the LiDAR and on a pair's cameras, under the numbers that these have in a rig of two."""
+    return {number: attacks[sensor] for number, sensor in enumerate((LIDAR, *pair)) if sensor in attacks}
+
 
 WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Fig. 11."""
@@ -265,10 +280,14 @@ def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraw
 
 
 def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
-    """One sensor at a time, then the first and the last together; still attacks are drawn once for the interval."""
+    """One sensor at a time, then the first and the last together.
+
+    Still attacks are drawn once for the interval, lasting ones once for the recording, of which they attack each
+    interval that is attacked at all.
+    """
     fixed = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
     together = (LIDAR if rig.lidar else 1, rig.n)
-    for variant, drawn in (("still", fixed), ("moving", draws)):
+    for variant, drawn in (("still", fixed), ("moving", draws), (LASTING, replace(draws, frame=0))):
         attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, drawn.of(sensor)) for sensor in rig.sensors}
         for attacked in (*((sensor,) for sensor in rig.sensors), together):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)

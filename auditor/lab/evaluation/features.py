@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
-from auditor.lab.evaluation.attacks import Attacks
-from auditor.lab.evaluation.experiments import Case, Experiment
+from auditor.lab.evaluation.experiments import Attacks, Case, Experiment
 from auditor.measurement.fault_features.added_light import AddedLight, with_light
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures

@@ -9,10 +9,9 @@ from dataclasses import replace
 
 from auditor.lab.attacks.coloured_light import Veil
 from auditor.lab.attacks.faults import HiddenSector
-from auditor.lab.attacks.light_patterns import Stripes
+from auditor.lab.attacks.interference import Stripes
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, Facula, draw_wall
-from auditor.lab.evaluation.attacks import Attack
-from auditor.lab.evaluation.experiments import STRIPES_PX, Case, Experiment, SeededDraws, all_triples
+from auditor.lab.evaluation.experiments import STRIPES_PX, Attack, Case, Experiment, SeededDraws, all_triples
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import cast
 
 from auditor.lab.attacks.catalogue import OnCamera, OnLidar
-from auditor.lab.evaluation.attacks import parameters_of
-from auditor.lab.evaluation.experiments import DELAYS, Case, Experiment, SeededDraws
+from auditor.lab.evaluation.experiments import DELAYS, Case, Experiment, SeededDraws, parameters_of
 from auditor.lab.evaluation.runner import Progress, experiments_of
 from auditor.lab.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
-from auditor.measurement.drawing.attacked import changed_cloud, small_jpeg
+from auditor.measurement.drawing.clouds import changed_cloud, small_jpeg
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.many import LimitsOf

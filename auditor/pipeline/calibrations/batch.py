@@ -11,10 +11,11 @@ from auditor.errors import ThresholdsError
 from auditor.model.calibration import PRIOR, Calibration
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method
+from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
 from auditor.pipeline.known import FEW, is_as_now
-from auditor.pipeline.many import CleanMeasurements, Judged, JudgeSettings, attacked_by_labels, held_by
+from auditor.pipeline.many import Judged, JudgeSettings
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.side_by_side import judge_side_by_side

@@ -31,9 +31,9 @@ from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple
 from auditor.model.rig_kind import RigKind
+from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
-from auditor.pipeline.many import CleanMeasurements
 from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Content, Store, content_of, make_calibration
 

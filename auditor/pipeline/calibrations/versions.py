@@ -21,9 +21,10 @@ from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JUDGING_VERSION, Method
+from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
+from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.store import (
     RecordingRecord,
     Store,

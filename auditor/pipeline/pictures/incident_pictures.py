@@ -1,8 +1,8 @@
 """Pictures chosen by the verdict: a second pass over those frames of recordings that show incidents."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auditor.errors import AuditorError
@@ -11,7 +11,9 @@ from auditor.measurement.drawing import draw_frame
 from auditor.model.pictures import Pictures
 from auditor.pipeline.many import LimitsOf
 from auditor.pipeline.pictures.at_hand import frames_at_hand, location_of
-from auditor.pipeline.workers import run_all
+from auditor.pipeline.remote.spool import Spool
+from auditor.pipeline.remote.supply import Supply
+from auditor.pipeline.workers import Limits, Outcome, run_all, run_from
 from auditor.recordings import Location
 from auditor.store import Store, rows_of, run_sql
 from auditor.store.pictures import pictured_in_full
@@ -55,6 +57,10 @@ class PictureTask:
     def __str__(self) -> str:
         return str(self.recording)
 
+    def at(self, location: Location) -> "PictureTask":
+        """The same of a copy of its recording."""
+        return replace(self, recording=location)
+
 
 @dataclass(frozen=True)
 class Pictured:
@@ -66,11 +72,17 @@ class Pictured:
 
 
 def picture_incidents(
-    store: Store, measurement_ids: Collection[str], pictures: Pictures, limits: LimitsOf, jobs: int = 1
+    store: Store,
+    measurement_ids: Collection[str],
+    pictures: Pictures,
+    limits: LimitsOf,
+    jobs: int = 1,
+    spool: Spool | None = None,
 ) -> Iterator[Pictured]:
     """Picture the incidents of measurements that have no pictures yet; each recording in a process with its budget.
 
-    A recording that is gone, or is another by now, gets a remark; the others go on. Raises StoreError.
+    A recording that is gone, or is another by now, gets a remark; the others go on. Those of object stores are copied
+    into the spool, unless they are there still. Raises StoreError.
     """
     tasks: list[PictureTask] = []
     wanted = _wanted_frames(store, measurement_ids) if pictures != Pictures.NONE and measurement_ids else {}
@@ -85,9 +97,21 @@ def picture_incidents(
                 tasks.append(PictureTask(location_of(record), store.folder, known, frames))
             except AuditorError as error:
                 yield Pictured(record.name, remark=_no_pictures(error))
-    for outcome in run_all(picture_frames, tasks, jobs, _silent, lambda task: limits(task.recording)):
+    for outcome in _run(tasks, limits, jobs, spool or Spool()):
         remark = _no_pictures(outcome.error) if outcome.error is not None else ""
         yield Pictured(outcome.item.recording.name, outcome.result or 0, remark)
+
+
+def _run(
+    tasks: Sequence[PictureTask], limits: LimitsOf, jobs: int, spool: Spool
+) -> Iterator[Outcome[PictureTask, int]]:
+    def limits_of(task: PictureTask) -> Limits:
+        return limits(task.recording)
+
+    if all(task.recording.remote is None for task in tasks):
+        return run_all(picture_frames, tasks, jobs, _silent, limits_of)
+    supply = Supply(tasks, spool, lambda task: task.recording, PictureTask.at, min(jobs, len(tasks)))
+    return run_from(supply, picture_frames, jobs, _silent, limits_of)
 
 
 def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
@@ -96,7 +120,7 @@ def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
     store = Store.open(task.store)
     rig = store.rig(store.measurement(task.measurement_id).rig_id)
     done = 0
-    for frame in frames_at_hand(store, task.measurement_id, task.frames):
+    for frame in frames_at_hand(store, task.measurement_id, task.frames, task.recording):
         attacked = task.frames[frame.number]
         damaged = () if attacked is None else attacked or rig.sensors
         regions = [one for one in store.load_regions(task.measurement_id, frame.number) if one.sensor in damaged]

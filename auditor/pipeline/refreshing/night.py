@@ -13,7 +13,10 @@ from auditor.pipeline.many import JudgeSettings
 from auditor.pipeline.measure import rigs_through
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
-from auditor.recordings import Location, find_recordings, open_recording, survey
+from auditor.pipeline.remote.addresses import Address
+from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.spool import Spool, named_as_given
+from auditor.recordings import Location, open_recording, survey
 from auditor.store import Store
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.decisions import Decided, Decision, Failure, Finding, Planned, Refresh
@@ -22,14 +25,19 @@ from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
 
 
-def plan(recordings: Sequence[Path], store: Store, rig_file: Path | None = None) -> Iterator[Planned]:
-    """The recordings at some paths, each with its rig kinds, and whether the store has measured it."""
-    found = find_recordings(recordings)
+def plan(recordings: Sequence[Path | Address], store: Store, rig_file: Path | None = None) -> Iterator[Planned]:
+    """The recordings at some places, each with its rig kinds, and whether the store has measured it."""
+    found, spool = find_all(recordings), Spool()
     for error in found.errors:
         yield Planned(str(error.where), (), measured=False, error=str(error))
     measured = {one.recording_id for one in store.measurements()}
     for location in found.recordings:
-        yield _planned(location, measured, rig_file)
+        try:
+            with spool.copied(location) as copies:
+                yield from (_planned(one, measured, rig_file) for one in copies)
+        except AuditorError as error:
+            yield Planned(str(location), (), measured=False, error=str(error))
+    spool.close()
 
 
 def _planned(location: Location, measured: set[str], rig_file: Path | None) -> Planned:
@@ -39,7 +47,7 @@ def _planned(location: Location, measured: set[str], rig_file: Path | None) -> P
             kinds = dict.fromkeys(str(one.rig.kind) for one in rigs)
             return Planned(str(location), tuple(kinds), measured=recording.recording_id in measured)
     except AuditorError as error:
-        return Planned(str(location), (), measured=False, error=str(error))
+        return Planned(str(location), (), measured=False, error=str(named_as_given(error, location)))
 
 
 def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tuple[JudgeSettings, list[str]]:

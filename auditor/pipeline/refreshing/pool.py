@@ -10,10 +10,10 @@ from auditor.identification.refreshing.drives import Source
 from auditor.model.calibration import CleanFrames
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
+from auditor.pipeline.calibrations.clean import attacked_by_labels, held_by
 from auditor.pipeline.calibrations.versions import latest_day, looked_at
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import counted_earlier
-from auditor.pipeline.many import attacked_by_labels, held_by
 from auditor.pipeline.reading import reading_of
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
 from auditor.pipeline.remarks import conflicts_of

@@ -5,6 +5,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import auditor
@@ -21,15 +22,97 @@ from auditor.reporting.evaluation.answers import (
     subsets,
 )
 from auditor.reporting.evaluation.figures import sheets
-from auditor.reporting.evaluation.incidents import incident_grids
 from auditor.reporting.evaluation.methods import METHODS, by_method, method_grids
 from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, object_sheets
-from auditor.reporting.evaluation.page import LEFT_OUT, Evaluated, EvaluationPage, Grid, MissedAttack, Row, Setup
+from auditor.reporting.evaluation.page import (
+    LEFT_OUT,
+    Cell,
+    Evaluated,
+    EvaluationPage,
+    Grid,
+    MissedAttack,
+    Rate,
+    Row,
+    Setup,
+)
+from auditor.reporting.evaluation.plots import BOTTOM_PX, HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, WIDTH_PX
 from auditor.reporting.evaluation.tables import described, grids
+from auditor.reporting.templates import fill
 from auditor.store.evaluation_tables import case_key, missed_pictures
 from auditor.store.export import rows_of
 from auditor.store.queries import run_queries, run_query, run_sql
 from auditor.store.store import Store
+
+_METHODS = {"paper": "E and Algorithm 2", "robust": "robust"}
+
+
+def incident_grids(methods: Mapping[str, Answers]) -> dict[str, list[Grid]]:
+    """False incidents of clean drives, then attacked intervals by each method."""
+    shown = {method: answers for method, answers in methods.items() if answers.rows["incidents"]}
+    window_kind = [_intervals(method, answers) for method, answers in shown.items()]
+    return {
+        "false_incidents": [_false(shown)] if shown else [],
+        "intervals": [table for table in window_kind if table.rows],
+    }
+
+
+def _false(shown: Mapping[str, Answers]) -> Grid:
+    modes = _modes(shown)
+
+    def cells(answers: Answers) -> Iterator[Cell]:
+        for mode in modes:
+            row = _clean(answers, mode)
+            if row is None:
+                yield from (None, None, None)
+            elif row["hours"] is None:  # no two frames, so no time between them
+                yield from (f"{row['incidents']:,}", None, None)
+            else:
+                yield f"{row['incidents']:,} in {row['hours']:.3f} h"
+                yield from (f"{row[name]:,.0f}" for name in ("incidents_an_hour", "at_most_an_hour"))
+
+    return Grid(
+        title="False incidents of clean driving, all sensors, r = 1 %",
+        groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
+        columns=("incidents", "an hour", "at most") * len(modes),
+        rows=tuple(Row(_METHODS[method], tuple(cells(answers))) for method, answers in shown.items()),
+    )
+
+
+def _intervals(method: str, answers: Answers) -> Grid:
+    modes = _modes({method: answers})
+    rows = [row for row in answers.rows["incidents"] if row["attacked"]]
+    found = {(row["left_out"], tuple(row["attacked"]), row["variant"]): row for row in rows}
+    kinds = list(dict.fromkeys((attacked, variant) for _, attacked, variant in found))
+
+    def cells(kind: tuple[tuple[int, ...], str]) -> Iterator[Cell]:
+        for mode in modes:
+            row = found.get((mode, *kind))
+            yield _rate(row, "found", "low", "high") if row else None
+            yield _rate(row, "named", "naming_low", "naming_high") if row else None
+            yield f"{row['delay_s']:.1f} s" if row and row["delay_s"] is not None else None
+
+    return Grid(
+        title=f"Attacks of one second, and lasting ones, {_METHODS[method]}, all sensors, r = 1 %",
+        groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
+        columns=("found", "named", "after") * len(modes),
+        rows=tuple(
+            Row(f"{names(attacked)}, {variant}", tuple(cells((attacked, variant)))) for attacked, variant in kinds
+        ),
+    )
+
+
+def _modes(shown: Mapping[str, Answers]) -> list[str]:
+    return [mode for mode in LEFT_OUT if any(_clean(answers, mode) for answers in shown.values())]
+
+
+def _clean(answers: Answers, mode: str) -> Mapping[str, Any] | None:
+    rows = (row for row in answers.rows["incidents"] if row["left_out"] == mode and not row["attacked"])
+    return next(rows, None)
+
+
+def _rate(row: Mapping[str, Any], counted: str, low: str, high: str) -> Rate:
+    return Rate(row[counted], row["intervals"], row[low], row[high], row["resolvable"])
+
 
 _UNSEEN_COLUMNS = ("tried", "sizes", "knows nothing", "knows the thresholds")
 NOT_KEPT = "none was kept, evaluate its recording again"
@@ -226,3 +309,32 @@ def _in_words(row: Mapping[str, Any], sensor: int) -> str:
         size = written.format(known[name]) if name in known else None
         words = ", ".join(filter(None, (" ".join(filter(None, (strength, words))), size)))
     return words[:1].upper() + words[1:]
+
+
+NO_BREAK_SPACE = "\u00a0"
+
+
+def render_evaluation_report(store: Store, *, out: Path) -> Path:
+    """Write the page of everything that was evaluated into a store; answer `out`.
+
+    Raises StoreError where nothing was evaluated or the page cannot be written.
+    """
+    return store.write_page(out, render_evaluation(load_evaluation(store)))
+
+
+def render_evaluation(page: EvaluationPage) -> str:
+    """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
+    frame = {"left": LEFT_PX, "right": RIGHT_PX, "top": TOP_PX, "bottom": BOTTOM_PX, "width": WIDTH_PX}
+    return fill(
+        "evaluation.html",
+        {"page": page, "height": HEIGHT_PX, **frame},
+        filters={"percent": percent, "thousands": "{:,}".format},
+        tests={"rate": lambda cell: isinstance(cell, Rate)},
+    )
+
+
+def percent(share: float) -> str:
+    """Per cent to one decimal, never rounded to 0 or 100 % where it is neither."""
+    if 0 < share < 0.0005 or 0.9995 <= share < 1:
+        return f"{share * 100:.2f}{NO_BREAK_SPACE}%"
+    return f"{share * 100:.1f}{NO_BREAK_SPACE}%"

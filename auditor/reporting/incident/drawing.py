@@ -16,8 +16,7 @@ from auditor.reporting.incident.audits import Audit, mapping
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
 from auditor.reporting.incident.provenance import Provenance
-from auditor.reporting.incident.scores import sensor_scores
-from auditor.reporting.incident.timeline import Measured, Timeline
+from auditor.reporting.incident.timeline import Measured, Timeline, sensor_scores
 from auditor.reporting.plots import Series
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql

@@ -6,9 +6,8 @@ from auditor.model.pictures import Pictures
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.loading import MOST_SECTIONS, Incidents, OneIncident, load_page
 from auditor.reporting.incident.page import IncidentPage
-from auditor.reporting.numbers import FILTERS, count
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
-from auditor.reporting.templates import fill
+from auditor.reporting.templates import FILTERS, count, fill
 from auditor.store.reviews import incident_called
 from auditor.store.store import Store
 

@@ -16,6 +16,7 @@ from auditor.store.log.entry import Entry, Kind, Outcome
 from auditor.store.log.outputs import Output, hash_file, place_in
 from auditor.store.log.provenance import provenance, this_program
 from auditor.store.log.signatures import Signer, signer_of
+from auditor.store.mirrored import foreign_chains
 
 _LONGEST_HOST = 40
 _ID_BYTES = 8
@@ -128,7 +129,7 @@ def adopt(runs: Sequence[Run]) -> None:
 
 def close_interrupted(folder: Path) -> None:
     """Close the runs of processes that are gone; the log must be locked. Raises StoreError."""
-    for path in chain_paths(folder):
+    for path in _own_chains(folder):
         with held(path) as free:
             found = open_run(path) if free and _is_usable(path) else None
             if found is not None:
@@ -202,13 +203,19 @@ def _free_chain(folder: Path) -> Iterator[Path]:
     """A chain of this host that no process holds, or a new one, held until the end of the block: its run goes on."""
     host = re.sub(r"[^A-Za-z0-9.]+", "-", socket.gethostname())[:_LONGEST_HOST].strip("-.") or "host"
     new = folder / LOG / f"{host}-{secrets.token_hex(_ID_BYTES)}.jsonl"
-    for path in [*(one for one in chain_paths(folder) if one.name.startswith(f"{host}-")), new]:
+    for path in [*(one for one in _own_chains(folder) if one.name.startswith(f"{host}-")), new]:
         with ExitStack() as stack:
             if path == new:
                 path.touch(0o600)
             if _is_usable(path) and stack.enter_context(held(path)):
                 yield path
                 return
+
+
+def _own_chains(folder: Path) -> list[Path]:
+    """The chains that runs of this machine may go on with: where they are held by nobody, their processes are gone."""
+    foreign = foreign_chains(folder)
+    return [path for path in chain_paths(folder) if path.name not in foreign]
 
 
 def _is_usable(path: Path) -> bool:

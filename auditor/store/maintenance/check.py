@@ -1,6 +1,6 @@
 """Checking a store: every finished file is there, readable and whole, fits the others, and nothing else lies there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,29 +50,37 @@ def check(store: Store) -> Iterator[str]:
     yield from _of_folder(store)
 
 
-def check_file(store: Store, table: str, row_id: str) -> Iterator[str]:
-    """One sentence for each thing that is wrong with a finished file."""
+def check_file(store: Store, table: str, row_id: str, *, hashed: bool = False) -> Iterator[str]:
+    """One sentence for each thing that is wrong with a finished file.
+
+    Of one that is `hashed`, and so is as it was written, only what ties it to others is read.
+    """
+    columns = dict.fromkeys((ID_COLUMNS[table], *_COUNTED.get(table, ("", ()))[1], *_named(table))) if hashed else None
     try:
-        yield from _of_file(store, table, row_id)
+        yield from _of_file(store, table, row_id, None if columns is None else [*columns])
     except StoreError as error:
         yield error.what
 
 
-def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
+def _named(table: str) -> list[str]:
+    return [column for column, _ in _NAMED.get(table, ())]
+
+
+def _of_file(store: Store, table: str, row_id: str, columns: Sequence[str] | None) -> Iterator[str]:
     source = store.source(table, row_id)
     if not store.has(table, row_id):
         if table != "case_verdicts":
             yield "it is missing"
         return
     name = ID_COLUMNS[table]
-    content = read_table(table, source)
-    others = set(content[name].to_pylist()) - {row_id}
+    content = read_table(table, source, columns)
+    others = set(content[name].unique().to_pylist()) - {row_id}
     if others:
         yield f"it has rows of {name} {', '.join(sorted(map(str, others)))[:80]}"
     if table in _COUNTED:
         yield from _of_rows(store, table, row_id, content)
     for column, other in _NAMED.get(table, ()):
-        for named in sorted({value for value in content[column].to_pylist() if value not in {None, PRIOR}}):
+        for named in sorted({value for value in content[column].unique().to_pylist() if value not in {None, PRIOR}}):
             if not store.has(other, named):
                 yield f"there is no {column} {named} in {other}"
 

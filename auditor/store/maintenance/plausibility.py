@@ -4,12 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from auditor.model.checks import SIGNED_CHECKS, Check
+from auditor.model.checks import SIGNED_CHECKS
 from auditor.model.optics.common_view import view_size_px
 from auditor.store.store import Store
-from auditor.store.tables import read_table, stream_rows
+from auditor.store.tables import read_table, stream_tables
 
 _WITHIN = (
     ("inconsistent_px", "valid_px"),
@@ -21,6 +22,8 @@ _WITHIN = (
 """Counts that are parts of others."""
 
 _SHARES = ("saturated_share", "textureless_share", "unmatched_share", "compared_share", "compared_by_two_share")
+_OF_CELLS = ("frame", "check_name", "rows", "columns", "valid", "total")
+_SIGNED = frozenset(str(check) for check in SIGNED_CHECKS)
 _MOST_IN_CELL = 127
 _BRIGHTEST = 255.0
 _EDGES = ("left_px", "top_px", "right_px", "bottom_px")
@@ -54,16 +57,57 @@ def _of_frames(frames: pa.Table, area_px: int) -> Iterator[str]:
 
 
 def _of_cells(store: Store, measurement_id: str) -> Iterator[str]:
-    for row in stream_rows("cells", store.source("cells", measurement_id)):
-        valid, total = np.frombuffer(row["valid"], np.uint8), np.frombuffer(row["total"], np.int8)
-        size = row["rows"] * row["columns"]
-        if len(valid) != size or len(total) != size:
-            yield f"frame {row['frame']}: a grid does not have its {row['rows']} x {row['columns']} cells"
+    for cells in stream_tables(store.source("cells", measurement_id), _OF_CELLS):
+        row, what = _first_wrong(cells)
+        if what:
+            yield f"frame {cells['frame'][row].as_py()}: {what}"
             return
-        counted = Check(row["check_name"]) not in SIGNED_CHECKS
-        if (valid > _MOST_IN_CELL).any() or (counted and ((total < 0) | (total > valid)).any()):
-            yield f"frame {row['frame']}: a cell counts more than it can hold"
-            return
+
+
+def _first_wrong(cells: pa.Table | pa.RecordBatch) -> tuple[int, str]:
+    """The first row of some cells that cannot be, and why; an empty reason where all of them can."""
+    rows, columns = (np.asarray(cells[name], dtype=np.int64) for name in ("rows", "columns"))
+    sizes = rows * columns
+    (valid, valid_sizes), (total, total_sizes) = (_bytes_of(cells[name]) for name in ("valid", "total"))
+    misshapen = np.flatnonzero((valid_sizes != sizes) | (total_sizes != sizes))
+    whole = int(misshapen[0]) if len(misshapen) else len(sizes)
+    counted = np.array([name not in _SIGNED for name in cells["check_name"].to_pylist()[:whole]], bool)
+    wrong = _over(valid, total, sizes[:whole], counted)
+    if len(wrong):
+        return int(wrong[0]), "a cell counts more than it can hold"
+    if whole < len(sizes):
+        return whole, f"a grid does not have its {rows[whole]} x {columns[whole]} cells"
+    return 0, ""
+
+
+def _over(
+    valid: NDArray[np.uint8], total: NDArray[np.uint8], sizes: NDArray[np.int64], counted: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """The rows of which a cell counts more than it can hold; empty grids have none.
+
+    A negative total is 128 or more as an unsigned number, and so larger than what a cell may hold.
+    """
+    there = sizes > 0
+    starts = np.cumsum(sizes[there]) - sizes[there]
+    if not len(starts):
+        return np.empty(0, np.int64)
+    count = int(sizes.sum())
+    most = np.maximum.reduceat(valid[:count], starts) > _MOST_IN_CELL
+    larger = np.logical_or.reduceat(total[:count] > valid[:count], starts)
+    found = np.flatnonzero(there)[most | (larger & counted[there])]
+    return np.asarray(found, dtype=np.int64)
+
+
+def _bytes_of(column: pa.Array | pa.ChunkedArray) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """The bytes of all values of a column, one after the other, and the length of each."""
+    found = []
+    for part in column.chunks if isinstance(column, pa.ChunkedArray) else [column]:
+        _, offsets, data = part.buffers()
+        places = np.frombuffer(offsets, np.int32)[part.offset : part.offset + len(part) + 1]
+        if len(part) and data is not None:
+            found.append(np.frombuffer(data, np.uint8)[places[0] : places[-1]])
+    whole = found[0] if len(found) == 1 else np.concatenate([np.empty(0, np.uint8), *found])
+    return whole, np.asarray(pc.fill_null(pc.binary_length(column), 0), dtype=np.int64)
 
 
 def _of_regions(regions: pa.Table, width: int, height: int) -> Iterator[str]:

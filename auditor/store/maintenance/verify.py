@@ -30,6 +30,7 @@ _MANIFESTS = frozenset(MANIFESTS.values())
 _AT_MOST = 3
 _REPORTS = "reports"
 _PICTURES = "pictures"
+_PARQUET = ".parquet"
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class _Verification:
         self._log = expected(self._entries)
         self._seen: set[str] = set()
         self._wrong: set[str] = set()
+        self._removed: dict[str, Problem] = {}
 
     def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
         """What is found; `deep` looks into the files, too."""
@@ -138,6 +140,7 @@ class _Verification:
         self._store.packs = Packs(self._store.folder, without=self._wrong)
         for manifest in sorted(_MANIFESTS):
             yield from self._noted(self._of_manifest(manifest))
+        yield from self._noted(iter(self._removed.values()))
         yield from self._noted(self._added())
 
     def _keep(self) -> None:
@@ -153,7 +156,9 @@ class _Verification:
             for row_id in self._store.ids(table):
                 place = f"{table}/{row_id}.parquet"
                 if place not in self._wrong:
-                    yield from self._noted(Problem(place, what) for what in check_file(self._store, table, row_id))
+                    yield from self._noted(
+                        Problem(place, what) for what in check_file(self._store, table, row_id, hashed=True)
+                    )
         yield from self._noted(self._implausible())
 
     def _noted(self, problems: Iterator[Problem]) -> Iterator[Problem]:
@@ -175,7 +180,11 @@ class _Verification:
             return
         self._seen.add(place)
         if known.accepted == (None,):
-            yield Problem(place, f"it was added: {self._log.told(place)} removed it")
+            problem = Problem(place, f"it was added: {self._log.told(place)} removed it")
+            if _is_unfinished(place) and place.endswith(_PARQUET):  # it was packed, and made again: a row finishes it
+                self._removed[place] = problem
+            else:
+                yield problem
         elif not known.accepts(self._hashes.of(place)):
             yield Problem(place, f"it is not as {self._log.told(place)} wrote it")
 
@@ -204,6 +213,7 @@ class _Verification:
         for output in outputs_of(rows):
             path = self._store.folder / output.path
             self._seen.add(output.path)
+            self._removed.pop(output.path, None)
             packed = None if path.is_file() else self._packed(output.path)
             if packed is None and not path.is_file():
                 if not self._is_in_broken_pack(output.path):

@@ -20,6 +20,7 @@ from auditor.store.files import finished, part_file, write_whole
 from auditor.store.log import Output, Run, entries, logged, output_of
 from auditor.store.log.expected import Expected, expected
 from auditor.store.marker import MARKER
+from auditor.store.mirrored import is_mirror
 from auditor.store.packs.files import rows_of_files
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED, Index, Member, index_lock, pack_path
 from auditor.store.records import content_id
@@ -85,8 +86,8 @@ def pack(store: Store, least: int = 2) -> Packed:
 
 
 def pack_where_many(store: Store) -> Packed:
-    """Pack the small files of a store where many have gathered. Raises StoreError."""
-    return pack(store) if small_files(store) >= MANY_FILES else Packed()
+    """Pack the small files of a store where many have gathered; of a mirror never. Raises StoreError."""
+    return Packed() if is_mirror(store.folder) else pack(store) if small_files(store) >= MANY_FILES else Packed()
 
 
 def small_files(store: Store) -> int:

@@ -1,12 +1,10 @@
 from dataclasses import replace
 
-import click
 import numpy as np
 import pytest
 
-from auditor.cli.verbs.attack import command
 from auditor.errors import SettingError
-from auditor.lab.attacks.catalogue import KINDS, ON_CAMERA, ON_LIDAR
+from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.attacks.schedule import Attacker, AttackPlan
 from auditor.model.frames import CameraImage, PointCloud
@@ -210,9 +208,3 @@ def test_a_plan_of_a_kind_that_a_sensor_cannot_suffer_is_refused() -> None:
         Attacker(AttackPlan(1, kind="hidden"), rig())
     with pytest.raises(SettingError, match="name it with --pattern"):
         Attacker(AttackPlan(1, kind="pattern"), rig())
-
-
-def test_the_command_line_knows_every_kind() -> None:
-    kinds = next(option for option in command.params if option.name == "kind").type
-    assert isinstance(kinds, click.Choice)
-    assert set(kinds.choices) == set(KINDS)

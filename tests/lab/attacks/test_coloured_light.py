@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.cli.verbs import attack as verb
-from auditor.lab.attacks.catalogue import KINDS, ON_CAMERA, Drawing, check_kind
+from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
 from auditor.lab.attacks.coloured_light import COLOURS, ColouredFacula, InfraredFacula, ProjectedObject, Veil
 from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
 from auditor.lab.attacks.paper import Facula
@@ -92,9 +91,3 @@ def test_every_kind_can_be_drawn_and_says_what_determines_it(kind, colour):
     changed = drawn[0].apply(seen).pixels
     assert changed.shape == seen.pixels.shape
     assert (changed != seen.pixels).any()
-
-
-def test_the_verb_offers_every_kind():
-    assert sorted((*verb._KINDS, *verb._LIDAR_KINDS, *verb._EITHER)) == sorted(KINDS)
-    for kind in verb._KINDS:
-        check_kind(kind, lidar=False)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.interference import LaserPattern, Stripes
 from auditor.model.frames import CameraImage
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
-from auditor.lab.attacks.rain import Rain
+from auditor.lab.attacks.faults import Rain
 from auditor.model.frames import PointCloud
 from tests.making.scenes import plane_rig
 

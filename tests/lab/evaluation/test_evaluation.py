@@ -19,15 +19,14 @@ from auditor.lab.evaluation import (
     EvaluateTask,
     Recorded,
     Street,
-    chunks,
     evaluate_source,
     experiments_of,
     runner,
 )
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.chunks import CHUNK_FRAMES
 from auditor.lab.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws, attacked_sets, disc_share
 from auditor.lab.evaluation.features import FeaturesOfCases
+from auditor.lab.evaluation.runner import CHUNK_FRAMES
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import CAMERA_CHECKS, DIRECTION_CHECKS, LIDAR_CHECKS, Check, rig_sensor_checks
@@ -215,7 +214,7 @@ def evaluated(shorter, tmp_path_factory):
 
 @pytest.fixture
 def short_chunks(monkeypatch):
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    monkeypatch.setattr(runner, "CHUNK_FRAMES", CHUNK)
 
 
 def few_in_short_chunks(patched):
@@ -228,7 +227,7 @@ def few_in_short_chunks(patched):
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))
-    patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    patched.setattr(runner, "CHUNK_FRAMES", CHUNK)
     patched.setattr(runner, "experiments_of", lambda _: chosen)
 
 
@@ -252,7 +251,7 @@ def test_every_case_of_every_frame_is_measured_and_none_again(shorter, evaluated
     store, done = evaluated
     delayed = 3 * sum(max(SHORTER - delay, 0) for delay in (1, 3, 10))
     ladders = 3 * (7 + 7 + 6 + 6 + 4) + 2 * 6 + 4
-    once = SHORTER * (1 + 3 * 13 + 5 + 44 + 9 + 2 * 7 + 2 * 5)
+    once = SHORTER * (1 + 3 * 13 + 5 + 44 + 9 + 2 * 7 + 3 * 5)
     assert (done.frames, done.cases) == (SHORTER, once + delayed + ladders)
     assert not run(shorter, store).fresh
 
@@ -437,15 +436,15 @@ def test_kinds_of_light_are_tried_on_the_outermost_cameras():
     assert {(kind, (sensor,)) for kind in (*LIGHTS, None) for sensor in (1, 4)} <= found
 
 
-def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_chunk():
+def test_an_attack_of_a_second_holds_still_or_moves_and_one_that_lasts_is_the_same_all_along():
     assert CHUNK_FRAMES % INTERVAL_FRAMES == 0
     experiment = next(e for e in experiments_of(()) if e.name == "intervals")
     first, next_one, later = (list(experiment.cases(RIG, SeededDraws(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
     for case, after, other in zip(first, next_one, later, strict=True):
-        assert (case.attacks == after.attacks) == (case.strength == "still")
-        assert case.attacks != other.attacks
+        assert (case.attacks == after.attacks) == (case.strength != "moving")
+        assert (case.attacks == other.attacks) == (case.strength == "lasting")
     sets = [(0,), (1,), (2,), (3,), (4,), (0, 4)]
-    assert [(c.strength, c.attacked) for c in first] == [(v, s) for v in ("still", "moving") for s in sets]
+    assert [(c.strength, c.attacked) for c in first] == [(v, s) for v in ("still", "moving", "lasting") for s in sets]
     assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
 
 

@@ -11,9 +11,8 @@ from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import Facula
 from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases, keep_missed, missed, runner
 from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment, all_triples
-from auditor.measurement.drawing.attacked import small_jpeg
-from auditor.reporting.evaluation.loading import NOT_KEPT, load_evaluation, missed_attacks
-from auditor.reporting.evaluation.render import render_evaluation
+from auditor.measurement.drawing.clouds import small_jpeg
+from auditor.reporting.evaluation.loading import NOT_KEPT, load_evaluation, missed_attacks, render_evaluation
 from auditor.store import Store, run_query
 from auditor.store.evaluation_tables import case_key, missed_pictures
 from auditor.store.maintenance.check import check

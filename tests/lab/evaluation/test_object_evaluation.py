@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.evaluation import Recorded, chunks
+from auditor.lab.evaluation import Recorded, runner
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
@@ -116,7 +116,7 @@ def test_the_papers_two_systems_are_compared() -> None:
 
 
 def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+    monkeypatch.setattr(runner, "CHUNK_FRAMES", CHUNK)
     whole = run(drive, tmp_path / "whole")
     assert (whole.frames, whole.cases) == (FRAMES, CASES)
     assert not run(drive, tmp_path / "whole").fresh

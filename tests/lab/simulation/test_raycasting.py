@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from auditor.lab.simulation import ray_windows, raycasting
+from auditor.lab.simulation import raycasting
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.simulation.raycasting import cast, placed
 from auditor.lab.simulation.rays import Hits, Rays
@@ -109,14 +109,14 @@ def test_the_reduction_fits_the_footprint() -> None:
 def test_a_lidar_meets_what_it_meets_where_every_beam_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = make_drive(5, 10, vehicle=3, width_px=40, height_px=12)
     bounded = drive.cloud(2).xyz_m
-    tried, bounds = [], ray_windows._beams
+    tried, bounds = [], raycasting._beams
 
     def every_beam(rays: Rays, corners: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         first, last = bounds(rays, corners)
         tried.append((last - first).mean())
         return np.zeros(len(corners), dtype=np.int32), np.full(len(corners), rays.shape[0], dtype=np.int32)
 
-    monkeypatch.setattr(ray_windows, "_beams", every_beam)
+    monkeypatch.setattr(raycasting, "_beams", every_beam)
     assert np.array_equal(drive.cloud(2).xyz_m, bounded)
     assert tried[0] < 16, "most beams pass most pieces by"
 

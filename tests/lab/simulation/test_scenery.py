@@ -18,8 +18,7 @@ from auditor.lab.simulation.responses import (
     draw_responses,
     kinds_of,
 )
-from auditor.lab.simulation.spectra import reflectances
-from auditor.lab.simulation.spectral_shading import channels, spectral_radiance
+from auditor.lab.simulation.spectra import channels, reflectances, spectral_radiance
 from auditor.lab.simulation.stray_light import SunSeen, draw_lens, with_stray_light
 from auditor.lab.simulation.surfaces import Piece
 from auditor.lab.simulation.textures import Tile

@@ -8,9 +8,8 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.lab.training.augmentation import crops  # noqa: E402
 from auditor.lab.training.checkpoints import CHECKPOINT, TrainingSettings, training_curve  # noqa: E402
-from auditor.lab.training.psmnet import _loss, _rate, train  # noqa: E402
+from auditor.lab.training.psmnet import _loss, _rate, crops, train  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import inspect_weights  # noqa: E402

@@ -6,9 +6,8 @@ from math import isnan
 import numpy as np
 import pytest
 
-from auditor.lab.attacks.faults import HiddenSector
+from auditor.lab.attacks.faults import HiddenSector, Rain
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.attacks.rain import Rain
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares
 from auditor.measurement.disparity.lidar import lidar_view

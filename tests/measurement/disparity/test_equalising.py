@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.measurement.disparity.equalising import equalised
-from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher, equalised
 from tests.making.scenes import plane_images, plane_rig
 from tests.making.textured_scenes import scene
 

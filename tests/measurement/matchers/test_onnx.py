@@ -183,23 +183,3 @@ def test_a_device_that_is_not_there_and_options_of_other_matchers_are_refused(tm
         find_matcher("sgbm", MatcherOptions(weights=path))
     with pytest.raises(SettingError, match=r"no matcher is called 'onnx'; use one of: .*onnx:FILE"):
         find_matcher("onnx")
-
-
-@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
-def test_a_torchscript_program_is_matched_by_the_same_description(tmp_path: Path) -> None:
-    torch = pytest.importorskip("torch")
-
-    def difference(left, right):
-        return (left - right).mean(dim=1)
-
-    example = torch.zeros(1, 3, 4, 4)
-    path = tmp_path / "m.pt"
-    torch.jit.save(torch.jit.trace(difference, (example, example)), str(path))
-    path.with_suffix(".toml").write_text("range_px = 64\n[output]\nfactor = 255\n")
-    left, right = pictures()
-    matcher = find_matcher(f"torchscript:{path}")
-    np.testing.assert_allclose(matcher.match(left, right), (left.astype(float) - right).mean(axis=2), atol=1e-3)
-    assert matcher.name == "torchscript"
-    path.write_bytes(b"not a program")
-    with pytest.raises(SettingError, match=r"m\.pt: no TorchScript program"):
-        find_matcher(f"torchscript:{path}")

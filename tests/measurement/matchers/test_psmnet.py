@@ -218,9 +218,7 @@ def test_the_cost_grows_with_images_pairs_and_pixels(small: PsmnetMatcher, monke
     assert (cost.device, cost.threads) == ("cpu", 1)
 
 
-@pytest.mark.parametrize(
-    ("matcher", "package"), [("psmnet", "torch"), ("onnx:m", "onnxruntime"), ("torchscript:m", "torch")]
-)
+@pytest.mark.parametrize(("matcher", "package"), [("psmnet", "torch"), ("onnx:m", "onnxruntime")])
 def test_a_package_that_is_not_installed_is_named_with_its_extra(matcher: str, package: str) -> None:
     code = (
         f"import sys; sys.modules[{package!r}] = None\n"

@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher  # noqa: E402
-from auditor.measurement.disparity.matchers.psmnet import shipped  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
 from tests.making.psmnet_networks import noise  # noqa: E402
 

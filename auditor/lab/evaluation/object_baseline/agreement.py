@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.attacks import Attacks
+from auditor.lab.evaluation.experiments import Attacks
 from auditor.lab.evaluation.object_baseline.detectors import Detection, Detectors, ImageBox, SolidBox, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.geometric import (
     NEAREST_M,

@@ -6,8 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from auditor.errors import SettingError
-from auditor.measurement.disparity.matchers.interface import Matcher, libraries
-from auditor.measurement.disparity.matchers.options import MatcherOptions
+from auditor.measurement.disparity.matchers.interface import Matcher, MatcherOptions, libraries
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
@@ -58,19 +57,10 @@ def _psmnet(options: MatcherOptions) -> Matcher:
 def _onnx(path: Path, options: MatcherOptions) -> Matcher:
     options.only("onnx", "device")
     try:
-        from auditor.measurement.disparity.matchers.onnx import open_onnx  # noqa: PLC0415 - an extra
+        from auditor.measurement.disparity.matchers.own_networks import open_onnx  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise _not_installed("onnx", "onnx", error) from error
     return open_onnx(path, device=options.device, threads=options.threads)
-
-
-def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
-    options.only("torchscript", "device")
-    try:
-        from auditor.measurement.disparity.matchers.torchscript import open_torchscript  # noqa: PLC0415 - torch takes seconds
-    except ModuleNotFoundError as error:
-        raise _not_installed("torchscript", "psmnet", error) from error
-    return open_torchscript(path, device=options.device, threads=options.threads)
 
 
 def preflight(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
@@ -102,7 +92,7 @@ BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
     "sgbm-full": _sgbm_full,
     "psmnet": _psmnet,
 }
-MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
+MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx}
 """Matchers that are files of the user's: `onnx:model.onnx`."""
 
 __all__ = [

@@ -1,12 +1,16 @@
-"""What a stereo matcher is."""
+"""What a stereo matcher is, and its options beside its name."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.errors import SettingError
 from auditor.model.rig import Rig
+from auditor.model.settings import MeasureSettings, about, settings_of
 
 
 class Matcher(Protocol):
@@ -74,3 +78,32 @@ def libraries(matcher: Matcher) -> Mapping[str, str]:
     """Versions by name of what a matcher runs on and others do not: what was measured may depend on them."""
     found: Mapping[str, str] = getattr(matcher, "libraries", {})
     return found
+
+
+@dataclass(frozen=True)
+class MatcherOptions:
+    """Options of matchers that are networks; what is None or left at its default was not given.
+
+    `weights` file of psmnet, which otherwise has those that come with auditor; its `align_corners` convention and
+    `max_disparity` in pixels; `device` cpu, cuda or cuda:1; `precision` fp32, tf32, fp16 or bf16; whether it is
+    `compiled` for the device; `threads` of the CPU that one process may use.
+    """
+
+    weights: Path | None = MeasureSettings.weights
+    align_corners: bool | None = MeasureSettings.align_corners
+    max_disparity: int | None = MeasureSettings.max_disparity
+    device: str = MeasureSettings.device
+    precision: str = MeasureSettings.precision
+    compiled: bool = MeasureSettings.compiled
+    threads: int = 1
+
+    def only(self, matcher: str, *taken: str) -> None:
+        """Raises SettingError where an option was given that the matcher does not take."""
+        for option in fields(self):
+            if option.name not in (*taken, "threads") and getattr(self, option.name) != option.default:
+                raise SettingError(f"{matcher} takes no such option", where=_spelt(option.name), remedy="leave it out")
+
+
+def _spelt(field: str) -> str:
+    """What the command line calls it."""
+    return f"--{about(settings_of(MeasureSettings)[field]).flag or field.replace('_', '-')}"

@@ -13,8 +13,7 @@ from onnxruntime.capi import onnxruntime_pybind11_state as errors
 
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.model_description import read_model_file, sha256
-from auditor.safety.budget import MODEL
-from auditor.safety.memory import at_most
+from auditor.safety.budget import MODEL, at_most
 
 _UNREADABLE = (
     errors.Fail,

@@ -5,7 +5,7 @@
     step = 1                            # width of one of its pixels, in pixels of the full image
 
     [input]
-    left = "left"                       # names in the model; TorchScript takes (left, right) in this order
+    left = "left"                       # names in the model
     right = "right"
     colour = "rgb"                      # rgb, bgr or grey
     divisor = 255.0                     # values are divided by it, less the mean, then divided by the deviation
@@ -25,7 +25,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ from auditor.measurement.disparity.matchers.model_description import (
     read_toml,
     whole,
 )
+from auditor.measurement.disparity.matchers.onnx_models import OnnxModel
 
 Image = NDArray[np.uint8]
 Tensor = NDArray[np.float32]
@@ -106,7 +107,7 @@ class ModelMatcher:
 
     @property
     def name(self) -> str:
-        """`onnx` or `torchscript`: which model it is stands in the settings."""
+        """`onnx`: which model it is stands in the settings."""
         return self.model.kind
 
     @property
@@ -178,3 +179,30 @@ def _tensor(image: Image, taken: Input, padding: tuple[tuple[int, int], tuple[in
     """(1, C, H, W) as the model takes it, zeros around it."""
     normal = taken.normalised(taken.channels(image)).transpose(2, 0, 1)[np.newaxis]
     return np.pad(np.ascontiguousarray(normal), ((0, 0), (0, 0), *padding))
+
+
+def open_onnx(path: Path, *, device: str = "cpu", threads: int = 1) -> ModelMatcher:
+    """The matcher `onnx:FILE`: the model in one ONNX file, described by the TOML file beside it.
+
+    Raises SettingError where either file cannot be used, they disagree, or the device is not there.
+    """
+    description = read_description(path)
+    model = OnnxModel(path, device=device, threads=threads)
+    taken, given = description.input, description.output
+    model.check_names([taken.left, taken.right], [given.disparity])
+
+    def run(left: Tensor, right: Tensor) -> Tensor:
+        (disparity,) = model.run([given.disparity], {taken.left: left, taken.right: right})
+        return cast(Tensor, disparity)
+
+    size = _size(path, taken, model)
+    return ModelMatcher(Model("onnx", str(path), model.sha256, description, run, size, model.libraries))
+
+
+def _size(path: Path, taken: Input, model: OnnxModel) -> tuple[int, int] | None:
+    """The one size (H, W) that the model takes, None where it takes any."""
+    shape = model.inputs[taken.left]
+    if len(shape) != 4:
+        raise SettingError(f"the model takes {shape}, not images (1, C, H, W)", where=path)
+    height, width = shape[2:]
+    return (height, width) if isinstance(height, int) and isinstance(width, int) else None

@@ -16,8 +16,8 @@ from auditor.lab.evaluation.object_baseline.detectors.interface import (
 )
 
 if TYPE_CHECKING:
-    from auditor.lab.evaluation.object_baseline.detectors.cameras import OnnxCameraDetector
     from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector
+    from auditor.lab.evaluation.object_baseline.detectors.networks import OnnxCameraDetector
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,9 @@ def find_detectors(names: Sequence[str]) -> Detectors:
 
 def _opened(path: Path) -> tuple[str, "OnnxCameraDetector | OnnxCloudDetector"]:
     try:
-        from auditor.lab.evaluation.object_baseline.detectors.cameras import OnnxCameraDetector  # noqa: PLC0415 - an extra
         from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector  # noqa: PLC0415
         from auditor.lab.evaluation.object_baseline.detectors.described import read_description  # noqa: PLC0415
+        from auditor.lab.evaluation.object_baseline.detectors.networks import OnnxCameraDetector  # noqa: PLC0415 - an extra
         from auditor.measurement.disparity.matchers.onnx_models import OnnxModel  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise SettingError(

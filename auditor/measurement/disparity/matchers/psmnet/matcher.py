@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from auditor.errors import SettingError
-from auditor.measurement.disparity.matchers.options import MatcherOptions
+from auditor.measurement.disparity.matchers.interface import MatcherOptions
 from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, make_engine, seen
-from auditor.measurement.disparity.matchers.psmnet.shipped import shipped_weights
-from auditor.measurement.disparity.matchers.psmnet.weights import Weights, load_weights, settle
+from auditor.measurement.disparity.matchers.psmnet.weights import Weights, load_weights, settle, shipped_weights
 
 _LARGEST_BATCH = 16
 

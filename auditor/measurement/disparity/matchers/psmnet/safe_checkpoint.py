@@ -167,7 +167,7 @@ def _refusal(error: BaseException) -> str:
             name = text.split(mark, 1)[1].split(" ", 1)[0]
             return f"refused, nothing of it was run: its pickle asks for {name!r}, which weights do not need"
     if "TorchScript" in text:
-        return "a TorchScript program, not weights: name it as the matcher, torchscript:FILE"
+        return "a TorchScript program, not weights: export the network to ONNX, and name it as onnx:FILE"
     return f"no weights that can be read safely ({_line(error)})"
 
 

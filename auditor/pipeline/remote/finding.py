@@ -1,0 +1,160 @@
+"""Addresses -> recordings: which objects of a bucket are recordings, by their names alone."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from auditor.errors import RecordingError
+from auditor.pipeline.remote.addresses import Address, address_of
+from auditor.pipeline.remote.object_store import find_object, list_objects
+from auditor.recordings import Found, find_recordings
+from auditor.recordings.formats.part_names import DB3, file_kind, part_name
+from auditor.recordings.location import Location, Remote, StoredObject
+from auditor.store import RecordingRecord
+
+_METADATA = "metadata.yaml"
+"""What makes a folder one recording, of rosbag2."""
+
+MOST_PARTS = 32
+"""Files of one series that are copied together: more are drives of a fleet, each by itself."""
+
+_JOURNAL = re.compile(r"-(wal|journal|shm)$")
+
+KINDS = "an .mcap, .bag or .db3 object, a rosbag2 folder, or a folder or pattern of them"
+
+
+def find_all(given: Sequence[Path | Address]) -> Found:
+    """The recordings at some paths, as `find_recordings`, and then those at addresses."""
+    found = find_recordings([one for one in given if isinstance(one, Path)])
+    remote = find_remote([one for one in given if isinstance(one, Address)])
+    return Found((*found.recordings, *remote.recordings), (*found.errors, *remote.errors), found.notes)
+
+
+def find_remote(addresses: Sequence[Address]) -> Found:
+    """Find the recordings at some addresses, in their order; of a folder or a pattern in order of keys.
+
+    They are not copied yet. Parts of a drive, by their names, are copied together, and then put together as files on
+    disk are. Keys that are no recordings are not held.
+    """
+    found: dict[str, Location] = {}
+    errors = []
+    for address in addresses:
+        try:
+            here = [_located(one) for one in _recordings_at(address)]
+        except RecordingError as error:
+            errors.append(error)
+            continue
+        found.update((str(one), one) for one in here)
+    return Found(tuple(found.values()), tuple(errors))
+
+
+def remote_of(record: RecordingRecord) -> Location:
+    """A recording that was read from an object store, as it is there now. Raises RecordingError."""
+    address = address_of(record.path)
+    assert address is not None, "it was read from an object store"
+    found = find_remote([address])
+    if len(found.recordings) == 1:
+        return found.recordings[0]
+    folder = record.path.rpartition("/")[0]
+    beside = find_remote([one for name in record.files if (one := address_of(f"{folder}/{name}")) is not None])
+    if beside.errors or not beside.recordings:
+        raise (*found.errors, *beside.errors)[0]
+    objects = tuple(one for location in beside.recordings if location.remote for one in location.remote.objects)
+    return _located(Remote(record.path, objects))
+
+
+def _located(remote: Remote) -> Location:
+    """A recording that is not copied yet: nothing is at its path, which says what its address says."""
+    return Location(Path(remote.address), remote=remote)
+
+
+def _recordings_at(address: Address) -> list[Remote]:
+    """Raises RecordingError where there are none, and what listing raises."""
+    single = None if address.is_pattern else find_object(address)
+    if single is not None:
+        if not file_kind(Path(single.address)):
+            raise RecordingError("this is not a recording of a known kind", where=address, remedy=f"give {KINDS}")
+        return [Remote(single.address, (single, *_journals_of(address, single)))]
+    if address.scheme.startswith("http"):
+        raise RecordingError("there is no such object", where=address, remedy="on the web, name one file an address")
+    keys = _Keys()
+    for one in list_objects(address):
+        if not address.is_pattern or address.matches(one.address.removeprefix(f"{address.root}/")):
+            keys.add(one, whole_folders=not address.is_pattern)
+    found = list(keys.recordings())
+    if not found:
+        raise RecordingError("there is no recording at this address", where=address, remedy=f"give {KINDS}")
+    return found
+
+
+def _journals_of(address: Address, single: StoredObject) -> Iterator[StoredObject]:
+    if file_kind(Path(single.address)) == DB3:
+        beside = Address(address.root, address.key + "-*")
+        yield from (one for one in list_objects(beside) if _is_journal_of(one, single))
+
+
+def _is_journal_of(one: StoredObject, single: StoredObject) -> bool:
+    return _JOURNAL.sub("", one.address) == single.address != one.address
+
+
+@dataclass
+class _Keys:
+    """The objects that may be of recordings: by the folder of a rosbag2 recording, else by the series of their name."""
+
+    folders: set[str] = field(default_factory=set)
+    files: list[StoredObject] = field(default_factory=list)
+
+    def add(self, one: StoredObject, *, whole_folders: bool) -> None:
+        """Keep an object, unless it is none of a recording's."""
+        name = PurePosixPath(one.address).name
+        if name == _METADATA and whole_folders:
+            self.folders.add(one.address.removesuffix(f"/{_METADATA}"))
+        elif name.startswith(".") or not file_kind(Path(_JOURNAL.sub("", name))):
+            return
+        self.files.append(one)
+
+    def recordings(self) -> Iterator[Remote]:
+        """The recordings in order of their addresses."""
+        bundles: dict[str, list[StoredObject]] = {}
+        for one in self.files:
+            bundles.setdefault(self._bundle(one.address), []).append(one)
+        for common, objects in bundles.items():
+            files = [one for one in objects if file_kind(Path(one.address))]
+            if common in self.folders:
+                yield Remote(common, tuple(objects))
+            elif len(files) == 1 or _are_parts(files):
+                yield Remote(_address_of_all(files), tuple(objects))
+            else:
+                for file in files:
+                    beside = (one for one in objects if _is_journal_of(one, file))
+                    yield Remote(file.address, (file, *beside))
+
+    def _bundle(self, address: str) -> str:
+        """What the objects of one recording have in common."""
+        folder = address.rpartition("/")[0]
+        if folder in self.folders:
+            return folder
+        own = _JOURNAL.sub("", address)
+        name = part_name(Path(own))
+        return f"{folder}/{name.series}*{name.kind}" if name is not None else own
+
+
+def _are_parts(files: Sequence[StoredObject]) -> bool:
+    """Whether files of one series may be the parts of a drive: what is numbered otherwise are drives of a fleet.
+
+    Which of them are is decided as on disk, when they are copied.
+    """
+    numbers = sorted(name.number for file in files if (name := part_name(Path(file.address))) is not None)
+    in_turn = [*range(numbers[0], numbers[0] + len(files))] if numbers else []
+    return numbers == in_turn and numbers[:1] in ([0], [1]) and len(files) <= MOST_PARTS
+
+
+def _address_of_all(files: Sequence[StoredObject]) -> str:
+    """The address of a file; of several that of what their names have in common."""
+    first = files[0].address
+    if len(files) == 1:
+        return first
+    name, folder = part_name(Path(first)), first.rpartition("/")[0]
+    assert name is not None, "what has no part name is alone"
+    return f"{folder}/{name.stem or PurePosixPath(folder).name}"

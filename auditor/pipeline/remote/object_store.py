@@ -1,0 +1,280 @@
+"""Objects of S3, Google Cloud Storage, Azure and the web: listed, and read from their beginning to their end.
+
+Credentials and endpoint come from the environment, as for other tools: AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, AWS_REGION
+and their like, the role of a container or machine, and profiles where boto3 is installed. What a server answers is
+never shown whole: it may repeat what was signed.
+"""
+
+import os
+import random
+import re
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import timedelta
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from auditor.errors import AuditorError, RecordingError, SettingError
+from auditor.pipeline.remote.addresses import Address
+from auditor.recordings.location import StoredObject
+
+if TYPE_CHECKING:
+    from obstore.store import ObjectStore
+
+_PIECE_BYTES = 64 << 20
+_PIECE_S = 300
+"""A request is for so much at most, and has so much time: a connection that hangs is cut."""
+
+_CHUNK_BYTES = 128 << 10
+"""So much is lost at most where a connection is cut."""
+
+_MOST_FAILURES = 8
+"""Failures in a row without a byte between them."""
+
+_RETRIES, _RETRYING_S = 6, 60
+"""Of one request, by the library, with waits that become longer."""
+
+_FIRST_WAIT_S, _LONGEST_WAIT_S = 0.1, 10.0
+_KEYS_A_PAGE = 1000
+
+_STATUS = re.compile(r"status(?: code)?: ([45]\d\d)")
+_CODE = re.compile(r"<Code>(\w{1,60})</Code>")
+_LOST = ("169.254.", "metadata.google.internal")
+"""Where credentials are looked for last: on the machines of a cloud."""
+
+
+def list_objects(address: Address) -> Iterator[StoredObject]:
+    """The objects below the folder of an address, page by page. Raises RecordingError and SettingError."""
+    api, store = _library(), _store(address.root)
+    with _reporting(str(address)):
+        for page in api.list(store, prefix=address.folder or None, chunk_size=_KEYS_A_PAGE):
+            for known in page:
+                yield _described(address, known)
+
+
+def find_object(address: Address) -> StoredObject | None:
+    """The object of just this key; None where there is none. Raises RecordingError and SettingError."""
+    api, store = _library(), _store(address.root)
+    if not address.key or address.key.endswith("/"):
+        return None
+    try:
+        with _reporting(str(address)):
+            return _described(address, api.head(store, address.key))
+    except NoObjectError:
+        return None
+
+
+def read_beginning(root: str, one: StoredObject, most: int) -> bytes:
+    """The first bytes of an object. Raises RecordingError and SettingError."""
+    if not one.size_bytes:
+        return b""
+    with _reporting(one.address):
+        key = one.address.removeprefix(f"{root}/")
+        return bytes(_library().get_range(_store(root), key, start=0, end=min(most, one.size_bytes)))
+
+
+def read_small(address: Address) -> tuple[bytes, str | None] | None:
+    """The content of a small object, and its ETag; None where there is none. Raises RecordingError and SettingError."""
+    try:
+        with _reporting(str(address)):
+            found = _library().get(_store(address.root), address.key)
+            return bytes(found.bytes()), found.meta.get("e_tag")
+    except NoObjectError:
+        return None
+
+
+def replace_small(address: Address, content: bytes, etag: str | None) -> bool:
+    """Put a small object in the place of the one with an ETag, or where there is none.
+
+    False where somebody else was faster. Raises RecordingError and SettingError.
+    """
+    mode: Any = "create" if etag is None else {"e_tag": etag}
+    with _reporting(str(address)):
+        try:
+            _library().put(_store(address.root), address.key, content, mode=mode, use_multipart=False)
+        except Exception as error:
+            if type(error).__name__ in {"AlreadyExistsError", "PreconditionError", "FileExistsError"}:
+                return False
+            raise
+    return True
+
+
+def put_object(address: Address, file: Path) -> None:
+    """Put a file in the place of an object. Raises RecordingError and SettingError."""
+    with _reporting(str(address)):
+        _library().put(_store(address.root), address.key, file)
+
+
+def remove_object(address: Address) -> None:
+    """Remove an object; one that is gone is none. Raises RecordingError and SettingError."""
+    with suppress(NoObjectError), _reporting(str(address)):
+        _library().delete(_store(address.root), address.key)
+
+
+def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Event) -> None:
+    """Copy an object to a new file, from its beginning to its end.
+
+    Where a request fails, or is cut, what follows is asked for, after a while that becomes longer; an object that was
+    replaced meanwhile is refused. Raises RecordingError and SettingError.
+    """
+    _library()
+    try:
+        with into.open("xb") as file:
+            _copy(root, one, file, stopped)
+    except OSError as error:
+        raise RecordingError(
+            f"its copy cannot be written to {into.parent} ({error.strerror or error})",
+            where=one.address,
+            remedy="make room there, or name another folder with --spool",
+        ) from error
+
+
+def _copy(root: str, one: StoredObject, file: BinaryIO, stopped: threading.Event) -> None:
+    failures = 0
+    while file.tell() < one.size_bytes:
+        before = file.tell()
+        try:
+            with _reporting(one.address):
+                for chunk in _chunks(root, one, before):
+                    file.write(chunk)
+                    _refuse_stopped(one, stopped)
+        except PassingError:
+            failures = 1 if file.tell() > before else failures + 1
+            if failures >= _MOST_FAILURES:
+                raise
+            wait_s = min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**failures)
+            stopped.wait(wait_s * random.uniform(0.5, 1.0))  # noqa: S311 - so that many do not ask at one moment
+            _refuse_stopped(one, stopped)
+
+
+def _chunks(root: str, one: StoredObject, begin: int) -> Iterator[Any]:
+    """What an object holds from a place on, for one piece at most. Raises what the library raises."""
+    end = min(one.size_bytes, begin + _PIECE_BYTES)
+    options: dict[str, Any] = {"if_match": one.etag} if one.etag else {}
+    if (begin, end) != (0, one.size_bytes):
+        options["range"] = (begin, end)
+    found = _library().get(_store(root), one.address.removeprefix(f"{root}/"), options=options)
+    yield from found.stream(min_chunk_size=_CHUNK_BYTES)
+
+
+def _refuse_stopped(one: StoredObject, stopped: threading.Event) -> None:
+    if stopped.is_set():
+        raise RecordingError("its copying was interrupted", where=one.address)
+
+
+# What the library does not know
+
+
+class NoObjectError(RecordingError):
+    """There is no such object, or no such bucket."""
+
+
+class PassingError(RecordingError):
+    """A failure that may pass: a server that is busy, a connection that was cut."""
+
+
+def _library() -> Any:  # noqa: ANN401 - a module
+    """The library for object stores. Raises SettingError where it is not installed."""
+    try:
+        import obstore  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise SettingError(
+            "addresses need the package obstore", where="s3://", remedy="pip install 'auditor[cloud]'"
+        ) from error
+    return obstore
+
+
+@cache
+def _store(root: str) -> "ObjectStore":
+    """The bucket of an address. Raises SettingError."""
+    _library()
+    from obstore.store import from_url  # noqa: PLC0415 - an extra
+
+    how: dict[str, Any] = _profile() if root.startswith("s3://") else {}
+    how["retry_config"] = {"max_retries": _RETRIES, "retry_timeout": timedelta(seconds=_RETRYING_S)}
+    how["client_options"] = {"timeout": timedelta(seconds=_PIECE_S), "allow_http": _allows_http(root)}
+    try:
+        return from_url(root, **how)
+    except Exception as error:  # its own errors have no common class that says so
+        raise SettingError(
+            f"the object store cannot be set up ({type(error).__name__})",
+            where=root,
+            remedy=f"{_variables(root)}; AWS_ENDPOINT_URL and AWS_REGION say where S3 is",
+        ) from error
+
+
+def _allows_http(root: str) -> bool:
+    """An endpoint that is named without TLS is wanted so."""
+    named = (os.environ.get(name, "") for name in ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"))
+    return root.startswith("http://") or next(filter(None, named), "").startswith("http://")
+
+
+def _profile() -> dict[str, Any]:
+    """Credentials of the user's profiles, where the environment has none and boto3 is installed to read them."""
+    known = Path(os.environ.get("AWS_SHARED_CREDENTIALS_FILE", "~/.aws/credentials")).expanduser()
+    if "AWS_ACCESS_KEY_ID" in os.environ or not (known.is_file() or "AWS_PROFILE" in os.environ):
+        return {}
+    try:
+        from boto3 import Session  # noqa: PLC0415 - not everybody has it
+        from obstore.auth.boto3 import Boto3CredentialProvider  # noqa: PLC0415
+    except ModuleNotFoundError:
+        return {}
+    return {"credential_provider": Boto3CredentialProvider(Session())}
+
+
+def _described(address: Address, known: Mapping[str, Any]) -> StoredObject:
+    return StoredObject(
+        address.at(known["path"]), known["size"], known.get("e_tag"), known["last_modified"].isoformat()
+    )
+
+
+@contextmanager
+def _reporting(where: str) -> Iterator[None]:
+    """Turn what the library raises inside the block into a RecordingError."""
+    try:
+        yield
+    except AuditorError:
+        raise
+    except Exception as error:
+        own_file = isinstance(error, OSError) and error.errno is not None
+        if own_file or not (isinstance(error, OSError) or type(error).__module__.startswith("obstore")):
+            raise
+        raise _told(error, where) from None  # the cause has what the server said
+
+
+def _told(error: Exception, where: str) -> RecordingError:
+    """What went wrong, by its kind, and by the code that the server gave."""
+    text, kind = str(error), type(error).__name__
+    said = " ".join(found[1] for pattern in (_STATUS, _CODE) if (found := pattern.search(text)))
+    said = f" ({said})" if said else ""
+    if kind in {"NotFoundError", "FileNotFoundError"} or "404" in said:
+        what = "there is no such bucket" if "NoSuchBucket" in said else "there is no such object"
+        return NoObjectError(what, where=where, remedy="check the address")
+    if kind in {"PermissionDeniedError", "UnauthenticatedError", "PermissionError"} or any(
+        one in said for one in ("401", "403")
+    ):
+        return RecordingError(f"access was refused{said}", where=where, remedy=_variables(where))
+    if any(place in text for place in _LOST):
+        return RecordingError("there are no credentials for it", where=where, remedy=_variables(where))
+    if kind == "PreconditionError":
+        return RecordingError(
+            "the object was replaced while it was read: nothing of this is kept",
+            where=where,
+            remedy="scan it again when it is finished",
+        )
+    if kind in {"InvalidPathError", "NotSupportedError"}:
+        return RecordingError(f"it cannot be read ({kind})", where=where, remedy="check the address")
+    return PassingError(
+        f"the object store failed or could not be reached{said}", where=where, remedy="run the command again to go on"
+    )
+
+
+def _variables(where: str) -> str:
+    """Where credentials for an address are looked for."""
+    if where.startswith("http"):
+        return "files of a web server have to be public"
+    named = {"gs": "GOOGLE_APPLICATION_CREDENTIALS", "az": "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY"}
+    known = named.get(where.partition(":")[0], "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY")
+    return f"give credentials in the environment: {known}, or a role"
