@@ -103,7 +103,9 @@ def test_nothing_is_lost_where_requests_fail_and_answers_are_cut(
 ) -> None:
     bucket.failing = 0.1
     for number, file in enumerate(fleet * 8):
-        [one] = find_remote([Address(f"s3://{BUCKET}", f"fleet/{file.stem}/{file.name}")]).recordings
+        found = find_remote([Address(f"s3://{BUCKET}", f"fleet/{file.stem}")])
+        assert found.errors == ()
+        [one] = found.recordings
         assert one.remote is not None
         copy = tmp_path / str(number)
         objects.copy_object(f"s3://{BUCKET}", one.remote.objects[0], copy, threading.Event())

@@ -9,12 +9,13 @@ import os
 import random
 import re
 import threading
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 from auditor.errors import AuditorError, RecordingError, SettingError
 from auditor.pipeline.remote.addresses import Address
@@ -22,6 +23,8 @@ from auditor.recordings.location import StoredObject
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
+
+Answer = TypeVar("Answer")
 
 _PIECE_BYTES = 64 << 20
 _PIECE_S = 300
@@ -48,10 +51,20 @@ _LOST = ("169.254.", "metadata.google.internal")
 def list_objects(address: Address) -> Iterator[StoredObject]:
     """The objects below the folder of an address, page by page. Raises RecordingError and SettingError."""
     api, store = _library(), _store(address.root)
-    with _reporting(str(address)):
-        for page in api.list(store, prefix=address.folder or None, chunk_size=_KEYS_A_PAGE):
-            for known in page:
-                yield _described(address, known)
+    last, failures = None, 0
+    while True:
+        try:
+            with _reporting(str(address)):
+                for page in api.list(store, address.folder or None, offset=last, chunk_size=_KEYS_A_PAGE):
+                    for known in page:
+                        yield _described(address, known)
+                        last, failures = known["path"], 0
+                return
+        except PassingError:
+            failures += 1
+            if failures >= _MOST_FAILURES:
+                raise
+            time.sleep(_pause_s(failures))
 
 
 def find_object(address: Address) -> StoredObject | None:
@@ -59,52 +72,46 @@ def find_object(address: Address) -> StoredObject | None:
     api, store = _library(), _store(address.root)
     if not address.key or address.key.endswith("/"):
         return None
-    try:
-        with _reporting(str(address)):
-            return _described(address, api.head(store, address.key))
-    except NoObjectError:
-        return None
-
-
-def read_beginning(root: str, one: StoredObject, most: int) -> bytes:
-    """The first bytes of an object. Raises RecordingError and SettingError."""
-    if not one.size_bytes:
-        return b""
-    with _reporting(one.address):
-        key = one.address.removeprefix(f"{root}/")
-        return bytes(_library().get_range(_store(root), key, start=0, end=min(most, one.size_bytes)))
+    with suppress(NoObjectError):
+        return _described(address, _asked(str(address), lambda: api.head(store, address.key)))
+    return None
 
 
 def read_small(address: Address) -> tuple[bytes, str | None] | None:
     """The content of a small object, and its ETag; None where there is none. Raises RecordingError and SettingError."""
-    try:
-        with _reporting(str(address)):
-            found = _library().get(_store(address.root), address.key)
-            return bytes(found.bytes()), found.meta.get("e_tag")
-    except NoObjectError:
-        return None
+
+    def read() -> tuple[bytes, str | None]:
+        found = _library().get(_store(address.root), address.key)
+        return bytes(found.bytes()), found.meta.get("e_tag")
+
+    with suppress(NoObjectError):
+        return _asked(str(address), read)
+    return None
 
 
 def replace_small(address: Address, content: bytes, etag: str | None) -> bool:
     """Put a small object in the place of the one with an ETag, or where there is none.
 
-    False where somebody else was faster. Raises RecordingError and SettingError.
+    False where somebody else was faster, or where it was put and nobody said so: who asks again finds it there. Raises
+    RecordingError and SettingError.
     """
     mode: Any = "create" if etag is None else {"e_tag": etag}
-    with _reporting(str(address)):
+
+    def replaced() -> bool:
         try:
             _library().put(_store(address.root), address.key, content, mode=mode, use_multipart=False)
         except Exception as error:
             if type(error).__name__ in {"AlreadyExistsError", "PreconditionError", "FileExistsError"}:
                 return False
             raise
-    return True
+        return True
+
+    return _asked(str(address), replaced)
 
 
 def put_object(address: Address, file: Path) -> None:
     """Put a file in the place of an object. Raises RecordingError and SettingError."""
-    with _reporting(str(address)):
-        _library().put(_store(address.root), address.key, file)
+    _asked(str(address), lambda: _library().put(_store(address.root), address.key, file))
 
 
 def remove_object(address: Address) -> None:
@@ -144,8 +151,7 @@ def _copy(root: str, one: StoredObject, file: BinaryIO, stopped: threading.Event
             failures = 1 if file.tell() > before else failures + 1
             if failures >= _MOST_FAILURES:
                 raise
-            wait_s = min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**failures)
-            stopped.wait(wait_s * random.uniform(0.5, 1.0))  # noqa: S311 - so that many do not ask at one moment
+            stopped.wait(_pause_s(failures))
             _refuse_stopped(one, stopped)
 
 
@@ -162,6 +168,26 @@ def _chunks(root: str, one: StoredObject, begin: int) -> Iterator[Any]:
 def _refuse_stopped(one: StoredObject, stopped: threading.Event) -> None:
     if stopped.is_set():
         raise RecordingError("its copying was interrupted", where=one.address)
+
+
+def _asked(where: str, ask: Callable[[], Answer]) -> Answer:
+    """The answer to a small request, which is asked again where it fails or is cut. Raises RecordingError."""
+    failures = 0
+    while True:
+        try:
+            with _reporting(where):
+                return ask()
+        except PassingError:
+            failures += 1
+            if failures >= _MOST_FAILURES:
+                raise
+            time.sleep(_pause_s(failures))
+
+
+def _pause_s(failures: int) -> float:
+    """How long to wait after so many failures in a row; drawn, so that many do not ask at one moment."""
+    longest: float = min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**failures)
+    return longest * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
 
 
 # What the library does not know
