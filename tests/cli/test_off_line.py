@@ -24,7 +24,7 @@ ATTACKED = {1: range(4), 2: range(6, 10), 3: range(12, 16), LIDAR: range(18, 22)
 
 
 def street(trip: int, frames: int) -> SyntheticDrive:
-    drive = make_drive(3, frames, width_px=414, height_px=126, trip=trip, start_ns=START_NS + trip * DAY_NS)
+    drive = make_drive(3, frames, width_px=396, height_px=120, trip=trip, start_ns=START_NS + trip * DAY_NS)
     return replace(drive, vehicle=replace(drive.vehicle, rig=moved(perturbed(drive.rig, LENSES, 1), OFFSETS_M)))
 
 
@@ -43,7 +43,7 @@ def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixt
     assert run(["inspect", clean]) == 0
     printed = " ".join(capfd.readouterr().out.split())
     assert "up to 1 attacked sensor at once can be identified" in printed
-    assert "not on one line (S_2 by 4.2 px at 10 m): rectified pair by pair" in printed
+    assert "not on one line (S_2 by 4.0 px at 10 m): rectified pair by pair" in printed
     assert "WARNING" not in printed
     assert "left out" not in printed
     assert run(["calibrate", clean, "-r", "0.05", "--store", store]) == 0
