@@ -6,7 +6,8 @@ from them (`python -m tests.benchmarks.rates`). A scene that is there already is
     python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked [--constant]]
     python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
 
-With --scale 0.5 their pictures have half the size: what is counted must not depend on it.
+With --scale 0.5 their pictures have half the size, with --altered jpeg30 (ALTERATIONS) they are compressed, noisy, dim
+or of unlike cameras: what is found must not depend on it.
 With --stretch 40 80 frames 40 to 79 of each source are measured alone; with --alone 4 camera S_4 and the LiDAR, of
 which each attacked frame follows one that is attacked alike.
 """
@@ -15,7 +16,7 @@ import argparse
 import pickle
 import zlib
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -33,6 +34,7 @@ from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import Measured
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
+from auditor.model.arrays import Floats, Image
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
@@ -169,10 +171,73 @@ class Resized:
         return replace(item, images=images)
 
 
-def drives_in(data: Path, scale: float) -> dict[str, Recorded | Resized]:
+def _compressed(quality: int) -> Callable[[int, Image], Image]:
+    def compress(_camera: int, pixels: Image) -> Image:
+        _, data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+
+    return compress
+
+
+def _noisy(camera: int, pixels: Image) -> Image:
+    noise = np.random.default_rng([camera, int(pixels.sum())]).normal(0, 6, pixels.shape)
+    return np.clip(pixels + noise, 0, 255).astype(np.uint8)
+
+
+def _of_one(camera: int, change: Callable[[Image], Floats]) -> Callable[[int, Image], Image]:
+    def alter(number: int, pixels: Image) -> Image:
+        return np.clip(change(pixels), 0, 255).astype(np.uint8) if number == camera else pixels
+
+    return alter
+
+
+def _vignette(pixels: Image) -> Floats:
+    height, width = pixels.shape[:2]
+    y, x = np.mgrid[:height, :width]
+    kept = 1 - 0.4 * ((x - width / 2) ** 2 + (y - height / 2) ** 2) / (width / 2) ** 2
+    return np.asarray(pixels * (kept if pixels.ndim == 2 else kept[:, :, None]))
+
+
+ALTERATIONS: dict[str, Callable[[int, Image], Image]] = {
+    "jpeg75": _compressed(75),
+    "jpeg30": _compressed(30),
+    "noise6": _noisy,
+    "dim": lambda _, pixels: (pixels * 0.25).astype(np.uint8),
+    "dark1": _of_one(1, lambda pixels: pixels * 0.5),
+    "blur2": _of_one(2, lambda pixels: np.asarray(cv2.GaussianBlur(pixels, (0, 0), 1.2), dtype=np.float64)),
+    "gamma3": _of_one(3, lambda pixels: 255 * (pixels / 255) ** 0.6),
+    "vignette4": _of_one(4, _vignette),
+}
+"""What becomes of the pictures of each camera, or of the one that is named: levels times a half, blurred by 1.2 px, by
+another gamma, or darker by 40 % at the sides."""
+
+
+@dataclass(frozen=True)
+class Altered:
+    """A drive whose pictures are altered, before any attack."""
+
+    source: Recorded | Resized
+    how: str
+
+    @contextmanager
+    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames by each rig."""
+        with self.source.open(colour=colour) as drives:
+            yield tuple(replace(drive, frames=(self._frame(item) for item in drive.frames)) for drive in drives)
+
+    def _frame(self, item: Frame | Skipped) -> Frame | Skipped:
+        if isinstance(item, Skipped):
+            return item
+        alter = ALTERATIONS[self.how]
+        images = {number: replace(one, pixels=alter(number, one.pixels)) for number, one in item.images.items()}
+        return replace(item, images=images)
+
+
+def drives_in(data: Path, scale: float, altered: str | None = None) -> dict[str, Recorded | Resized | Altered]:
     """The real drives of the test data, by name."""
     drives = {name: Recorded(data / path) for name, path in DRIVES.items()}
-    return {name: drive if scale == 1 else Resized(drive, scale) for name, drive in drives.items()}
+    resized = {name: drive if scale == 1 else Resized(drive, scale) for name, drive in drives.items()}
+    return {name: drive if altered is None else Altered(drive, altered) for name, drive in resized.items()}
 
 
 def alone(frame: Frame, camera: int) -> Frame:
@@ -182,7 +247,7 @@ def alone(frame: Frame, camera: int) -> Frame:
 
 
 def scene_of(
-    source: Recorded | Resized | Street,
+    source: Recorded | Resized | Altered | Street,
     name: str,
     family: str,
     *,
@@ -220,6 +285,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=10)
     parser.add_argument("--cameras", type=int, default=4)
     parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--altered", choices=ALTERATIONS, help="what becomes of the pictures of real drives")
     parser.add_argument("--attacked", action="store_true")
     parser.add_argument("--constant", action="store_true", help="an attack is the same in all frames of a drive")
     parser.add_argument("--every", type=int, default=1, help="frames, of which one is attacked")
@@ -228,9 +294,11 @@ def main() -> None:
     options = parser.parse_args()
     use_one_thread()
     options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Resized | Street]] = []
+    todo: list[tuple[str, str, Recorded | Resized | Altered | Street]] = []
     if options.drives:
-        todo += [(name, name, drive) for name, drive in drives_in(options.drives, options.scale).items()]
+        todo += [
+            (name, name, drive) for name, drive in drives_in(options.drives, options.scale, options.altered).items()
+        ]
     for seed in range(options.first, options.first + options.streets):
         street = Street(seed, options.frames, options.cameras, options.scale)
         todo.append((f"street {seed}", street.family, street))

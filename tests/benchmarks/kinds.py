@@ -12,10 +12,10 @@ import numpy as np
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import use_one_thread
 from auditor.model.frames import Frame
-from tests.benchmarks.clean_statistics import Resized, drives_in
+from tests.benchmarks.clean_statistics import Altered, Resized, drives_in
 from tests.benchmarks.scenes import Scene, load
 
-Measure = Callable[[Recorded | Resized | Street, str, str, int], Scene]
+Measure = Callable[[Recorded | Resized | Altered | Street, str, str, int], Scene]
 """The scene of a source with its name and family, and the number of its frames that are attacked."""
 
 CAMERAS = 4
@@ -38,7 +38,7 @@ def scenes_of(options: argparse.Namespace, measured: Measure) -> list[Scene]:
     """The scenes of the real drives, or of streets; what is in the folder is not measured again."""
     use_one_thread()
     options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Resized | Street]] = [
+    todo: list[tuple[str, str, Recorded | Resized | Altered | Street]] = [
         (f"street {seed}", source.family, source)
         for seed in range(options.first, options.first + options.streets)
         for source in (Street(seed, options.frames, CAMERAS, options.scale),)

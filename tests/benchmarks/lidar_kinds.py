@@ -45,7 +45,7 @@ from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_che
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import MATCHER, Resized, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Altered, Resized, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, judge_all
 from tests.benchmarks.scenes import Scene
@@ -151,7 +151,13 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays, rig: Ri
 
 
 def measured(
-    source: Recorded | Resized | Street, name: str, family: str, most: int, *, only: Collection[str], constant: bool
+    source: Recorded | Resized | Altered | Street,
+    name: str,
+    family: str,
+    most: int,
+    *,
+    only: Collection[str],
+    constant: bool,
 ) -> Scene:
     """All frames of a source clean, and `most` of them, evenly spread, under some attacks, drawn anew or `constant`."""
     features, cases, seed = FaultFeatures(), [], len(name)
