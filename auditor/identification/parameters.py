@@ -98,7 +98,7 @@ class CheckPriors:
     striped_light_of_one: tuple[float, ...] = parameter((-3.93, 0.45, 0.15, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
-    false_ranges: tuple[float, ...] = parameter((-3.88, 0.45, 0.15, 1.9), unit=_OF_PRIOR, source=_RANGES)
+    false_ranges: tuple[float, ...] = parameter((-3.88, 0.45, 0.15, 1.7), unit=_OF_PRIOR, source=_RANGES)
     rough_ranges: tuple[float, ...] = parameter((-3.8, 0.7, 0.3, 1.45), unit=_OF_PRIOR, source=_RANGES)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
     parallax_conflict: tuple[float, ...] = parameter((-2.8, 0.95, 0.2, 0.8), unit=_OF_PRIOR, source=_IN_TIME)

@@ -104,10 +104,10 @@ class FalseRanges:
     as_far: float = parameter(0.1, unit="of the natural logarithm of the range, either way", source=_CLUSTERS)
     undecided: float = parameter(0.07, unit="of a confirmed point, that an undecided one counts", source=_CLUSTERS)
     clean_share: float = parameter(
-        0.75, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
+        0.7, unit="contradicted share of a surface that is there: glass, dark paint", source=_CLUSTERS
     )
     most_clusters: int = parameter(32, unit="clusters that are tested, evenly chosen", source=BY_HAND)
-    half_ratio: float = parameter(8.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
+    half_ratio: float = parameter(10.0, unit="logarithm of a likelihood ratio that is a half", source=_CLUSTERS)
     strip: float = parameter(0.0375, unit="radians, step of the sectors", source=BY_HAND)
     sector_strips: int = parameter(4, unit="steps of a sector: 8.6 degrees", source=_CLUSTERS)
     sector_ranges_m: tuple[float, float] = parameter(
