@@ -2,7 +2,7 @@
 
 Reads scenes that `python -m tests.benchmarks.clean_statistics --attacked --constant` measured, all of one rig kind, and
 cuts them into recordings of some frames. All are judged by the prior; those that show nothing teach the calibrations
-by which each recording is judged again, as `auditor.pipeline.calibrations.batch` does:
+by which each recording is judged again, until none more is found, as `auditor.pipeline.calibrations.batch` does:
 
     python -m tests.benchmarks.batches FOLDER [--frames 10]
 
@@ -20,7 +20,7 @@ from pathlib import Path
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import Verdict
-from auditor.pipeline.calibrations.batch import FEWEST_CLEAN
+from auditor.pipeline.calibrations.batch import FEWEST_CLEAN, MOST_PASSES
 from tests.benchmarks.durations import R
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drive_of
 from tests.benchmarks.rates import frames_of, system_of, thresholds_of
@@ -62,17 +62,20 @@ def cut(scene: Scene, frames: int) -> Iterator[Scene]:
 
 
 def batch(recordings: Sequence[Sequence[Case]], drives: Sequence[Drive]) -> list[list[Verdict]]:
-    """The verdicts on the cases of each recording, by all that show nothing by the prior, itself left out."""
-    by_prior = [_judged(drive, cases) for drive, cases in zip(drives, recordings, strict=True)]
-    clean = [place for place, verdicts in enumerate(by_prior) if not any(one.finding for one in verdicts)]
-    if len(clean) < FEWEST_CLEAN:
-        return by_prior
-    seen = {place: frames_of(drives[place].scene, drives[place].system, recordings[place]) for place in clean}
-    system = drives[0].system
-    return [
-        _judged(replace(drive, thresholds=_learnt(seen, place, system)), recordings[place])
-        for place, drive in enumerate(drives)
-    ]
+    """The verdicts on the cases of each recording, by all that show nothing, itself left out, until none is found."""
+    verdicts = [_judged(drive, cases) for drive, cases in zip(drives, recordings, strict=True)]
+    clean = set(range(len(drives)))
+    for number in range(MOST_PASSES):
+        quiet = {place for place in clean if not any(one.finding for one in verdicts[place])}
+        if len(quiet) < FEWEST_CLEAN or (number and quiet == clean):
+            break
+        clean = quiet
+        seen = {place: frames_of(drives[place].scene, drives[place].system, recordings[place]) for place in clean}
+        verdicts = [
+            _judged(replace(drive, thresholds=_learnt(seen, place, drive.system)), recordings[place])
+            for place, drive in enumerate(drives)
+        ]
+    return verdicts
 
 
 def _learnt(seen: Mapping[int, CleanFrames], without: int, system: System) -> RobustThresholds:

@@ -1,6 +1,7 @@
 """Recordings of a batch that no calibration fits are judged by those that show nothing, never by themselves."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -12,6 +13,7 @@ from auditor.model.calibration import PRIOR
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline import side_by_side
+from auditor.pipeline.calibrations import batch
 from auditor.pipeline.calibrations.batch import (
     FEWEST_CLEAN,
     MOST_GROUPS,
@@ -85,6 +87,27 @@ def test_recordings_are_judged_by_the_others_that_show_nothing(store, fleet) -> 
         assert ALONE not in one.warnings
         assert (one.complete, one.gaps) == (True, ())
     assert store.current_judgements()[fleet["alder"]] == results["alder"].judgement
+
+
+def test_what_the_others_find_teaches_no_more(store, fleet, monkeypatch) -> None:
+    """By the prior elm shows nothing, and an incident by the other recordings."""
+    really, elm, passes = batch.judge_side_by_side, fleet["elm"], []
+
+    def judge(*given: object) -> Iterator[Judged]:
+        passes.append(given)
+        for one in really(*given):
+            found = one.measurement_id == elm and one.by is JudgedBy.BATCH
+            yield replace(one, judgement=replace(one.judgement, in_incidents=3)) if found else one
+
+    monkeypatch.setattr(batch, "judge_side_by_side", judge)
+    results = judged(store)
+    assert len(passes) == 3  # by the prior, with elm, and without it
+    of_elm = store.measurement(elm).recording_id
+    assert all(of_elm not in taught_by(store, one) for one in results.values())
+    assert {name: len(taught_by(store, one)) for name, one in results.items()} == {
+        **dict.fromkeys(CLEAN, 2),
+        **dict.fromkeys(("elm", *ATTACKED), 3),
+    }
 
 
 def test_calibrations_of_a_batch_are_kept_and_never_in_force(store, fleet) -> None:

@@ -1,7 +1,8 @@
 """Recordings of a batch that no calibration fits, judged by each other.
 
 All are judged by the prior first. Those that show nothing are provisionally clean drives: calibrations are made of
-them, and each recording is judged again by one that holds no frame of it.
+them, and each recording is judged again by one that holds no frame of it. What shows something then teaches no more,
+and all are judged once more without it.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -28,6 +29,9 @@ FEWEST_RECORDINGS = 4
 
 FEWEST_CLEAN = 3
 """Of these so many must show nothing, so that each of them is judged by two others at least."""
+
+MOST_PASSES = 3
+"""Times that the recordings are judged by each other; each is without those that earlier ones found."""
 
 MOST_GROUPS = 5
 """Groups of provisionally clean recordings; each is judged by a calibration of the other groups."""
@@ -62,7 +66,7 @@ def judge_batch(
     kinds = kinds_without_calibration(store, measurements, settings)
     if not kinds:
         return judge_side_by_side(store, measurements, settings, jobs)
-    return _judge_twice(store, measurements, settings, kinds, jobs)
+    return _judge_by_each_other(store, measurements, settings, kinds, jobs)
 
 
 def kinds_without_calibration(
@@ -159,24 +163,32 @@ def calibrations_of_others(
     }
 
 
-def _judge_twice(
+def _judge_by_each_other(
     store: Store,
     measurements: Sequence[str],
     settings: JudgeSettings,
     kinds: Sequence[Sequence[str]],
     jobs: int | None,
 ) -> Iterator[Judged]:
-    """Judge all by what is learnt or the prior, then those of some kinds by each other."""
+    """Judge all by what is learnt or the prior, then those of some kinds by each other until none more is found."""
     with logged(store.folder):
         by_prior = _kept_by_prior(store, kinds, settings) if settings.only_stale else {}
         distinct = list(dict.fromkeys(measurements))
         first = [measurement for measurement in distinct if measurement not in by_prior]
         judged = {result.measurement_id: result for result in judge_side_by_side(store, first, settings, jobs)}
-        verdicts = {each: result.judgement for each, result in judged.items() if result.judgement is not None}
-        by_batch = _batch_calibrations(store, kinds, {**by_prior, **verdicts}, settings.criteria, jobs or 1)
-        again = [measurement for measurement in distinct if measurement in by_prior or measurement in by_batch]
-        second = replace(settings, by_batch=by_batch)
-        judged.update((result.measurement_id, result) for result in judge_side_by_side(store, again, second, jobs))
+        found: set[str] = set()
+        by_batch: dict[str, str] = {}
+        for number in range(MOST_PASSES):
+            verdicts = {each: result.judgement for each, result in judged.items() if result.judgement is not None}
+            verdicts = {**by_prior, **verdicts}
+            found |= {store.measurement(each).recording_id for each, verdict in verdicts.items() if verdict.found}
+            now = _batch_calibrations(store, kinds, verdicts, found, settings.criteria, jobs or 1)
+            if number and now in ({}, by_batch):
+                break
+            by_batch = now
+            again = [measurement for measurement in distinct if measurement in by_prior or measurement in by_batch]
+            another = replace(settings, by_batch=by_batch)
+            judged.update((result.measurement_id, result) for result in judge_side_by_side(store, again, another, jobs))
         yield from (judged[measurement] for measurement in measurements)
 
 
@@ -200,13 +212,14 @@ def _batch_calibrations(
     store: Store,
     kinds: Sequence[Sequence[str]],
     verdicts: Mapping[str, StoredJudgement],
+    found: Collection[str],
     criteria: Criteria,
     jobs: int,
 ) -> dict[str, str]:
-    """Keep the calibrations that the recordings of each kind are judged by; return their ids by measurement."""
-    with_findings = {
-        store.measurement(measurement).recording_id for measurement, verdict in verdicts.items() if verdict.found
-    }
+    """Keep the calibrations that the recordings of each kind are judged by; return their ids by measurement.
+
+    Recordings that were `found` teach nothing.
+    """
     by_batch: dict[str, str] = {}
     for kind in kinds:
         judged = [measurement for measurement in kind if measurement in verdicts]
@@ -214,7 +227,7 @@ def _batch_calibrations(
         clean = {
             measurement
             for measurement in judged
-            if store.measurement(measurement).recording_id not in with_findings
+            if store.measurement(measurement).recording_id not in found
             and _may_teach(store, verdicts[measurement], recordings, criteria)
         }
         for measurement, calibration in calibrations_of_others(store, judged, clean, criteria, jobs).items():
