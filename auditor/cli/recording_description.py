@@ -2,9 +2,12 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from auditor.errors import RigError
+from auditor.measurement.parameters import DISPARITY_ERROR
+from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
+from auditor.model.checks import Pair, conflict_pairs
 from auditor.model.coverage import TopicCoverage, declared, unread_line
 from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
@@ -29,12 +32,6 @@ from auditor.recordings import (
     write_rig,
 )
 
-if TYPE_CHECKING:
-    from auditor.model.rig import Rig
-
-
-Pair = tuple[int, int]
-
 _BEHIND = 1.5
 """What a pair tells apart that checks the LiDAR: a surface and one half as far again."""
 
@@ -54,13 +51,13 @@ _BY_TIME = (
 )
 
 
-def short_pairs(rig: "Rig") -> list[Pair]:
+def short_pairs(rig: Rig) -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
     wide = _pairs(rig)
     return [pair for pair in rig.pairs if rig.lidar and pair not in wide]
 
 
-def capabilities(rig: "Rig") -> list[str]:
+def capabilities(rig: Rig) -> list[str]:
     """What can be identified at most, which cameras check the LiDAR, and what is missing for more."""
     if rig.by_time:
         return list(_BY_TIME)
@@ -77,7 +74,7 @@ def capabilities(rig: "Rig") -> list[str]:
     return [*lines, _HELD_LIGHT] if most else lines
 
 
-def _of_lidar(rig: "Rig") -> list[str]:
+def _of_lidar(rig: Rig) -> list[str]:
     wide, short = _pairs(rig), short_pairs(rig)
     lines = []
     if not wide:
@@ -98,11 +95,8 @@ def _of_lidar(rig: "Rig") -> list[str]:
     return lines
 
 
-def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
+def _reaches(rig: Rig, wide: list[Pair]) -> list[str]:
     """How far away invented and removed surfaces are noticed, by the widest pair."""
-    from auditor.measurement.parameters import DISPARITY_ERROR  # noqa: PLC0415 - OpenCV is heavy
-    from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS  # noqa: PLC0415
-
     # f b / z - f b / (1.5 z) is what Eq. 2 asks for.
     reach_m = max(_disparity_at_1_m(rig, pair) for pair in wide) * (1 - 1 / _BEHIND) / DISPARITY_ERROR.absolute_px
     return [
@@ -116,7 +110,7 @@ def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
     ]
 
 
-def _disparity_at_1_m(rig: "Rig", pair: Pair) -> float:
+def _disparity_at_1_m(rig: Rig, pair: Pair) -> float:
     """The disparity in px of what is 1 m away."""
     cameras = rig.cameras if rig.shares_view else [rig.camera(number) for number in pair]
     return min(camera.focal_px for camera in cameras) * rig.baseline_m(*pair)
@@ -129,9 +123,7 @@ def _of_cameras() -> list[str]:
     ]
 
 
-def _pairs(rig: "Rig") -> list[Pair]:
-    from auditor.model.checks import conflict_pairs  # noqa: PLC0415 - NumPy is heavy
-
+def _pairs(rig: Rig) -> list[Pair]:
     return list(conflict_pairs(rig))
 
 

@@ -38,7 +38,8 @@ from auditor.model.arrays import Floats, Image
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
-from auditor.model.rig import LIDAR, Camera, Rig
+from auditor.model.optics.common_view import resized
+from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.scenes import Case, Scene
 
 MATCHER = find_matcher("sgbm")
@@ -149,16 +150,8 @@ class Resized:
             yield tuple(self._of(drive) for drive in drives)
 
     def _of(self, drive: CleanDrive) -> CleanDrive:
-        cameras = tuple(self._camera(camera) for camera in drive.rig.cameras)
-        rig = Rig(drive.rig.lidar, cameras)
+        rig = resized(drive.rig, self.scale)
         return replace(drive, rig=rig, frames=(self._frame(item, rig) for item in drive.frames))
-
-    def _camera(self, camera: Camera) -> Camera:
-        width, height = round(camera.width_px * self.scale), round(camera.height_px * self.scale)
-        # The outer edges of the pictures coincide, and pixel 0 is centred half a pixel from them.
-        across, down = width / camera.width_px, height / camera.height_px
-        pixels = np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1]])
-        return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
 
     def _frame(self, item: Frame | Skipped, rig: Rig) -> Frame | Skipped:
         if isinstance(item, Skipped):

@@ -16,6 +16,8 @@ import boto3
 import pytest
 from botocore.exceptions import BotoCoreError, ClientError
 
+from auditor.pipeline.remote import object_store as objects
+
 KEY, SECRET = "AKIATHISISNOTAKEY", "a-secret-that-must-not-be-seen"
 BUCKET = "fleet"
 
@@ -120,7 +122,17 @@ def object_store() -> Iterator[Proxy]:
         server.wait()
 
 
-def name_in_environment(monkeypatch: pytest.MonkeyPatch, proxy: Proxy) -> None:
+def begin_with(monkeypatch: pytest.MonkeyPatch, proxy: Proxy) -> Proxy:
+    """The object store of the environment, with which nothing is wrong yet."""
+    _name_in_environment(monkeypatch, proxy)
+    objects._store.cache_clear()
+    monkeypatch.setattr(objects, "_FIRST_WAIT_S", 0.001)
+    proxy.failing, proxy.refusing = 0.0, False
+    proxy.forget()
+    return proxy
+
+
+def _name_in_environment(monkeypatch: pytest.MonkeyPatch, proxy: Proxy) -> None:
     """Let the environment say where the object store is, and who asks."""
     for name in ("AWS_PROFILE", "AWS_SESSION_TOKEN", "AWS_ENDPOINT_URL_S3"):
         monkeypatch.delenv(name, raising=False)

@@ -14,7 +14,7 @@ from auditor.pipeline.remote import object_store as objects
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.finding import find_remote
 from auditor.pipeline.remote.spool import Spool
-from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, name_in_environment, object_store
+from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 3
@@ -28,13 +28,7 @@ def server() -> Iterator[Proxy]:
 
 @pytest.fixture(autouse=True)
 def bucket(server: Proxy, monkeypatch: pytest.MonkeyPatch) -> Proxy:
-    """The object store of the environment, with which nothing is wrong yet."""
-    name_in_environment(monkeypatch, server)
-    objects._store.cache_clear()
-    monkeypatch.setattr(objects, "_FIRST_WAIT_S", 0.001)
-    server.failing, server.refusing = 0.0, False
-    server.forget()
-    return server
+    return begin_with(monkeypatch, server)
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,13 @@ import auditor
 from auditor.cli import run
 from auditor.errors import RecordingError, StoreError
 from auditor.pipeline.remote import mirror as mirrors
-from auditor.pipeline.remote import object_store as objects
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.mirror import Mirror, mirrored
 from auditor.pipeline.remote.snapshots import merged, read_snapshot
 from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.verify import verify
-from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, name_in_environment, object_store
+from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 from tests.pipeline.test_object_stores import content_of, scan
 
@@ -31,12 +30,7 @@ def server() -> Iterator[Proxy]:
 
 @pytest.fixture(autouse=True)
 def bucket(server: Proxy, monkeypatch: pytest.MonkeyPatch) -> Proxy:
-    name_in_environment(monkeypatch, server)
-    objects._store.cache_clear()
-    monkeypatch.setattr(objects, "_FIRST_WAIT_S", 0.001)
-    server.failing, server.refusing = 0.0, False
-    server.forget()
-    return server
+    return begin_with(monkeypatch, server)
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,9 @@
 """Rectification: recorded images become those that the ideal cameras of the rig's common view would record.
 
-All later steps work on rectified rigs only: one image a camera, one depth a disparity. Rectified ones of few pixels are
-enlarged. Cameras that do not stand on one
-line have no rows in common. Two of them always do: each pair is a rig of two with a view of its own, and what is
-measured there is warped to the common view. Rotated to common rows, images are not upright rectangles any more: a
-pair's view is wide enough for all that both see, and valid masks mark what that is.
+All later steps work on rectified rigs only: one image a camera, one depth a disparity. Images of few pixels are
+enlarged. Cameras that do not stand on one line have no rows in common. Two of them always do: each pair is a rig of two
+with a view of its own, and what is measured there is warped to the common view. Rotated to common rows, images are not
+upright rectangles any more: a pair's view is wide enough for all that both see, and valid masks mark what that is.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

@@ -72,18 +72,24 @@ def measured_view(rig: Rig) -> CommonView | None:
 
 def _enlarged(rig: Rig, scale: float) -> CommonView:
     """The view of a rectified rig whose pictures are enlarged."""
-    first = rig.cameras[0]
-    width, height = round(first.width_px * scale), round(first.height_px * scale)
+    ideal = resized(rig, scale)
+    first = ideal.cameras[0]
+    K = first.intrinsics
+    x, y = (np.arange(first.width_px) - K[0, 2]) / K[0, 0], (np.arange(first.height_px) - K[1, 2]) / K[1, 1]
+    return CommonView(ideal, np.eye(3), K[0, 0], x, y, first.width_px * first.height_px, scale)
+
+
+def resized(rig: Rig, scale: float) -> Rig:
+    """The rig whose cameras have `scale` times the pixels across and down, rounded."""
+    return Rig(rig.lidar, tuple(_resized(camera, scale) for camera in rig.cameras))
+
+
+def _resized(camera: Camera, scale: float) -> Camera:
+    width, height = round(camera.width_px * scale), round(camera.height_px * scale)
     # The outer edges of both pictures coincide: pixel 0 is centred half a pixel from them.
-    across, down = width / first.width_px, height / first.height_px
+    across, down = width / camera.width_px, height / camera.height_px
     pixels = np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1]])
-    cameras = tuple(
-        replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
-        for camera in rig.cameras
-    )
-    K = cameras[0].intrinsics
-    x, y = (np.arange(width) - K[0, 2]) / K[0, 0], (np.arange(height) - K[1, 2]) / K[1, 1]
-    return CommonView(Rig(rig.lidar, cameras), np.eye(3), K[0, 0], x, y, width * height, scale)
+    return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
 
 
 def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> CommonView:

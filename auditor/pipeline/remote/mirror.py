@@ -31,6 +31,7 @@ from auditor.pipeline.remote.snapshots import (
     object_at,
     read_snapshot,
     replace_snapshot,
+    under,
 )
 from auditor.recordings.location import StoredObject
 from auditor.store import RecordingRecord, Store
@@ -38,7 +39,7 @@ from auditor.store.files import is_part, make_folder, write_whole
 from auditor.store.log import LOG, hash_file, logged
 from auditor.store.log.chains import log_lock
 from auditor.store.maintenance.relations import relate
-from auditor.store.mirrored import foreign_chains, note_foreign
+from auditor.store.mirrored import foreign_chains, is_mirror, note_foreign
 from auditor.store.rows import stored_recording
 from auditor.store.tables import read_rows
 
@@ -71,7 +72,7 @@ class Mirror:
         self._hashed = _read_hashed(self._slot)
         self._put_back_at = time.monotonic()
         self._outgrown: list[tuple[str, File]] = []
-        if not (self._slot / "foreign.json").exists():
+        if not is_mirror(self.folder):
             note_foreign(self.folder, ())
 
     def refresh(self) -> None:
@@ -165,8 +166,7 @@ class Mirror:
             if not (coming / file[1]).exists() and not self._is_there(place, file)
         }
         with ThreadPoolExecutor(_AT_ONCE) as pool:
-            for _ in pool.map(lambda one: self._copy(coming / one[1][1], *one), missing.values()):
-                pass
+            list(pool.map(lambda one: self._copy(coming / one[1][1], *one), missing.values()))
 
     def _is_there(self, place: str, file: File) -> bool:
         path = self.folder / place
@@ -254,8 +254,7 @@ class Mirror:
         """Put the files back, then the snapshot that names them; False where somebody else was faster."""
         new = {place: file for place, file in whole.items() if theirs.files.get(place) != file}
         with ThreadPoolExecutor(_AT_ONCE) as pool:
-            for _ in pool.map(self._put, new.items()):
-                pass
+            list(pool.map(self._put, new.items()))
         if not replace_snapshot(self.address, theirs, whole):
             return False
         self._base = whole
@@ -278,7 +277,7 @@ class Mirror:
         file = self._slot / _GOING / one[0]
         put_object(object_at(self.address, *one), file)
         if one[0].startswith("reports/"):  # pages name each other, and are looked at there
-            put_object(Address(self.address.root, f"{self.address.key.strip('/')}/{one[0]}".lstrip("/")), file)
+            put_object(under(self.address, one[0]), file)
 
     def _set_aside(self, place: str) -> StoreError:
         """Begin a new mirror; what was written in this one stays where a person finds it."""

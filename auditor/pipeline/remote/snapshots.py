@@ -74,17 +74,16 @@ def replace_snapshot(address: Address, before: Snapshot, files: Files) -> bool:
 def object_at(address: Address, place: str, file: File) -> Address:
     """Where the file of a place lies with this content."""
     path = PurePosixPath(place)
-    return Address(
-        address.root, _under(address, str(path.with_name(f"{path.stem}.{file[1][:_SHA_SHOWN]}{path.suffix}")))
-    )
+    return under(address, str(path.with_name(f"{path.stem}.{file[1][:_SHA_SHOWN]}{path.suffix}")))
+
+
+def under(address: Address, name: str) -> Address:
+    """Where a name lies in the store at an address."""
+    return Address(address.root, f"{address.key.strip('/')}/{name}".lstrip("/"))
 
 
 def _place(address: Address) -> Address:
-    return Address(address.root, _under(address, SNAPSHOT))
-
-
-def _under(address: Address, name: str) -> str:
-    return f"{address.key.strip('/')}/{name}".lstrip("/")
+    return under(address, SNAPSHOT)
 
 
 @dataclass(frozen=True)
