@@ -21,7 +21,7 @@ from auditor.identification.prior import effective_size, log_odds, prior_of_chec
 from auditor.identification.statistics import stretch_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
-from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
 
 
@@ -116,10 +116,8 @@ def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> Group 
 
 
 def _spread_of(check: SensorCheck) -> float:
-    """The deviation of a camera's level beside that of its group; in small ones one camera is often of another kind."""
-    if check.check not in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT):
-        return DRIVE_LEVEL.others
-    return DRIVE_LEVEL.light if len(check.others) > FEWEST_VOTERS else DRIVE_LEVEL.light_of_two
+    """The deviation of a camera's level beside that of its group."""
+    return DRIVE_LEVEL.light if check.check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT) else DRIVE_LEVEL.others
 
 
 @cache

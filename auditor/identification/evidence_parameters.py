@@ -14,7 +14,7 @@ _IN_TURN = "attacks on three sensors in turn on drive 0009: the innocent are nam
 _NAMED_IN_VAIN = "lasting and brief attacks on three real drives, named and in no incident (docs/method.md)"
 _WINDOWS = "streets 9800 to 9859 of four seconds and lasting attacks on three real drives (docs/decisions.md)"
 _BESIDE = "clean real drives and streets 9800 to 9859: levels of cameras of one group (docs/decisions.md)"
-_OF_WINDOW = "share of the deviation within drives, and tail"
+_REAL_ATTACKS = "lasting attacks on three real drives, alone and in batches; guard: 56 streets (docs/ablations.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
@@ -68,8 +68,7 @@ class Incidents:
 class DriveLevel:
     """How far the level of the drive that is judged is believed."""
 
-    light: float = parameter(0.4, unit="deviation of a camera's level beside its group's", source=_BESIDE)
-    light_of_two: float = parameter(0.8, unit="the same of groups of three cameras and fewer", source=_BESIDE)
+    light: float = parameter(0.37, unit="deviation of a camera's level beside its group's", source=_REAL_ATTACKS)
     others: float = parameter(0.3, unit="the same of other checks of cameras", source=_BESIDE)
     farthest: float = parameter(
         2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
@@ -89,12 +88,8 @@ class Stretches:
 
     seconds: float = parameter(1.2, unit="s of a window", source=_WINDOWS)
     fewest_frames: int = parameter(9, unit="frames of a window, however slow the camera", source=BY_HAND)
-    conflict: tuple[float, float] = parameter((0.8, 0.67), unit=_OF_WINDOW, source=_WINDOWS)
-    light: tuple[float, float] = parameter((0.6, 1.15), unit=_OF_WINDOW, source=_WINDOWS)
-    darkness_of_two: tuple[float, float] = parameter((0.6, 1.25), unit=_OF_WINDOW, source=_WINDOWS)
-    inconsistency: tuple[float, float] = parameter((0.5, 1.1), unit=_OF_WINDOW, source=_WINDOWS)
-    point_dropout: tuple[float, float] = parameter((0.8, 1.0), unit=_OF_WINDOW, source=_WINDOWS)
-    others: tuple[float, float] = parameter((0.6, 1.1), unit=_OF_WINDOW, source=_WINDOWS)
+    within: float = parameter(0.6, unit="of a frame's deviation within drives", source=_WINDOWS)
+    tail: float = parameter(1.15, unit="times the deviation of a median", source=_WINDOWS)
 
 
 @dataclass(frozen=True)
@@ -151,10 +146,6 @@ class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
     start: float = parameter(0.78, unit="logarithm of the ratio where nothing is known", source=_LENSES)
-    added_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), unit="z", source=BY_HAND)
-    of_added: tuple[float, ...] = parameter(
-        (1.76, 1.34, 0.9, 0.53, 0.26, -0.08, -0.41, -0.39, -0.18), unit=_OF_RATIO, source=_LENSES
-    )
     changed_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), unit="z", source=BY_HAND)
     of_removed: tuple[float, ...] = parameter(
         (2.69, 1.7, 0.61, -0.19, -0.74, -1.08, -1.3, -1.51), unit=_OF_RATIO, source=_LENSES
@@ -182,34 +173,8 @@ class ThrownLight:
     )
 
 
-@dataclass(frozen=True)
-class UncolouredLight(ThrownLight):
-    """The same of a camera in which light of one colour cannot be told: there a laser leaves weak and even light."""
-
-    start: float = parameter(2.09, unit="logarithm of the ratio where nothing is known", source=_LENSES)
-    of_added: tuple[float, ...] = parameter(
-        (-0.13, -0.31, -0.49, -0.61, -0.63, -0.47, -0.13, 0.35, 0.84), unit=_OF_RATIO, source=_LENSES
-    )
-    of_removed: tuple[float, ...] = parameter(
-        (1.32, 0.89, 0.41, -0.06, -0.37, -0.52, -0.59, -0.64), unit=_OF_RATIO, source=_LENSES
-    )
-    of_inconsistent: tuple[float, ...] = parameter(
-        (-0.65, -0.76, -0.85, -0.83, -0.67, -0.34, 0.16, 0.74), unit=_OF_RATIO, source=_LENSES
-    )
-    of_darker: tuple[float, ...] = parameter(
-        (0.45, 0.33, 0.19, 0.05, -0.1, -0.31, -0.63, -1.02), unit=_OF_RATIO, source=_LENSES
-    )
-    of_lit: tuple[float, ...] = parameter(
-        (0.04, -0.15, -0.32, -0.41, -0.38, -0.13, 0.29), unit=_OF_RATIO, source=_LENSES
-    )
-    of_saturated: tuple[float, ...] = parameter(
-        (-1.69, -1.64, -1.58, -1.51, -1.35, -1.04, -0.52, 0.18, 1.0), unit=_OF_RATIO, source=_LENSES
-    )
-
-
 LIKELIHOOD = Likelihood()
 THROWN_LIGHT = ThrownLight()
-UNCOLOURED_LIGHT = UncolouredLight()
 INCIDENTS = Incidents()
 DRIVE_LEVEL = DriveLevel()
 STRETCHES = Stretches()

@@ -36,15 +36,16 @@ _OF_CAMERAS = {
         CHECK_PRIORS.inconsistency_of_two,
         CHECK_PRIORS.inconsistency,
     ),
-    Check.STRIPED_LIGHT: (CHECK_PRIORS.striped_light_of_one, CHECK_PRIORS.striped_light, CHECK_PRIORS.striped_light),
 }
 """By check the priors of one voter, of two, and of more."""
 
 _OF_ANY = {
+    Check.LIDAR_CONFLICT: CHECK_PRIORS.conflict,
     Check.LOST_RETURNS: CHECK_PRIORS.lost_returns,
     Check.POINT_DROPOUT: CHECK_PRIORS.point_dropout,
     Check.ISOLATED_POINTS: CHECK_PRIORS.isolated_points,
     Check.COLOURED_LIGHT: CHECK_PRIORS.coloured_light,
+    Check.STRIPED_LIGHT: CHECK_PRIORS.striped_light,
     Check.FALSE_RANGES: CHECK_PRIORS.false_ranges,
     Check.ROUGH_RANGES: CHECK_PRIORS.rough_ranges,
     Check.PARALLAX_CONFLICT: CHECK_PRIORS.parallax_conflict,
@@ -96,8 +97,6 @@ class Drives:
 def prior_of_check(check: SensorCheck) -> Prior:
     """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
     others = len(check.others)
-    if check.check is Check.LIDAR_CONFLICT:
-        return Prior(*(CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict))
     if check.check in _OF_ANY:
         return Prior(*_OF_ANY[check.check])
     alone, two, more = _OF_CAMERAS[check.check]

@@ -4,21 +4,18 @@ Of the real drives (AUDITOR_TEST_DATA), or of streets, some frames are measured 
 and under faults of its lens. What is in the folder is not measured again, and all of it is judged, each drive by
 thresholds of other families:
 
-    python -m tests.benchmarks.thrown_light --into FOLDER [--streets 14 --first 5000] [--lights FOLDER...]
+    python -m tests.benchmarks.thrown_light --into FOLDER [--streets 14 --first 5000]
 
 The frames that are findings, and that neither light of one colour nor light over a whole image explains, are fitted by
 logistic regression: curves that are linear between knots and smooth, every kind as heavy as the others of its side, the
-paper's faculas three times. So are the cameras in which light of one colour cannot be told, with four cameras and with
-three, the paper's faculas ten times; `--lights` are folders of `attack_kinds` and `clean_statistics` with more of them.
-Printed are the curves, and for some starts how many frames are on the wrong side, each family left out of its fit.
+paper's faculas three times. Printed are the curves, and for some starts how many frames are on the wrong side, each
+family left out of its fit.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
-from math import isnan
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -43,16 +40,15 @@ from tests.benchmarks.clean_statistics import MATCHER, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.lasting_faults import on, patterns
 from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
-from tests.benchmarks.scenes import Scene, load
+from tests.benchmarks.scenes import Scene
 
 R = Decimal("0.01")
 LENS = "lens: "
 OF_LENS = ("mud", "water", "drops", "glare")
 PAPER = ("facula", "paper's facula", *(f"facula, {strength}" for strength in STRENGTHS), "infrared")
-ALL, THREE = (1, 2, 3, 4), (1, 2, 3)
+ALL = (1, 2, 3, 4)
 STARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 KNOTS = (
-    THROWN_LIGHT.added_at,
     THROWN_LIGHT.changed_at,
     THROWN_LIGHT.changed_at,
     THROWN_LIGHT.darker_at,
@@ -129,7 +125,6 @@ def weights_of_knots(found: Sequence[Shown]) -> Floats:
     columns: tuple[Floats, ...] = tuple(
         np.nan_to_num(np.array(values, dtype=np.float64))
         for values in (
-            [one.added for one in rows],
             [one.removed for one in rows],
             [one.inconsistent for one in rows],
             np.log([one.darker for one in rows]),
@@ -196,16 +191,8 @@ def print_fit(found: Sequence[Shown], heavy: float, smooth: float) -> None:
 
 
 def main() -> None:
-    parser = options_of(__doc__, frames=8, attacked=2)
-    parser.add_argument("--lights", type=Path, nargs="*", default=[], help="folders with more cameras under lights")
-    options = parser.parse_args()
-    scenes = scenes_of(options, measured)
-    print("all cameras")
+    scenes = scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)
     print_fit(list(shown(scenes, ALL)), 3.0, 0.01)
-    folders = [scenes, *map(load, options.lights)]
-    found = (one for those in folders for cameras in (ALL, THREE) for one in shown(those, cameras))
-    print("cameras in which light of one colour cannot be told")
-    print_fit([one for one in found if isnan(one.seen.coloured)], 10.0, 0.03)
 
 
 if __name__ == "__main__":

@@ -377,13 +377,6 @@ def test_what_is_not_known_of_light_says_nothing():
     assert outshone.chance_of_lens < without.chance_of_lens < DROP.chance_of_lens
 
 
-def test_even_light_is_glare_where_colours_were_compared_and_may_be_a_laser_where_not():
-    wide = GLARE._replace(added=6.2, lit_px=10000.0, saturated_px=20.0)
-    assert wide.chance_of_lens > 0.5 > wide._replace(coloured=NAN).chance_of_lens
-    grey_dirt, grey_drop = DIRT._replace(coloured=NAN), DROP._replace(coloured=NAN)
-    assert [one.cause for one in of_lens({1: grey_dirt, 2: grey_drop})] == [Cause.SOILED, Cause.SOILED]
-
-
 def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():
     assert weigh(verdict(lead=9.0), (), LIMIT, {2: DIRT}) == verdict(lead=9.0)
     weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: DROP})
@@ -415,12 +408,6 @@ def test_a_white_balance_explains_one_colour_where_no_light_was_added():
         assert weigh(verdict(check="coloured_light"), balance, LIMIT, {1: laser}).kind is VerdictKind.ATTACKED
 
 
-def test_dirt_that_removes_more_light_than_it_adds_may_take_away_colours():
-    assert of_lens({1: DIRT._replace(coloured=4.0, darker=1.5)})
-    assert not of_lens({1: DIRT._replace(coloured=4.0, darker=1.49)})
-    assert not of_lens({1: Seen(5.0, 0.0, 3.0, darker=NAN, coloured=4.0)}), "which of them is more is not known"
-
-
 def test_what_stays_on_a_camera_is_likelier_of_its_lens_and_what_comes_and_goes_is_not():
     lone = DROP.chance_of_lens
     flash = DROP._replace(shown_s=0.0, gone=1.0).chance_of_lens
@@ -437,12 +424,6 @@ def test_what_stays_on_a_camera_is_likelier_of_its_lens_and_what_comes_and_goes_
 def _added_to_ratio(shown_s: float = 0.0, gone: float = 0.0) -> float:
     alone, nearby = (one.chance_of_lens for one in (DROP, DROP._replace(shown_s=shown_s, gone=gone)))
     return float(np.log(1 / nearby - 1) - np.log(1 / alone - 1))
-
-
-def test_the_longer_light_of_one_colour_stays_the_more_of_it_has_to_be_seen():
-    ghost = DROP._replace(coloured=3.39, shown_s=3.0, gone=0.0)
-    assert of_lens({1: ghost})
-    assert not of_lens({1: ghost._replace(coloured=3.4)})
 
 
 def test_how_long_a_check_shows_as_much_as_in_a_frame_is_counted_among_the_frames_nearby():

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.evidence_parameters import THROWN_LIGHT, UNCOLOURED_LIGHT
+from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
@@ -72,13 +72,8 @@ class Seen(NamedTuple):
 
     @property
     def one_colour(self) -> bool:
-        """Whether light of one colour was added: no dirt or exposure does.
-
-        Dirt that takes colours away removes more light than it adds. A ghost of the sun has a weak colour and stays.
-        """
-        of = LIGHT_OF_CAUSES
-        stays = 0.0 if isnan(self.shown_s) else of.coloured_a_second * self.shown_s
-        return self.coloured >= of.least_coloured + stays and not self.darker >= of.takes_colours
+        """Whether light of one colour was added: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_coloured
 
     @property
     def in_rows(self) -> bool:
@@ -96,24 +91,14 @@ class Seen(NamedTuple):
         return self.inconsistent < LIGHT_OF_CAUSES.unchanged
 
     @property
-    def without_light(self) -> bool:
-        """Whether hardly any light was added or saturates, and the camera still sees most of what the others see."""
-        saturates = self.saturated_px >= LIGHT_OF_CAUSES.hardly_saturated
-        little = self.added < LIGHT_OF_CAUSES.hardly_added and not saturates
-        return little and self.inconsistent < LIGHT_OF_CAUSES.blind
-
-    @property
     def chance_of_lens(self) -> float:
         """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
 
-        What is not known says nothing; but where light of one colour cannot be told, weak and even light may be what
-        a laser leaves of it, and other curves hold. A lens's fault stays for minutes, thrown light seldom so long, and
-        what is there for one frame is on no lens. Where there is hardly any light, dirt is likely enough: the curves
-        compare it with thrown light, which there is none of, and clean cameras disagree beside the sky and leaves.
+        What is not known says nothing. A lens's fault stays for minutes, thrown light seldom so long, and what is
+        there for one frame is on no lens.
         """
-        of = UNCOLOURED_LIGHT if isnan(self.coloured) else THROWN_LIGHT
+        of = THROWN_LIGHT
         curves = (
-            (self.added, of.added_at, of.of_added),
             (self.removed, of.changed_at, of.of_removed),
             (self.inconsistent, of.changed_at, of.of_inconsistent),
             (float(np.log(self.darker)), of.darker_at, of.of_darker),
@@ -123,8 +108,7 @@ class Seen(NamedTuple):
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
             ratio += self._of_time
-        chance = 1 / (1 + exp(ratio))
-        return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
+        return 1 / (1 + exp(ratio))
 
     @property
     def _of_time(self) -> float:

@@ -20,7 +20,7 @@ from auditor.identification.prior import joint_limit, prior_of_check
 from auditor.identification.statistics import NANOSECONDS, measured_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import Expected, RobustThresholds
-from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.checks import SensorCheck
 from auditor.model.verdict import Verdict, VerdictKind
 
 _AT_ONCE = 512
@@ -121,21 +121,9 @@ def of_stretch(check: SensorCheck, usual: Expected) -> Expected:
 
     The deviation between drives is that of frames; the one within drives is a share of theirs, and the tail is its own.
     """
-    prior, (within, tail) = prior_of_check(check), _shape_of(check)
     between = max(usual.deviation**2 - usual.within**2, 0.0)
-    return replace(usual, deviation=tail * sqrt(between + (within * usual.within) ** 2) / prior.tail)
-
-
-def _shape_of(check: SensorCheck) -> tuple[float, float]:
-    """The share of a frame's deviation within drives, and the tail, of a check's stretches."""
-    small = len(check.others) <= FEWEST_VOTERS
-    return {
-        Check.LIDAR_CONFLICT: STRETCHES.conflict,
-        Check.ADDED_LIGHT: STRETCHES.light,
-        Check.REMOVED_LIGHT: STRETCHES.darkness_of_two if small else STRETCHES.light,
-        Check.PHOTOMETRIC_INCONSISTENCY: STRETCHES.inconsistency,
-        Check.POINT_DROPOUT: STRETCHES.point_dropout,
-    }.get(check.check, STRETCHES.others)
+    deviation = sqrt(between + (STRETCHES.within * usual.within) ** 2)
+    return replace(usual, deviation=STRETCHES.tail * deviation / prior_of_check(check).tail)
 
 
 def lasting_events(
