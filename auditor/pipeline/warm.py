@@ -7,8 +7,9 @@ would fail for all recordings at once.
 import auditor.pipeline.measure  # noqa: F401 - with all that it imports
 from auditor.recordings.decoding.standard_types import known_types
 from auditor.resources import plug_ins
-from auditor.store import table_of
+from auditor.store import leave_pandas_out, table_of
 
 known_types()
 plug_ins()
-table_of([{"frame": 0}])  # Arrow imports pandas where it is installed, which takes longer than to measure a frame
+leave_pandas_out()
+table_of([{"frame": 0}])

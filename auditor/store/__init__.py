@@ -31,6 +31,7 @@ from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
 from auditor.store.views.script import views_script
+from auditor.store.without_pandas import leave_pandas_out
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
@@ -54,6 +55,7 @@ __all__ = [
     "StoredMeasurement",
     "content_of",
     "describe",
+    "leave_pandas_out",
     "list_queries",
     "list_views",
     "make_calibration",
