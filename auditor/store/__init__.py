@@ -11,7 +11,7 @@ from auditor.store.calibrations import (
     writing_calibration,
 )
 from auditor.store.connection import Connection, plain_connection
-from auditor.store.export import rows_of, table_of
+from auditor.store.export import leave_pandas_out, rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import Description, describe, list_queries, list_views, query, run_query, run_sql, run_sqls
@@ -31,7 +31,6 @@ from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
 from auditor.store.views.script import views_script
-from auditor.store.without_pandas import leave_pandas_out
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature

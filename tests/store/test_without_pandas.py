@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from auditor.store import without_pandas
+from auditor.store import export
 
 BEGINNING = "import sys; import pyarrow as pa; from auditor.store import leave_pandas_out; leave_pandas_out()"
 
@@ -27,6 +27,6 @@ def test_where_pandas_is_imported_already_arrow_makes_data_frames():
 def test_where_a_plug_in_is_installed_pandas_stays(monkeypatch: pytest.MonkeyPatch):
     modules = {name: module for name, module in sys.modules.items() if name.split(".")[0] != "pandas"}
     monkeypatch.setattr(sys, "modules", modules)
-    monkeypatch.setattr(without_pandas, "plug_ins", lambda: {"a-reader": "1.0"})
-    monkeypatch.setattr(without_pandas.pa, "array", lambda _: pytest.fail("Arrow looked for pandas"))
-    without_pandas.leave_pandas_out()
+    monkeypatch.setattr(export, "plug_ins", lambda: {"a-reader": "1.0"})
+    monkeypatch.setattr(export.pa, "array", lambda _: pytest.fail("Arrow looked for pandas"))
+    export.leave_pandas_out()
