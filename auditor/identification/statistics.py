@@ -156,12 +156,15 @@ def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float
     their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, and
     for lost returns, it is the smallest.
     """
+    if len(voters.means) == 1:  # whatever is made of one voter's means is what it says
+        return _largest(voters.means[0], voters.known[0])
+    enough = _enough(voters, alike)
     if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
-        return _largest(_mean(voters), voters, alike)
+        return _largest(_mean(voters), enough)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:
         smallest = np.sqrt(np.maximum(_mean(voters), 0) * np.maximum(smallest, 0))
-    return _largest(smallest, voters, alike)
+    return _largest(smallest, enough)
 
 
 def _mean(voters: WindowMeans) -> Floats:
@@ -170,11 +173,14 @@ def _mean(voters: WindowMeans) -> Floats:
     return np.asarray(total / np.maximum(_count(voters), 1))
 
 
-def _largest(said: NDArray[np.floating], voters: WindowMeans, alike: Flags | None) -> float | None:
-    """The largest of (rows, columns) where two voters, or the only one, compared a window; 0 at least."""
-    enough = _count(voters) >= min(FEWEST_VOTERS, len(voters.means))
-    if alike is not None and alike.any():
-        enough &= voters.known[alike].any(axis=0)
+def _enough(voters: WindowMeans, alike: Flags | None) -> Mask:
+    """(rows, columns) the windows that two voters compared, and of those alike one at least, where there are any."""
+    enough = _count(voters) >= FEWEST_VOTERS
+    return enough & voters.known[alike].any(axis=0) if alike is not None and alike.any() else enough
+
+
+def _largest(said: NDArray[np.floating], enough: Mask) -> float | None:
+    """The largest of (rows, columns) where enough voters compared a window; 0 at least."""
     return max(float(said[enough].max()), 0.0) if enough.any() else None
 
 

@@ -7,6 +7,7 @@ Only the server may do that, so a process keeps its number until whoever started
 
 import atexit
 import ctypes
+import gc
 import os
 import signal
 import socket
@@ -144,8 +145,11 @@ def main() -> int:
     """Serve, in the server's process; each forked process returns from here, too."""
     _, number, *preloaded = sys.argv
     requests = socket.socket(fileno=int(number))
+    gc.disable()  # what is imported stays: to look through it again and again takes a seventh of importing it
     for module in preloaded:
         import_module(module)
+    gc.freeze()  # nor do the forked processes look through it
+    gc.enable()
     while True:
         request, descriptors, *_ = socket.recv_fds(requests, 1, 2)
         if not request:  # the process that asks has ended

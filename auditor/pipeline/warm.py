@@ -4,11 +4,16 @@ Threads do not survive a fork, so nothing here may start any; and no code of oth
 would fail for all recordings at once.
 """
 
+import pwd  # noqa: F401 - the standard library and NumPy import these two when they are first needed
+
+import numpy.ma  # noqa: F401
+
 import auditor.pipeline.measure  # noqa: F401 - with all that it imports
 from auditor.recordings.decoding.standard_types import known_types
 from auditor.resources import plug_ins
-from auditor.store import table_of
+from auditor.store import leave_pandas_out, table_of
 
 known_types()
 plug_ins()
-table_of([{"frame": 0}])  # Arrow imports pandas where it is installed, which takes longer than to measure a frame
+leave_pandas_out()
+table_of([{"frame": 0}])

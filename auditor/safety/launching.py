@@ -23,9 +23,12 @@ _PREFIXES = ("AUDITOR_", "LC_", "XDG_", "CUDA_", "NVIDIA_", "OMP_", "OPENBLAS_",
 
 _SEARCHED = ("PATH", "LD_LIBRARY_PATH")
 
+_HEAP = {"MALLOC_MMAP_THRESHOLD_": str(16 << 20), "MALLOC_TRIM_THRESHOLD_": str(64 << 20)}
+"""glibc keeps what arrays leave, for the next frame's: else the system clears 2,000 pages a frame anew."""
+
 
 def environment() -> dict[str, str]:
-    """The variables that a child process gets.
+    """The variables that a child process gets; those of the heap are the user's where they are set.
 
     Lists of folders keep absolute folders only: an empty entry stands for the working folder.
     """
@@ -34,7 +37,7 @@ def environment() -> dict[str, str]:
         folders = [folder for folder in os.environ.get(name, "").split(os.pathsep) if Path(folder).is_absolute()]
         if folders:
             handed_on[name] = os.pathsep.join(folders)
-    return handed_on
+    return _HEAP | handed_on
 
 
 def import_path() -> list[str]:

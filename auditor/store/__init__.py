@@ -11,7 +11,7 @@ from auditor.store.calibrations import (
     writing_calibration,
 )
 from auditor.store.connection import Connection, plain_connection
-from auditor.store.export import rows_of, table_of
+from auditor.store.export import leave_pandas_out, rows_of, table_of
 from auditor.store.measurement_tables import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import Description, describe, list_queries, list_views, query, run_query, run_sql, run_sqls
@@ -54,6 +54,7 @@ __all__ = [
     "StoredMeasurement",
     "content_of",
     "describe",
+    "leave_pandas_out",
     "list_queries",
     "list_views",
     "make_calibration",

@@ -168,6 +168,7 @@ def test_a_child_gets_few_variables_and_no_relative_folder(monkeypatch: pytest.M
         "OMP_NUM_THREADS": "1",
         "LD_LIBRARY_PATH": ":",
         "LD_PRELOAD": "planted.so",
+        "MALLOC_TRIM_THRESHOLD_": "1000",
         "PATH": os.pathsep.join(["/usr/bin", "", ".", "bin"]),
         "PYTHONPATH": "planted",
         "PYTHONINSPECT": "1",
@@ -180,6 +181,8 @@ def test_a_child_gets_few_variables_and_no_relative_folder(monkeypatch: pytest.M
     assert environment() == {
         "AUDITOR_STORE": "kept",
         "HOME": "/home/somebody",
+        "MALLOC_MMAP_THRESHOLD_": "16777216",
+        "MALLOC_TRIM_THRESHOLD_": "1000",
         "OMP_NUM_THREADS": "1",
         "PATH": "/usr/bin",
     }

@@ -1,3 +1,4 @@
+import gc
 import os
 import signal
 import subprocess
@@ -245,3 +246,15 @@ def test_a_process_imports_hardly_anything_for_its_recording(tmp_path: Path) -> 
     assert outcome.result is not None
     assert {name.partition(".")[0] for name in outcome.result} <= {"rosbags"}
     assert len(outcome.result) < 5
+
+
+def collector(*_: object) -> tuple[bool, int]:
+    return gc.isenabled(), gc.get_freeze_count()
+
+
+def test_what_was_imported_is_no_garbage_to_be_looked_for() -> None:
+    [outcome] = run_all(collector, ["any"], 1, lambda *_: None, lambda _: Limits())
+    assert outcome.result is not None
+    enabled, frozen = outcome.result
+    assert enabled
+    assert frozen > 0
