@@ -45,7 +45,15 @@ class ParallaxConflict:
     halved_from_px: float = parameter(
         64.0,
         unit="px of parallax beyond which points are compared at half resolution, beyond twice as many at a quarter",
-        source="fences beside the way, rendered rings: docs/decisions.md",
+        source="cameras that look aside, rendered rings: docs/decisions.md",
+    )
+    halved_consistent: float = parameter(
+        0.9, unit="`consistent` in halved pictures", source="as halved_from_px: 0.85, 0.9 and 0.93 tried"
+    )
+    halved_clearly_less: float = parameter(
+        0.35,
+        unit="NCC as `clearly_less`, in halved pictures",
+        source="as halved_from_px: 16 and 4 of 461 frames raised",
     )
     most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
     nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)

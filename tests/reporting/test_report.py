@@ -221,6 +221,7 @@ def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(told
         "data:image/jpeg",
         "data:image/png",
         "data:image/jpeg",
+        "data:image/svg+xml",
     ]
     assert images[0]["alt"] == "Picture of camera S_3 in frame 17"
 

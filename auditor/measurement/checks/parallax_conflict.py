@@ -39,6 +39,17 @@ _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
+class _Least(NamedTuple):
+    """The NCC above which a point is found elsewhere, and by how much it has to be above that at its range."""
+
+    consistent: float
+    above: float
+
+
+_WHOLE = _Least(PARALLAX_CONFLICT.consistent, PARALLAX_CONFLICT.clearly_less)
+_COARSER = _Least(PARALLAX_CONFLICT.halved_consistent, PARALLAX_CONFLICT.halved_clearly_less)
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """What one frame holds for the next: a camera's grey image (H, W), and the LiDAR's view of that camera."""
@@ -197,7 +208,7 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
     for times in np.unique(sought.halvings).tolist():
         some = np.flatnonzero(sought.halvings == times)
         agrees, elsewhere, there = _compared_at(
-            now.halved(times), before.halved(times), sought.chosen(some).halved(times)
+            now.halved(times), before.halved(times), sought.chosen(some).halved(times), _COARSER if times else _WHOLE
         )
         agree.append(some[agrees])
         found.append(some[elsewhere])
@@ -206,7 +217,7 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
     return np.concatenate([none, *agree]), np.concatenate([none, *found]), np.concatenate([np.zeros((0, 2)), *place])
 
 
-def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
+def _compared_at(now: Image, before: Image, sought: _Sought, least: "_Least") -> tuple[Indices, Indices, Floats]:
     """As `_compared`, in two pictures (H, W)."""
     patches, norms = _patches(now, sought.pixel)
     beside = {o: _ncc(patches, norms, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
@@ -219,7 +230,7 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     found_best, found_at = _best_elsewhere(patches[these], norms[these], before, sought.chosen(these), known)
     best, offset = np.empty_like(found_best), np.empty_like(found_at)
     best[order], offset[order] = found_best, found_at
-    elsewhere = best > np.maximum(PARALLAX_CONFLICT.consistent, at_range[doubtful] + PARALLAX_CONFLICT.clearly_less)
+    elsewhere = best > np.maximum(least.consistent, at_range[doubtful] + least.above)
     agrees = at_range > PARALLAX_CONFLICT.agreeing
     agrees[doubtful[elsewhere]] = False
     found = doubtful[elsewhere]
