@@ -17,6 +17,7 @@ from auditor.recordings.rigs.cameras import View, find_views, sensor_name
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.lidar_choice import best_lidar
 from auditor.recordings.rigs.ordering import (
     AT_ONE_PLACE,
     MAX_SQUINT,
@@ -329,16 +330,19 @@ def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
 
 
 def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:
-    """The LiDAR with the most points among those that tf connects with the cameras."""
+    """The LiDAR that covers most of what the cameras see, among those that tf connects with them."""
+    connected: list[tuple[CloudTopic, Matrix]] = []
     for cloud in sorted(clouds, key=lambda cloud: -cloud.points):
         anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
         if anchor_SE3_lidar is not None:
-            ahead = np.sum([rotation[2] for rotation in placed.rotations], axis=0)
-            return _lidar_of(cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar, ahead)
-        reasons.append(
-            f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
-        )
-    return None
+            connected.append((cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar))
+        elif not connected:
+            reasons.append(
+                f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame "
+                f"{placed.anchor!r}"
+            )
+    best = best_lidar(placed, connected)
+    return _lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
 
 
 def _lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:
