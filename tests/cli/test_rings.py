@@ -53,8 +53,8 @@ def verdicts(path: Path, store: Path) -> tuple[int, dict[str, list[str]]]:
     code = run(["scan", str(path), "--store", str(store)])
     rows = ask(
         store,
-        "SELECT name, frame, kind, attacked FROM verdicts JOIN (SELECT DISTINCT measurement_id, name FROM sensors "
-        "WHERE sensor = 1) USING (measurement_id) ORDER BY frame",
+        "SELECT s.name, frame, kind, attacked FROM verdicts JOIN (SELECT DISTINCT measurement_id, name FROM sensors "
+        "WHERE sensor = 1) s USING (measurement_id) ORDER BY frame",
     )
     assert {tuple(row["attacked"] or ()) for row in rows} <= {(), (0,)}
     kinds: dict[str, list[str]] = {}
