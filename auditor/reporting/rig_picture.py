@@ -43,7 +43,7 @@ text { font: 13px system-ui, -apple-system, "Segoe UI", "Noto Sans", "Liberation
 
 
 def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str:
-    """An SVG image of all rigs of a recording, from above, ahead being up. All text is escaped."""
+    """An SVG image of all rigs of a recording, from above. Ahead is up, where that is known. All text is escaped."""
     plan = planned(rigs, unused)
     everything = (*plan.cameras, *plan.lidars, *plan.unused)
     far_m = max((math.hypot(one.ahead_m, one.left_m) for one in everything), default=0.0)
@@ -53,11 +53,11 @@ def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str
         (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" '
             f'height="{_HEIGHT}" role="img">',
-            f"<title>{summary}; ahead is up, and views are darker where more sensors are compared</title>",
+            f"<title>{summary}{', ahead is up' if plan.headed else ''}; views stand out where more are compared</title>",
             f"<style>{_STYLE}</style>",
             '<defs><pattern id="none" width="7" height="7" patternUnits="userSpaceOnUse" '
             'patternTransform="rotate(45)"><path class="hatch" d="M0 0V7"/></pattern></defs>',
-            *_car(everything, scale),
+            *_car(everything, scale, headed=plan.headed),
             *_reach(plan),
             *_views_of(plan, scale),
             *(_dot(one, scale, "lidar", 6) for one in plan.lidars),
@@ -88,13 +88,15 @@ def _rim(one: Seen, deg: float, scale: float) -> tuple[float, float]:
     return x + far * dx, y + far * dy
 
 
-def _car(everything: Sequence[Seen], scale: float) -> Iterator[str]:
+def _car(everything: Sequence[Seen], scale: float, *, headed: bool) -> Iterator[str]:
     length_m = max(_CAR_M[0], 1.2 + max((2 * abs(one.ahead_m) for one in everything), default=0.0))
     width_m = max(_CAR_M[1], 0.3 + max((2 * abs(one.left_m) for one in everything), default=0.0))
     width, length = width_m * scale, length_m * scale
     x, y = _MIDDLE[0] - width / 2, _MIDDLE[1] - length / 2
     round_px = width * 0.28
     yield f'<rect class="car" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{length:.1f}" rx="{round_px:.1f}"/>'
+    if not headed:
+        return
     yield (
         f'<path class="lead" d="M{x + width * 0.16:.1f} {y + length * 0.27:.1f}Q{_MIDDLE[0]:.1f} '
         f'{y + length * 0.2:.1f} {x + width * 0.84:.1f} {y + length * 0.27:.1f}"/>'
@@ -161,12 +163,13 @@ def _legend(plan: Plan) -> Iterator[str]:
     }
     x = 28.0
     for count in sorted(counts):
+        word = words[count] if count != min(counts) or not count else f"compared {words[count]}"
         yield (
             f'<rect class="by{count}" x="{x:g}" y="{_LEGEND_Y}" width="22" height="13" rx="2" '
             'stroke="var(--rule)" stroke-width="0.8"/>'
         )
-        yield f'<text class="small" x="{x + 28:g}" y="{_LEGEND_Y + 11}">{words[count]}</text>'
-        x += 44 + 6.4 * len(words[count])
+        yield f'<text class="small" x="{x + 28:g}" y="{_LEGEND_Y + 11}">{word}</text>'
+        x += 44 + 6.4 * len(word)
     y = _LEGEND_Y + _ROW_PX
     for kind, radius, names in (("lidar", 6, plan.lidars), ("unused", 5, plan.unused)):
         if names:

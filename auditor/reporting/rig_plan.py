@@ -18,7 +18,7 @@ _STEP_DEG = 1.0
 _SLIVER = 3
 """Rays of a part that is too narrow to be seen, and goes with the part beside it."""
 _WIDEST_DEG = 110.0
-_FRONT, _ASIDE = ("front", "fwd", "forward"), ("left", "right", "back", "rear", "side")
+_FRONT, _BACK, _ASIDE = ("front", "fwd", "forward"), ("back", "rear"), ("left", "right", "side")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Seen:
 class Plan:
     """What is drawn: cameras, and LiDARs by whether a rig has them; `said` are those whose place is not known.
 
-    `alone` is whether a camera is compared with the LiDAR by its own past.
+    `alone` is whether a camera is compared with the LiDAR by its own past, `headed` whether what is ahead is known.
     """
 
     cameras: tuple[Seen, ...]
@@ -69,6 +69,7 @@ class Plan:
     unused: tuple[Seen, ...]
     said: tuple[str, ...]
     alone: bool
+    headed: bool
 
 
 def in_lidar_frame(rig: Rig) -> PlacedRig:
@@ -96,21 +97,22 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
         tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in known.items()),
         tuple(one.name for one in unused if one.centre_m is None),
         any(one.rig.by_time for one in rigs),
+        len(cameras) > 1 or any(_looks_ahead(camera.name) for one in rigs for camera in one.rig.cameras),
     )
 
 
 def _axes(rigs: Sequence[PlacedRig]) -> Matrix:
     """(2, 3) the directions ahead and to the left in the common frame: up is opposite of where pictures have down.
 
-    Ahead looks the camera whose name says so, else most cameras do; where they look all around it is the frame's own x
-    axis, or its z axis where that is level.
+    Ahead looks the camera whose name says so, and back another one; else most cameras look ahead. Where they look all
+    around it is the frame's own x axis, or its z axis where that is level.
     """
     turned = [
         (camera.name, camera.rotation @ one.common_SE3_rig[:3, :3].T) for one in rigs for camera in one.rig.cameras
     ]
     up = -np.sum([rotation[1] for _, rotation in turned], axis=0)
     up = up / max(float(np.linalg.norm(up)), 1e-9)
-    named = [rotation[2] for name, rotation in turned if _looks_ahead(name)]
+    named = [rotation[2] * way for name, rotation in turned if (way := _looks_ahead(name))]
     candidates = [np.sum(named, axis=0)] if named else [np.mean([rotation[2] for _, rotation in turned], axis=0)]
     ahead = next(a for a in (*candidates, *np.eye(3)[[0, 2, 1]]) if np.linalg.norm(a - up * (a @ up)) > 0.5)
     ahead = ahead - up * (ahead @ up)
@@ -118,9 +120,12 @@ def _axes(rigs: Sequence[PlacedRig]) -> Matrix:
     return np.stack([ahead, np.cross(up, ahead)])
 
 
-def _looks_ahead(name: str) -> bool:
+def _looks_ahead(name: str) -> int:
+    """1 where a camera's name says that it looks ahead, -1 back, 0 aside or nothing."""
     lower = name.lower()
-    return any(word in lower for word in _FRONT) and not any(word in lower for word in _ASIDE)
+    if any(word in lower for word in _ASIDE):
+        return 0
+    return any(word in lower for word in _FRONT) - any(word in lower for word in _BACK)
 
 
 def _flat(place_m: Matrix, axes: Matrix) -> tuple[float, float]:

@@ -38,6 +38,15 @@ def test_a_wide_lens_is_compared_in_its_middle_and_not_at_its_edges() -> None:
     assert front.parts[-1].to_deg - front.parts[0].from_deg == pytest.approx(120, abs=2)
 
 
+def test_a_lone_camera_is_drawn_where_its_name_says_that_it_looks() -> None:
+    nuscenes = PUBLISHED_RIGS["nuscenes"]
+    for name, yaw_deg, headed in (("cam_front", 0, True), ("cam_back", 180, True), ("cam_back_left", 0, False)):
+        plan = planned([in_lidar_frame(nuscenes.lone(name))], [])
+        assert np.cos(np.radians(plan.cameras[0].yaw_deg - yaw_deg)) > 0.999
+        assert plan.headed is headed
+        assert ("ahead is up" in rig_picture([in_lidar_frame(nuscenes.lone(name))])) is headed
+
+
 def test_rectified_cameras_and_a_lidar_are_each_compared_with_all_the_others() -> None:
     [one, two, three] = planned([in_lidar_frame(make_rig(3))], []).cameras
     assert [[part.others for part in camera.parts] for camera in (one, two, three)] == [[3], [3], [3]]
