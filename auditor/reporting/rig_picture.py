@@ -48,12 +48,13 @@ def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str
     everything = (*plan.cameras, *plan.lidars, *plan.unused)
     far_m = max((math.hypot(one.ahead_m, one.left_m) for one in everything), default=0.0)
     scale = _REACH_PX / max(2.2 * far_m, 6.5)
+    where = ", ahead is up" if plan.headed else ""
     summary = f"{len(plan.cameras)} cameras and {len(plan.lidars) + len(plan.unused)} LiDARs from above"
     return "\n".join(
         (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" '
             f'height="{_HEIGHT}" role="img">',
-            f"<title>{summary}{', ahead is up' if plan.headed else ''}; views stand out where more are compared</title>",
+            f"<title>{summary}{where}; views stand out where more is compared</title>",
             f"<style>{_STYLE}</style>",
             '<defs><pattern id="none" width="7" height="7" patternUnits="userSpaceOnUse" '
             'patternTransform="rotate(45)"><path class="hatch" d="M0 0V7"/></pattern></defs>',
