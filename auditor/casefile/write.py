@@ -116,7 +116,10 @@ def _of_several(incident: Incident) -> tuple[str, ...]:
 def _redacted(page: OneIncident, redaction: Redaction, shown: tuple[ShownExample, ...]) -> OneIncident:
     """The page without names, and without what reviewers wrote; its pictures are blurred already."""
     reviews = tuple({**review, "reason": LEFT_OUT} for review in page.reviews)
-    changed: OneIncident = redaction.value(replace(page, reviews=reviews, sketch=""))
+    # The picture of a rig has the names of its sensors, and is no text that they are looked for in.
+    recordings = tuple(replace(part, rig_picture="") for part in page.page.recordings)
+    without = replace(page, reviews=reviews, sketch="", page=replace(page.page, recordings=recordings))
+    changed: OneIncident = redaction.value(without)
     return replace(changed, shown=shown)
 
 

@@ -26,11 +26,15 @@ from auditor.recordings import (
     check_health,
     open_recording,
     outside_topics,
+    rig_places,
     search_rigs,
     survey,
     synchronise,
+    unused_lidars,
     write_rig,
 )
+from auditor.reporting.rig_picture import rig_picture
+from auditor.reporting.rig_plan import PlacedRig, Unused
 
 _BEHIND = 1.5
 """What a pair tells apart that checks the LiDAR: a surface and one half as far again."""
@@ -132,9 +136,15 @@ def _listed(pairs: list[Pair]) -> str:
 
 
 def describe(
-    where: Location, shown: Path | None, written: Path | None, no_sensors: Collection[str] = ()
+    where: Location,
+    shown: Path | None,
+    written: Path | None,
+    no_sensors: Collection[str] = (),
+    pictured: Path | None = None,
 ) -> dict[str, Any]:
     """Read a recording through, with the rig file `shown` in place of its own; its first rig is written to `written`.
+
+    A picture of its rigs from above is written to `pictured`.
 
     `no_sensors` are topics that a person declares to be neither cameras nor LiDARs.
 
@@ -154,6 +164,8 @@ def describe(
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
+        if rigs and pictured:
+            pictured.write_text(_picture(surveyed, rigs, no_sensors), encoding="utf-8")
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
@@ -182,6 +194,15 @@ def describe(
             and all(one.complete for one in readings)
             and not any(seen.doubts.withheld for seen in first),
         }
+
+
+def _picture(surveyed: Survey, rigs: Sequence[Rig], no_sensors: Collection[str]) -> str:
+    """The rigs from above, with the LiDARs that none of them has."""
+    placed = [
+        PlacedRig(rig, place) for rig, place in zip(rigs, rig_places(surveyed, rigs), strict=True) if place is not None
+    ]
+    unused = [Unused(name, at) for name, at in unused_lidars(surveyed, rigs, no_sensors).items()]
+    return rig_picture(placed, unused)
 
 
 class _Looked(NamedTuple):

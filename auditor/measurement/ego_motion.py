@@ -29,6 +29,11 @@ class Motion(NamedTuple):
     rotation: Matrix
     translation_m: Matrix
 
+    def lasting(self, times: float) -> "Motion":
+        """The motion that goes on alike for so many times as long."""
+        turn = np.asarray(cv2.Rodrigues(self.rotation)[0], dtype=np.float64)
+        return Motion(np.asarray(cv2.Rodrigues(turn * times)[0], dtype=np.float64), self.translation_m * times)
+
 
 def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
     """(M, 2) pixels, column and row, of (M, 3) points in the camera's frame."""
@@ -37,15 +42,22 @@ def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
 
 
 def ego_motion(
-    now: Image, before: Image, intrinsics: Matrix, points_m: Matrix, pixels: tuple[Rows, Rows]
+    now: Image,
+    before: Image,
+    intrinsics: Matrix,
+    points_m: Matrix,
+    pixels: tuple[Rows, Rows],
+    expected: Motion | None = None,
 ) -> Motion | None:
     """The motion between two half-resolution grey images (h, w); None where too few corners tell it.
 
     `intrinsics` (3, 3) are those of the half-resolution images; `points_m` (M, 3) LiDAR points in the camera's frame
-    now, `pixels` their rows and columns (M,).
+    now, `pixels` their rows and columns (M,). Where corners move far by the motion that is `expected`, they are sought
+    there.
     """
     chosen = _corners(now, *pixels)
-    found, seen = _followed(now, before, pixels_of(intrinsics, points_m[chosen]).astype(np.float32))
+    corners = pixels_of(intrinsics, points_m[chosen]).astype(np.float32)
+    found, seen = _followed(now, before, corners, _guessed(corners, intrinsics, points_m[chosen], expected))
     if np.count_nonzero(seen) < EGO_MOTION.fewest:
         return None
     there, where = points_m[chosen][seen], found[seen].astype(np.float64)
@@ -78,18 +90,40 @@ def _corners(image: Image, row: Rows, column: Rows) -> Indices:
     return np.asarray(best[strongest])
 
 
-def _followed(now: Image, before: Image, corners_px: Floats32) -> tuple[Floats32, Mask]:
-    """Where corners (C, 2) lie in the image before, and which of them lead back to where they began."""
+def _guessed(corners_px: Floats32, intrinsics: Matrix, points_m: Matrix, expected: Motion | None) -> Floats32:
+    """(C, 2) by how much corners should move; 0 where that is not known or little."""
+    if expected is None or not len(corners_px):
+        return np.zeros_like(corners_px)
+    there_m = points_m @ expected.rotation.T + expected.translation_m
+    ahead = there_m[:, 2:] > EGO_MOTION.nearest_m
+    there_px = pixels_of(intrinsics, np.where(ahead, there_m, points_m))
+    moved = np.where(ahead, there_px - corners_px, 0).astype(np.float32)
+    far = float(np.median(np.hypot(*moved.T))) >= EGO_MOTION.guessed_from_px
+    return np.asarray(moved if far else np.zeros_like(moved))
+
+
+def _followed(now: Image, before: Image, corners_px: Floats32, moved_px: Floats32) -> tuple[Floats32, Mask]:
+    """Where corners (C, 2) lie in the image before, and which of them lead back to where they began.
+
+    They are sought `moved_px` (C, 2) from where they are now.
+    """
     if not len(corners_px):
         return corners_px, np.zeros(0, dtype=np.bool_)
-    there, seen = _flow(now, before, corners_px)
-    back, seen_back = _flow(before, now, there)
+    there, seen = _flow(now, before, corners_px, moved_px)
+    back, seen_back = _flow(before, now, there, -moved_px)
     returned = np.abs(back - corners_px).max(axis=1) < EGO_MOTION.returns_px
     return there, seen & seen_back & returned
 
 
-def _flow(image: Image, other: Image, points_px: Floats32) -> tuple[Floats32, Mask]:
-    """Where points (C, 2) of one image lie in the other, and whether they were found."""
-    guess, levels = points_px.copy(), EGO_MOTION.flow_levels
-    found, seen, _ = cv2.calcOpticalFlowPyrLK(image, other, points_px, guess, winSize=_WINDOW, maxLevel=levels)
+def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -> tuple[Floats32, Mask]:
+    """Where points (C, 2) of one image lie in the other, sought `moved_px` from there, and whether they were found."""
+    found, seen, _ = cv2.calcOpticalFlowPyrLK(
+        image,
+        other,
+        points_px,
+        points_px + moved_px,
+        winSize=_WINDOW,
+        maxLevel=EGO_MOTION.flow_levels,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
+    )
     return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

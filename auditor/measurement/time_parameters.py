@@ -16,8 +16,14 @@ class EgoMotion:
     most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
     flow_levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
+    guessed_from_px: float = parameter(
+        24.0,
+        unit="half px that corners should move, the median, beyond which they are sought where they should be",
+        source="cameras that look aside, rendered rings: docs/decisions.md",
+    )
     returns_px: float = parameter(0.3, unit="half px by which a corner misses itself, there and back", source=BY_HAND)
     inlier_px: float = parameter(0.75, unit="half px by which a corner misses the motion", source=BY_HAND)
+    nearest_m: float = parameter(1.0, unit="m of depth at which a corner is sought where it should be", source=BY_HAND)
     trials: int = parameter(100, unit="trials of RANSAC", source="bounds the work; no experiment recorded")
     confidence: float = parameter(0.99, unit="probability that a trial is free of outliers", source=BY_HAND)
     fewest: int = parameter(20, unit="corners that fit the motion", source=BY_HAND)
@@ -36,6 +42,20 @@ class ParallaxConflict:
         1.2, unit="m that the camera moved since a picture; else the one before it is taken", source=_DRIVES
     )
     least_px: float = parameter(2.0, unit="px of parallax at the LiDAR's range", source=_DRIVES)
+    halved_from_px: float = parameter(
+        64.0,
+        unit="px of parallax beyond which points are compared at half resolution, beyond twice as many at a quarter",
+        source="cameras that look aside, rendered rings: docs/decisions.md",
+    )
+    halved_consistent: float = parameter(
+        0.9, unit="`consistent` in halved pictures", source="as halved_from_px: 0.85, 0.9 and 0.93 tried"
+    )
+    halved_clearly_less: float = parameter(
+        0.35,
+        unit="NCC as `clearly_less`, in halved pictures",
+        source="as halved_from_px: 16 and 4 of 461 frames raised",
+    )
+    most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
     nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
     most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")
     patch_px: int = parameter(9, unit="px, width and height of a patch", source=_DRIVES)

@@ -49,7 +49,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 16
+COUNTING_VERSION = 17
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 

@@ -19,6 +19,7 @@ from auditor.recordings.rigs.discovery import (
 from auditor.recordings.rigs.files import read_rig, write_rig
 from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force, rigs_unless_changed
 from auditor.recordings.rigs.ordering import Contradictions, contradictions
+from auditor.recordings.rigs.places import rig_places, unused_lidars
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
@@ -66,11 +67,13 @@ __all__ = [
     "read_rig",
     "rewrite",
     "rig_of_camchain",
+    "rig_places",
     "rigs_in_force",
     "rigs_unless_changed",
     "search_rigs",
     "survey",
     "synchronise",
+    "unused_lidars",
     "write_bag",
     "write_db3",
     "write_mcap",

@@ -142,6 +142,21 @@ class Sweeps:
 
 
 @dataclass(frozen=True)
+class LidarChoice:
+    """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
+
+    looked_at: int = parameter(400, unit="points of each of the first clouds of a topic", source=BY_HAND)
+    columns: int = parameter(12, unit="cells across a picture that points may fall into", source=BY_HAND)
+    rows: int = parameter(8, unit="cells down the same", source=BY_HAND)
+    nearest_m: float = parameter(1.0, unit="m ahead of a camera, a point", source=BY_HAND)
+    least_of_best: float = parameter(
+        0.5,
+        unit="of what the best one covers that the LiDAR with the most points must cover",
+        source="Waymo's LiDARs of 20 m cover more of its cameras than that of 75 m does; by hand",
+    )
+
+
+@dataclass(frozen=True)
 class PointUnits:
     """Which clouds are in metres at all; the others are not read."""
 
@@ -219,6 +234,7 @@ class SensorLike:
 
 RIG_LIMITS = RigLimits()
 SWEEPS = Sweeps()
+LIDAR_CHOICE = LidarChoice()
 POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
 
@@ -231,7 +247,7 @@ SENSOR_LIKE = SensorLike()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS, POINT_UNITS)
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, SWEEPS, LIDAR_CHOICE, POINT_UNITS)
 """All that can change which cameras form a rig, and what a rig says of them."""
 
 ACCOUNTING = (SENSOR_LIKE,)

@@ -51,6 +51,7 @@ def test_no_name_and_no_path_is_anywhere_in_it(attacked: AttackedStore, redacted
 def test_there_is_no_clip_no_place_and_no_pose(redacted_case: Path) -> None:
     assert not (redacted_case / "clip.mcap").exists()
     assert not (redacted_case / "place.svg").exists()
+    assert 'class="rig"' not in (redacted_case / "page.html").read_text("utf-8"), "it would have the sensors' names"
     assert not list((redacted_case / "rows").glob("poses.*"))
     assert b"49.0" not in (redacted_case / "ticket.json").read_bytes()
 

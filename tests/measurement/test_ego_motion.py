@@ -28,7 +28,7 @@ def motion_between(now: Moment, before: Moment, *, farther: float = 1.0):
 def test_the_motion_is_that_of_the_vehicle():
     for number in (1, 4):
         found = motion_between(moment(number), moment(number - 1))
-        now, before = (DRIVE._world_SE3_rig(n / 10) for n in (number, number - 1))
+        now, before = (DRIVE.world_SE3_rig(n / 10) for n in (number, number - 1))
         true = compose(invert(before), now)
         assert np.linalg.norm(found.translation_m - true[:3, 3]) < 0.05 * np.linalg.norm(true[:3, 3])
         turn = np.arccos(np.clip((np.trace(found.rotation.T @ true[:3, :3]) - 1) / 2, -1, 1))

@@ -221,6 +221,7 @@ def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(told
         "data:image/jpeg",
         "data:image/png",
         "data:image/jpeg",
+        "data:image/svg+xml",
     ]
     assert images[0]["alt"] == "Picture of camera S_3 in frame 17"
 
@@ -244,8 +245,9 @@ def test_the_damaged_portion_is_drawn_where_it_lies_and_told(store, tmp_path):
     assert "Damaged: 850 LiDAR points, 12 % of those in view, in a box 2.5 x 1.5 x 0.1 m" in page.words
 
 
-def test_without_pictures_there_is_none(told):
-    assert not [tag for tag, _ in told(attacks=[((1,), 10, 19)]).shown.elements if tag == "img"]
+def test_without_pictures_there_is_none_but_that_of_the_rig(told):
+    elements = told(attacks=[((1,), 10, 19)]).shown.elements
+    assert [attributes["class"] for tag, attributes in elements if tag == "img"] == ["rig"]
 
 
 def test_sensors_are_listed_with_their_states_and_medians(store):

@@ -27,6 +27,7 @@ _MOST_TOPICS_SHOWN = 200
 @options.setting("no_sensors")
 @options.budget_options
 @click.option("--write-rig", type=PATH, help="Write the rig to this rig.toml, to be corrected.")
+@click.option("--picture", type=PATH, help="Draw the rigs from above into this SVG file.")
 @click.option(
     "--format",
     "form",
@@ -41,6 +42,7 @@ def command(
     no_sensors: tuple[str, ...],
     limits: "LimitsOf",
     write_rig: Path | None,
+    picture: Path | None,
     form: str,
 ) -> int:
     """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
@@ -53,6 +55,7 @@ def command(
     auditor inspect night.mcap
     auditor inspect night.mcap --write-rig vehicle.toml
     auditor inspect night.mcap --rig vehicle.toml
+    auditor inspect night.mcap --picture vehicle.svg
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
@@ -62,14 +65,14 @@ def command(
     from auditor.pipeline.remote.spool import copies_of  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
 
-    if write_rig:
-        check_new(write_rig)
+    for written in filter(None, (write_rig, picture)):
+        check_new(written)
     tally = Tally()
     found = _found(recordings, tally)
-    if write_rig and len(found) > 1:
+    if (write_rig or picture) and len(found) > 1:
         raise SettingError(
             f"these are {len(found)} recordings, and each may have a rig of its own",
-            where="--write-rig",
+            where="--write-rig" if write_rig else "--picture",
             remedy="name one of them",
         )
     descriptions = []
@@ -77,9 +80,9 @@ def command(
         try:
             if isinstance(where, AuditorError):
                 raise where
-            description = run_within(limits(where), describe, where, rig, write_rig, no_sensors)
-            if write_rig and description["rigs"]:
-                say(f"the rig is in {write_rig}")
+            description = run_within(limits(where), describe, where, rig, write_rig, no_sensors, picture)
+            if description["rigs"]:
+                _say_written(write_rig, picture)
         except LimitError as error:
             say(f"auditor: {error}")
             tally.incomplete = True
@@ -96,6 +99,14 @@ def command(
     if form == "json":
         click.echo(json.dumps(descriptions, indent=2))
     return tally.exit_code()
+
+
+def _say_written(rig: Path | None, picture: Path | None) -> None:
+    from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
+
+    for what, path in (("rig", rig), ("picture", picture)):
+        if path:
+            say(f"the {what} is in {path}")
 
 
 def _found(recordings: "Sequence[Path | Address]", tally: "Tally") -> "tuple[Location, ...]":

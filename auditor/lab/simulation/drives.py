@@ -200,7 +200,7 @@ class SyntheticDrive:
             raise SettingError("the rig has no LiDAR", where="synthetic drive")
         flaws = self.vehicle.lidar
         time_s = number * PERIOD_NS / 1e9 - flaws.stamp_error_s
-        rig_SE3_world = invert(self._world_SE3_rig(time_s))
+        rig_SE3_world = invert(self.world_SE3_rig(time_s))
         surfaces = placed(self.surfaces, rig_SE3_world, time_s)
         rng = np.random.default_rng([self.seed, self.trip, _STREAMS["lidar"], number])
         rays = lidar_rays(self.rig.lidar, self._directions, flaws, self.speed_m_s)
@@ -211,7 +211,7 @@ class SyntheticDrive:
     def place(self, stamp_ns: int) -> Pose:
         """Where the vehicle is at a stamp, by a GPS without errors: it drives north, on a street of its own."""
         time_s = (stamp_ns - self.start_ns) / 1e9
-        east_m, up_m, north_m = self._world_SE3_rig(time_s)[:3, 3] * (1, -1, 1)
+        east_m, up_m, north_m = self.world_SE3_rig(time_s)[:3, 3] * (1, -1, 1)
         column, row = self.seed % _STREETS, self.seed // _STREETS % _STREETS
         latitude = _SOUTH_WEST_DEG[0] + (row * _BLOCK_M + float(north_m)) / _DEGREE_M
         east_degree_m = _DEGREE_M * np.cos(np.deg2rad(_SOUTH_WEST_DEG[0]))
@@ -235,12 +235,12 @@ class SyntheticDrive:
     def _seen(self, number: int, camera: Camera) -> View:
         flaws = self.vehicle.cameras[camera.number - 1]
         time_s = number * PERIOD_NS / 1e9 + flaws.stamp_error_s
-        world_SE3_rig = self._world_SE3_rig(time_s)
+        world_SE3_rig = self.world_SE3_rig(time_s)
         surfaces = placed(self.surfaces, invert(world_SE3_rig), time_s)
         rays = camera_rays(camera, flaws.row_shift_px)
         return world_SE3_rig, rays, surfaces, cast(rays, surfaces, self.atlas)
 
-    def _world_SE3_rig(self, time_s: float) -> Matrix:
+    def world_SE3_rig(self, time_s: float) -> Matrix:
         """The vehicle's pose: it follows its lane, and rolls and pitches a little."""
         phase = self.seed + 1.7 * self.trip
         pitch = _SWAY[0] * np.sin(2.1 * time_s + phase)

@@ -9,7 +9,7 @@ pictures fit one rigid thing, that moved as far towards the camera or away from 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
 from typing import NamedTuple
@@ -39,6 +39,17 @@ _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
+class _Least(NamedTuple):
+    """The NCC above which a point is found elsewhere, and by how much it has to be above that at its range."""
+
+    consistent: float
+    above: float
+
+
+_WHOLE = _Least(PARALLAX_CONFLICT.consistent, PARALLAX_CONFLICT.clearly_less)
+_COARSER = _Least(PARALLAX_CONFLICT.halved_consistent, PARALLAX_CONFLICT.halved_clearly_less)
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """What one frame holds for the next: a camera's grey image (H, W), and the LiDAR's view of that camera."""
@@ -64,6 +75,10 @@ class Moment:
     def half(self) -> Image:
         """(h, w) the image at half resolution."""
         return halve(self.grey)
+
+    def halved(self, times: int) -> Image:
+        """The image, halved so many times."""
+        return self.grey if not times else self.half if times == 1 else halve(self.halved(times - 1))
 
     @cached_property
     def point_m(self) -> Matrix:
@@ -103,26 +118,44 @@ class _Sought:
         """Some of them."""
         return _Sought(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
+    @cached_property
+    def halvings(self) -> Indices:
+        """(P,) how many times the pictures are halved for each point."""
+        return _halvings(self.parallax_px)
+
+    def halved(self, times: int) -> "_Sought":
+        """The same in pixels of pictures that are halved so many times."""
+        if not times:
+            return self
+        scale = HALF**times
+        pixel, predicted = ((one + 1 / 2) / scale - 1 / 2 for one in (self.pixel, self.predicted))
+        return replace(self, pixel=pixel, predicted=predicted, parallax_px=self.parallax_px / scale)
+
 
 class Compared(NamedTuple):
-    """The points, compared with a picture of a moment ago, and how far the camera moved since; NaN where not known."""
+    """The points, compared with a picture of a moment ago, and how the camera moved since.
+
+    `moved_m` is how far; NaN where that is not known.
+    """
 
     points: VerifiedConflicts
     moved_m: float
+    motion: Motion | None = None
 
 
-def parallax_conflicts(now: Moment, before: Moment | None) -> Compared:
+def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | None = None) -> Compared:
     """Compare the LiDAR's points in a camera's view with that camera's picture of a moment ago.
 
+    `expected` is how the camera should have moved since, by how it moved before.
     No point is valid where there is no such picture, it is too old, or the camera's motion cannot be told.
     """
-    view, moved_m = now.view, nan
+    view, moved_m, motion = now.view, nan, None
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
     row, column = view.row // HALF, view.column // HALF
     some = np.flatnonzero(textured(now.half)[row, column])
     if before is not None and now.follows(before) and before.half.shape == now.half.shape:
         K = _HALVED @ now.camera.intrinsics
-        motion = ego_motion(now.half, before.half, K, now.point_m[some], (row[some], column[some]))
+        motion = ego_motion(now.half, before.half, K, now.point_m[some], (row[some], column[some]), expected)
         if motion is not None:
             moved_m = float(np.linalg.norm(motion.translation_m))
             sought = _seen_before(now, some, motion)
@@ -130,7 +163,7 @@ def parallax_conflicts(now: Moment, before: Moment | None) -> Compared:
             things = sought.chosen(found)
             valid[sought.point[agrees]] = True
             conflicts[things.point[~_moving(before, things, place)]] = True
-    return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m)
+    return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
@@ -142,8 +175,8 @@ def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
         predicted = pixels_of(K, moved)
         away = predicted - pixels_of(K, turned)
     parallax_px = np.hypot(*away.T)
-    height, width = now.grey.shape
-    inside = (predicted > _RADIUS).all(axis=1) & (predicted < (width - _RADIUS - 1, height - _RADIUS - 1)).all(axis=1)
+    margin = (_RADIUS * HALF ** _halvings(parallax_px))[:, None]
+    inside = (predicted > margin).all(axis=1) & (predicted < np.array(now.grey.shape[::-1]) - margin - 1).all(axis=1)
     inside &= (parallax_px >= PARALLAX_CONFLICT.least_px) & (moved[:, 2] > PARALLAX_CONFLICT.nearest_m)
     kept = np.flatnonzero(inside)
     kept = kept[:: max(-(-kept.size // PARALLAX_CONFLICT.most_points), 1)]
@@ -158,20 +191,46 @@ def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
     )
 
 
+def _halvings(parallax_px: Floats) -> Indices:
+    """(P,) how many times the pictures are halved to compare points of some parallax.
+
+    What is near and beside the way crosses the picture: errors of its range and of the motion are of more pixels then,
+    and so is what has to be tried.
+    """
+    with np.errstate(invalid="ignore"):
+        times = np.ceil(np.log2(np.maximum(parallax_px / PARALLAX_CONFLICT.halved_from_px, 1)))
+    return np.nan_to_num(np.minimum(times, PARALLAX_CONFLICT.most_halved)).astype(np.intp)
+
+
 def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, Indices, Floats]:
     """The points that agree with the picture before, those found elsewhere on their lines, and where these are."""
-    patches, norms = _patches(now.grey, sought.pixel)
-    beside = {o: _ncc(patches, norms, before.grey, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
+    agree, found, place = [], [], []
+    for times in np.unique(sought.halvings).tolist():
+        some = np.flatnonzero(sought.halvings == times)
+        agrees, elsewhere, there = _compared_at(
+            now.halved(times), before.halved(times), sought.chosen(some).halved(times), _COARSER if times else _WHOLE
+        )
+        agree.append(some[agrees])
+        found.append(some[elsewhere])
+        place.append((there + 1 / 2) * HALF**times - 1 / 2 if times else there)
+    none = np.zeros(0, dtype=np.intp)
+    return np.concatenate([none, *agree]), np.concatenate([none, *found]), np.concatenate([np.zeros((0, 2)), *place])
+
+
+def _compared_at(now: Image, before: Image, sought: _Sought, least: "_Least") -> tuple[Indices, Indices, Floats]:
+    """As `_compared`, in two pictures (H, W)."""
+    patches, norms = _patches(now, sought.pixel)
+    beside = {o: _ncc(patches, norms, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
     at_range = np.max([*beside.values()], axis=0)
     # Elsewhere NCC is 1 at most. Those of most parallax go first: what has enough for an offset lies side by side.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
     order = np.argsort(-sought.parallax_px[doubtful], kind="stable")
     these = doubtful[order]
     known = {o: ncc[these] for o, ncc in beside.items()}
-    found_best, found_at = _best_elsewhere(patches[these], norms[these], before.grey, sought.chosen(these), known)
+    found_best, found_at = _best_elsewhere(patches[these], norms[these], before, sought.chosen(these), known)
     best, offset = np.empty_like(found_best), np.empty_like(found_at)
     best[order], offset[order] = found_best, found_at
-    elsewhere = best > np.maximum(PARALLAX_CONFLICT.consistent, at_range[doubtful] + PARALLAX_CONFLICT.clearly_less)
+    elsewhere = best > np.maximum(least.consistent, at_range[doubtful] + least.above)
     agrees = at_range > PARALLAX_CONFLICT.agreeing
     agrees[doubtful[elsewhere]] = False
     found = doubtful[elsewhere]
@@ -252,7 +311,7 @@ def _moving(before: Moment, things: _Sought, place: Floats) -> Mask:
     deeper_m = np.where(np.isfinite(depth_m), depth_m - things.point_m[:, 2], 0.0)
     for thing in _things(things.pixel, deeper_m):
         missed_px = _missed_px(before.camera.intrinsics, things.point_m[thing], place[thing], deeper_m[thing])
-        moving[thing] = np.median(missed_px) < PARALLAX_CONFLICT.moving_px
+        moving[thing] = np.median(missed_px / HALF ** things.halvings[thing]) < PARALLAX_CONFLICT.moving_px
     return moving
 
 

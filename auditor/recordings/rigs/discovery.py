@@ -1,6 +1,6 @@
 """The rigs of a recording: which cameras look the same way, in which order, and where the LiDAR lies."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from auditor.recordings.rigs.cameras import View, find_views, sensor_name
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.lidar_choice import best_lidar
 from auditor.recordings.rigs.ordering import (
     AT_ONE_PLACE,
     MAX_SQUINT,
@@ -63,18 +64,19 @@ def search_rigs(survey: Survey) -> FoundRigs:
 
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
     attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
-    they are measured. Where there is no such group, each camera is a rig of its own with the LiDAR: its own past stands
-    in for a second camera.
+    they are measured. Each camera that is in no such rig is one of its own with the LiDAR: its own past stands in for a
+    second camera.
     """
     reasons: list[str] = []
     frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
     views = find_views(survey, reasons)
-    unread = len(reasons)
+    why: list[str] = []
     for group in grouped(views, frames):
-        rigs.extend(_rigs_of(group, survey, frames, reasons))
-    if not rigs and (rigs := list(_lone_rigs(views, survey, frames))):
-        del reasons[unread:]
+        rigs.extend(_rigs_of(group, survey, frames, why))
+    alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
+    reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
+    rigs.extend(alone)
     rigs.sort(key=lambda rig: -len(rig.sensors))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
@@ -99,6 +101,27 @@ def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: 
     yield from rectified
 
 
+def _in_no_rig(views: Sequence[View], rigs: Sequence[Rig], reasons: Sequence[str]) -> list[View]:
+    """The views of cameras that no rig has: neither by this topic nor by another of the same frame or place."""
+    topics = {camera.topic for rig in rigs for camera in rig.cameras}
+    held = {view.frame_id for view in views if view.image.topic.name in topics and view.frame_id}
+    at_one_place = {
+        view.name for view in views if any(why.startswith(f"{view.name} {AT_ONE_PLACE}") for why in reasons)
+    }
+    outside = [view for view in views if view.image.topic.name not in topics and view.frame_id not in held]
+    return [view for view in outside if not (rigs and view.name in at_one_place)]
+
+
+def _of_others(reasons: Sequence[str], names: Collection[str]) -> Iterator[str]:
+    """The reasons why cameras are not compared, but for those of cameras of these names: they are after all."""
+    if not names:
+        yield from reasons
+        return
+    for reason in reasons:
+        if _SAME_WAY not in reason and not any(reason.startswith(f"{name} ") for name in names):
+            yield reason
+
+
 def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
     """A rig of each camera with the LiDAR; further topics of one camera are left out."""
     of_cameras: dict[str, View] = {}
@@ -107,9 +130,15 @@ def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iter
     for view in of_cameras.values():
         placed = place([view], frames, [], survey.conventions.positions)
         lidar = _lidar(placed, survey.clouds, frames, []) if placed else None
-        if placed is not None and lidar is not None:
+        if placed is not None and lidar is not None and _within_reach(placed, lidar):
             camera = _rectified_camera(placed, 0) if view.rectified else _turned_camera(placed, 0)
             yield Rig(lidar, (replace(camera, number=1),))
+
+
+def _within_reach(placed: Placed, lidar: Lidar) -> bool:
+    """Whether a lone camera and a LiDAR may be on one vehicle."""
+    apart_m = float(np.linalg.norm(lidar.rig_SE3_lidar[:3, 3] - placed.centres_m[0]))
+    return apart_m <= RIG_LIMITS.most_apart_m
 
 
 def _rectified_rig(
@@ -301,16 +330,19 @@ def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
 
 
 def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:
-    """The LiDAR with the most points among those that tf connects with the cameras."""
+    """The LiDAR that covers most of what the cameras see, among those that tf connects with them."""
+    connected: list[tuple[CloudTopic, Matrix]] = []
     for cloud in sorted(clouds, key=lambda cloud: -cloud.points):
         anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
         if anchor_SE3_lidar is not None:
-            ahead = np.sum([rotation[2] for rotation in placed.rotations], axis=0)
-            return _lidar_of(cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar, ahead)
-        reasons.append(
-            f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
-        )
-    return None
+            connected.append((cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar))
+        elif not connected:
+            reasons.append(
+                f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame "
+                f"{placed.anchor!r}"
+            )
+    best = best_lidar(placed, connected)
+    return _lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
 
 
 def _lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:

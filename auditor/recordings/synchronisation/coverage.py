@@ -174,7 +174,9 @@ def _why_left_out(
     if rig is None:
         return "the recording has no rig"
     if kind == sensor_types.LIDAR and rig.lidar:
-        return f"the LiDAR {rig.lidar.name} has more points"
+        names = dict.fromkeys(one.lidar.name for one in (rig, *rigs) if one.lidar)
+        one_of = f"the LiDAR {', '.join(names)} covers" if len(names) == 1 else f"the LiDARs {', '.join(names)} cover"
+        return f"{one_of} what the cameras see, and {'has' if len(names) == 1 else 'have'} more points"
     return "the rig does not have it: another topic of the same camera is used, or it has no place beside the others"
 
 

@@ -1,11 +1,14 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from auditor.errors import DecodingError
+from auditor.model.arrays import Points
 from auditor.model.frames import Message
 from auditor.recordings.decoding import (
     CameraInfo,
@@ -23,7 +26,7 @@ from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, SWEEPS
+from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
@@ -92,7 +95,8 @@ class ImageTopic:
 class CloudTopic:
     """A topic of point clouds; `points` is how many finite ones its first readable cloud has.
 
-    Where clouds are parts of sweeps, `sectors` are those of the `samples`; else there are none.
+    Where clouds are parts of sweeps, `sectors` are those of the `samples`; else there are none. `some_m` (N, 3) are
+    some points of its first clouds, in metres; None where they were not looked at.
     """
 
     topic: Topic
@@ -100,6 +104,7 @@ class CloudTopic:
     points: int
     samples: tuple[Sample, ...]
     sectors: tuple[Sector | None, ...] = ()
+    some_m: Points | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -159,6 +164,7 @@ class _Surveyor:
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}
+        self._some_m: dict[str, list[Points]] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._mountings = Mountings()
         self._described: dict[str, tuple[Transform, ...]] = {}
@@ -192,7 +198,7 @@ class _Surveyor:
                 for t, f, size in images
             ),
             clouds=tuple(
-                CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name))
+                CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name), self._some_of(t.name))
                 for t, f, points in clouds
             ),
             camera_infos=dict(sorted(self._infos.items())),
@@ -293,11 +299,19 @@ class _Surveyor:
         """Note where a cloud looks, as long as the topic's clouds may be parts of sweeps."""
         sectors = self._sectors_seen.setdefault(message.topic, [])
         if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]):
-            sectors.append(sector_of(decoder.xyz_m(message)))
+            xyz_m = decoder.xyz_m(message)
+            sectors.append(sector_of(xyz_m))
+            some = self._some_m.setdefault(message.topic, [])
+            if len(some) < SWEEPS.looked_at:
+                some.append(_thinned(xyz_m, len(some)))
 
     def _sectors_of(self, topic: str) -> tuple[Sector | None, ...]:
         sectors = self._sectors_seen.get(topic, [])
         return tuple(sectors) if len(sectors) == len(self._samples[topic]) and in_parts(sectors) else ()
+
+    def _some_of(self, topic: str) -> Points | None:
+        some = self._some_m.get(topic)
+        return np.concatenate(some) if some else None
 
     def _take_depth(self, message: Message, decoder: ImageDecoder) -> None:
         largest = decoder.largest_value(message) if isinstance(decoder, DeepImageDecoder) else None
@@ -356,6 +370,12 @@ class _Surveyor:
         if not readable:
             return f"{topic.schema} in the encoding {topic.encoding!r} cannot be decoded"
         return self._reasons.get(topic.name, "no message of it lies at the beginning, from which rigs are found")
+
+
+def _thinned(xyz_m: Points, number: int) -> Points:
+    """Some of the (N, 3) points of a topic's cloud of a `number`, others than of the one before."""
+    step = max(len(xyz_m) // LIDAR_CHOICE.looked_at, 1)
+    return xyz_m[number * step // SWEEPS.looked_at :: step].copy()
 
 
 def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:

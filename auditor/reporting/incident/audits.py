@@ -10,8 +10,11 @@ from auditor.errors import StoreError
 from auditor.model.checks import counting_checks, rig_sensor_checks
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method, VerdictKind
+from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import EDGE, Clock, RecordingPart, SensorLine
 from auditor.reporting.incident.provenance import CheckLine, FileLine, Provenance, ThresholdLine
+from auditor.reporting.rig_picture import rig_picture
+from auditor.reporting.rig_plan import in_lidar_frame
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import RecordingRecord, StoredJudgement, StoredMeasurement
@@ -106,6 +109,7 @@ def outline(store: Store, audit: Audit, calibration_recordings: CalibrationRecor
         balance=audit.measurement.balance,
         covered=audit.measurement.coverage or (),
         provenance=_provenance(store, audit, calibration_recordings),
+        rig_picture=data_uri("svg", rig_picture([in_lidar_frame(audit.rig)]).encode()),
     )
 
 

@@ -186,7 +186,7 @@ class RecordingPart:
 
     `told` are its frames with a finding in incidents and alerts. `other_names` and `paths` are those that its content
     was read under; `superseded_by` and `conflicts` name other recordings: one that holds every frame of this one, and
-    those with other data at the same stamps.
+    those with other data at the same stamps. `rig_picture` is a data URI of its rig from above.
     """
 
     recording_id: str
@@ -215,6 +215,7 @@ class RecordingPart:
     superseded_by: tuple[str, ...] = ()
     conflicts: tuple[str, ...] = ()
     covered: tuple[TopicCoverage, ...] = ()
+    rig_picture: str = ""
 
     @property
     def reading(self) -> tuple[str, ...]:

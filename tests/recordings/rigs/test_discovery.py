@@ -14,6 +14,7 @@ from auditor.model.rig import Rig
 from auditor.recordings import check_rig, find_rigs, open_recording, read_rig, search_rigs, write_rig
 from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
+from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.recording import Topic
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
 from tests.making.perturbed_rigs import perturbed
@@ -164,6 +165,23 @@ def test_cameras_that_look_elsewhere_are_no_rig_without_a_lidar_and_are_named() 
         find_rigs(look(infos, {"front": at(0), "left": turned(60, at(0.5))}))
 
 
+def test_a_lidar_far_away_is_on_another_vehicle_than_a_lone_camera() -> None:
+    survey = look({"front": info("front", P(0.0))}, {"front": at(0), "top": at(RIG_LIMITS.most_apart_m + 1)})
+    assert not search_rigs(survey).rigs
+
+
+def test_a_camera_that_looks_elsewhere_is_a_rig_beside_the_group() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("a", "b", "left")}
+    places = {"a": at(0), "b": at(0.3), "left": turned(90, at(0.1)), "top": LIDAR_AT}
+    found = search_rigs(look(infos, places))
+    assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["b", "a"], ["left"]]
+    assert not found.reasons
+    alone = found.rigs[1]
+    assert alone.by_time
+    assert alone.lidar
+    assert alone.lidar.topic == found.rigs[0].topic(0)
+
+
 def test_two_topics_of_one_camera_are_one_rig() -> None:
     infos = {name: info("one", P(0.0)) for name in ("a", "b")}
     [rig] = find_rigs(look(infos, {"one": at(0), "top": LIDAR_AT}))
@@ -228,7 +246,9 @@ def test_rectified_cameras_that_can_identify_stay_among_themselves() -> None:
     places = {"a": at(0), "b": at(0.2), "c": at(0.5), "odd": at(0.3), "top": LIDAR_AT}
     found = search_rigs(look({**infos, "odd": odd}, places))
     assert [camera.name for camera in found.rigs[0].cameras] == ["c", "b", "a"]
-    assert any("(odd)" in reason for reason in found.reasons)
+    assert [camera.name for camera in found.rigs[1].cameras] == ["odd"]
+    assert found.rigs[1].by_time
+    assert not found.reasons
     del infos["c"]
     (rig,) = find_rigs(look({**infos, "odd": odd}, places))
     assert [camera.name for camera in rig.cameras] == ["odd", "b", "a"]
@@ -306,14 +326,18 @@ def test_a_camera_behind_another_is_audited_with_those_it_is_not_behind() -> Non
     assert not found.reasons
 
 
-def test_a_camera_whose_pairs_see_too_little_is_left_out_with_the_reason() -> None:
+def test_a_camera_whose_pairs_see_too_little_is_audited_by_its_own_past_and_left_out_without_a_lidar() -> None:
     # Turned towards the line to a camera far ahead, narrow lenses show too little of their view, and that blurred.
     infos = {n: info(n, P(0), distortion=(-0.01, 0, 0, 0)) for n in ("a", "b", "ahead")}
     narrow = np.array([[2000.0, 0, 320], [0, 2000, 240], [0, 0, 1]])
     infos = {n: replace(known, intrinsics=narrow) for n, known in infos.items()}
     places = {"a": at(0), "b": at(0.5), "ahead": at(0.3, 0, 0.45), "top": LIDAR_AT}
     found = search_rigs(look(infos, places, images="image_raw"))
-    assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["b", "a"]]
+    assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["b", "a"], ["ahead"]]
+    assert not found.reasons
+    del places["top"]
+    found = search_rigs(look(infos, places, images="image_raw", clouds={}))
+    assert not found.rigs
     assert "ahead shares too little of its view with a once both are rectified" in found.reasons
 
 

@@ -1,0 +1,96 @@
+"""Rings of cameras, rendered with the published geometry of a fleet, from a recording to exit codes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS
+from auditor.lab.simulation.rings import make_ring_drive
+from auditor.model.frames import PointCloud
+from tests.making.audits import ask
+from tests.making.published_recordings import write_published
+
+FRAMES, ATTACKED = 10, range(3, 9)
+RIG = replace(
+    PUBLISHED_RIGS["nuscenes"].smaller(0.4),
+    cameras=tuple(PUBLISHED_RIGS["nuscenes"].smaller(0.4).cameras[n] for n in (0, 3, 5)),
+)
+WALL = BogusWall(8.0, 0.0, seed=3)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder, [lidar] = tmp_path_factory.mktemp("rings"), RIG.lidars
+    drive, standing = make_ring_drive(RIG, 3, FRAMES), make_ring_drive(RIG, 3, 4, standing=True)
+    back = RIG.lone("cam_back")
+    assert back.lidar
+    # The wall stands before the camera that looks back: "ahead" is where that looks.
+    turn = np.eye(4)
+    turn[:3, :3] = back.camera(1).rotation
+    behind = replace(back, lidar=replace(back.lidar, rig_SE3_lidar=turn @ back.lidar.rig_SE3_lidar))
+    pictures = [{camera.name: drive.picture(n, camera) for camera in RIG.cameras} for n in range(FRAMES)]
+    clouds = [drive.points(n, lidar) for n in range(FRAMES)]
+    walled = [
+        WALL.apply(PointCloud(n, xyz_m), behind).xyz_m if n in ATTACKED else xyz_m for n, xyz_m in enumerate(clouds)
+    ]
+    for name, points in (("clean", clouds), ("walled", walled)):
+        write_published(folder / f"{name}.mcap", RIG, pictures, [{lidar.name: xyz_m} for xyz_m in points])
+    write_published(
+        folder / "standing.mcap",
+        RIG,
+        [{camera.name: standing.picture(n, camera) for camera in RIG.cameras} for n in range(4)],
+        [{lidar.name: standing.points(n, lidar)} for n in range(4)],
+    )
+    return {name: folder / f"{name}.mcap" for name in ("clean", "walled", "standing")}
+
+
+def verdicts(path: Path, store: Path) -> tuple[int, dict[str, list[str]]]:
+    """The exit code of a scan, and by camera the kinds of its frames."""
+    code = run(["scan", str(path), "--store", str(store)])
+    rows = ask(
+        store,
+        "SELECT s.name, frame, kind, attacked FROM verdicts JOIN (SELECT DISTINCT measurement_id, name FROM sensors "
+        "WHERE sensor = 1) s USING (measurement_id) ORDER BY frame",
+    )
+    assert {tuple(row["attacked"] or ()) for row in rows} <= {(), (0,)}
+    kinds: dict[str, list[str]] = {}
+    for row in rows:
+        kinds.setdefault(row["name"], []).append(row["kind"])
+    return code, kinds
+
+
+def test_a_wall_behind_the_vehicle_is_named_by_the_camera_that_looks_there_alone(
+    recordings: dict[str, Path], tmp_path: Path
+) -> None:
+    code, kinds = verdicts(recordings["walled"], tmp_path)
+    assert code == 4
+    attacked = [frame for frame, kind in enumerate(kinds.pop("cam_back")) if kind == "attacked"]
+    assert len(attacked) >= 4
+    assert set(attacked) <= set(ATTACKED)
+    assert set(kinds) == {"cam_front", "cam_front_left"}
+    assert all(kind != "attacked" for each in kinds.values() for kind in each)
+
+
+def test_a_clean_drive_is_audited_all_around_once_it_moves(recordings: dict[str, Path], tmp_path: Path) -> None:
+    code, kinds = verdicts(recordings["clean"], tmp_path)
+    assert code == 3, "no light is looked at"
+    assert all(each == ["not_auditable", *["clean"] * (FRAMES - 1)] for each in kinds.values())
+    assert len(kinds) == 3
+
+
+def test_a_ring_whose_vehicle_stands_is_never_clean(recordings: dict[str, Path], tmp_path: Path) -> None:
+    code, kinds = verdicts(recordings["standing"], tmp_path)
+    assert code == 3
+    assert {kind for each in kinds.values() for kind in each} == {"not_auditable"}
+
+
+def test_inspect_draws_the_ring(recordings: dict[str, Path], tmp_path: Path) -> None:
+    picture = tmp_path / "ring.svg"
+    assert run(["inspect", str(recordings["standing"]), "--picture", str(picture)]) == 3
+    svg = picture.read_text(encoding="utf-8")
+    assert all(camera.name in svg for camera in RIG.cameras)
+    assert run(["inspect", str(recordings["standing"]), "--picture", str(picture)]) == 2, "it is kept"
