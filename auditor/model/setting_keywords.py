@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from auditor.model.pictures import Pictures
+from auditor.model.settings import Engine
 from auditor.model.verdict import Method, Statistic
 
 
@@ -45,6 +46,8 @@ class MeasuringKeywords(TypedDict, total=False):
     jobs: int | None
     pictures: Pictures | str
     shard: str | None
+    engine: Engine | str
+    address: str | None
     spool: str | Path | None
     spool_limit: float | None
     measure_again: bool

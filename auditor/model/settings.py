@@ -159,6 +159,13 @@ class Criteria:
 # Measuring
 
 
+class Engine(StrEnum):
+    """What measures many recordings."""
+
+    PROCESSES = "processes"
+    RAY = "ray"
+
+
 @dataclass(frozen=True)
 class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits."""
@@ -245,6 +252,21 @@ class MeasureSettings:
             "Only the recordings of this shard of several, 0/8 to 7/8: so many processes, on any machines, share the "
             "work without knowing of each other. They measure only: the same command without it judges, once.",
             metavar="I/N",
+        ),
+    )
+    engine: Engine = field(
+        default=Engine.PROCESSES,
+        metadata=_about(
+            "What measures: processes of this machine, as many as --jobs, or tasks of a cluster of Ray, whose machines "
+            "see the same recordings and the same store.",
+        ),
+    )
+    address: str | None = field(
+        default=None,
+        metadata=_about(
+            "With --engine ray: the cluster's address, or auto for the one that runs here.  [default: RAY_ADDRESS, or "
+            "one is started for this command]",
+            metavar="HOST:PORT",
         ),
     )
     spool: Path | None = field(

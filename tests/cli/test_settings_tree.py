@@ -16,6 +16,7 @@ from auditor.model.pictures import Pictures
 from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords
 from auditor.model.settings import (
     Criteria,
+    Engine,
     MeasureSettings,
     about,
     default,
@@ -57,6 +58,8 @@ EXAMPLES = {
     "measure_again": (True, True),
     "verify_content": (True, True),
     "shard": ("1/4", "1/4"),
+    "engine": ("ray", Engine.RAY),
+    "address": ("auto", "auto"),
     "spool": ("copies", Path("copies")),
     "spool_limit": ("1000", 1000.0),
 }
