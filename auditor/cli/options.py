@@ -35,7 +35,7 @@ BUDGET = ("time_limit", "memory_limit")
 MATCHER = ("matcher", "weights", "align_corners", "max_disparity", "device", "precision", "compiled")
 MEASURING = (
     *(*MATCHER, "rig", "vehicle", "weather", "drive", "path_pattern", *BUDGET),
-    *("jobs", "pictures", "measure_again", "verify_content", "spool", "spool_limit"),
+    *("jobs", "pictures", "cells", "measure_again", "verify_content", "spool", "spool_limit"),
 )
 
 

@@ -141,6 +141,7 @@ def find_batch(
             _origin(settings, location.first),
             again=settings.measure_again,
             pictures=settings.pictures,
+            cells=settings.cells,
         )
         for location in recordings
     )
