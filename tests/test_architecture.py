@@ -48,6 +48,7 @@ HOMES = {
     "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
     "obstore": ("pipeline/remote/object_store.py",),
     "boto3": ("pipeline/remote/object_store.py",),
+    "ray": ("pipeline/remote/ray_cluster.py",),
     "subprocess": ("safety/launching.py",),
     "multiprocessing": ("pipeline/workers.py", "pipeline/fork_server.py"),
     "zipfile": ("safety/", "casefile/", "lab/training/samples.py"),

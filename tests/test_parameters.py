@@ -172,9 +172,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
     "model/settings.py": (
-        (0.99, 0.5, 4096, 16, 110),
-        "defaults and ranges of settings, which users choose and docs/settings.md lists; columns of a docstring",
+        (0.99, 0.5, 4096, 16),
+        "defaults and ranges of settings, which users choose and docs/settings.md lists",
     ),
+    "model/setting_keywords.py": ((110,), "columns of a docstring"),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": (
         (

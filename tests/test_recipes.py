@@ -17,6 +17,7 @@ from auditor.cli import auditor
 from auditor.cli.settings import read_file
 from auditor.pipeline.remote.shards import Shard, shard_of
 from auditor.store import Store
+from tests.making import stand_in_ray
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -203,16 +204,12 @@ def test_the_mapped_task_of_airflow_has_each_shard_once(monkeypatch):
     assert parsed(tasks["verdicts"]["bash_command"]) == "scan"
 
 
-def test_the_tasks_of_ray_and_the_scan_behind_them_measure_and_judge_everything(tmp_path, monkeypatch, capsys):
+def test_the_scan_on_ray_measures_and_judges_everything(tmp_path, monkeypatch, capsys):
     for number in range(2):
         start_ns = START_NS + number * DAY_NS
         write_drive(tmp_path / f"drive{'ab'[number]}.mcap", 3, positions_m=THREE_CAMERAS, start_ns=start_ns)
 
-    def remote(**_):
-        return lambda function: type("Remote", (), {"remote": staticmethod(function)})
-
-    if importlib.util.find_spec("ray") is None:
-        stand_in(monkeypatch, "ray", remote=remote, get=list, init=lambda: None)
+    stand_in_ray.stand_in(monkeypatch)
     monkeypatch.setattr(sys, "argv", ["ray_scan.py", str(tmp_path), str(tmp_path / "store")])
     exec(compile(RAY.read_text(encoding="utf-8"), RAY, "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out.splitlines()[-1] == "0 recordings with findings"

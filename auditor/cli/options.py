@@ -35,7 +35,7 @@ BUDGET = ("time_limit", "memory_limit")
 MATCHER = ("matcher", "weights", "align_corners", "max_disparity", "device", "precision", "compiled")
 MEASURING = (
     *(*MATCHER, "rig", "vehicle", "weather", "drive", "path_pattern", *BUDGET),
-    *("jobs", "pictures", "measure_again", "verify_content", "spool", "spool_limit"),
+    *("jobs", "pictures", "cells", "measure_again", "verify_content", "spool", "spool_limit"),
 )
 
 
@@ -68,14 +68,17 @@ def as_folder(store: "Path | Address") -> Iterator[Path]:
         yield folder
 
 
-def _store(callback: "Callable[[click.Context, click.Parameter, Any], Any] | None") -> Callable[[Command], Command]:
+def _store(
+    callback: "Callable[[click.Context, click.Parameter, Any], Any] | None", kind: "click.ParamType[Any]" = PLACE
+) -> Callable[[Command], Command]:
+    where = "A folder, or an address such as s3://bucket/audit." if kind is PLACE else "A folder."
     return click.option(
         "--store",
-        type=PLACE,
+        type=kind,
         default=DEFAULT_STORE,
         callback=callback,
         show_default=True,
-        help="The store: measurements, thresholds, verdicts. A folder, or an address such as s3://bucket/audit.",
+        help=f"The store: measurements, thresholds, verdicts. {where}",
     )
 
 
@@ -94,18 +97,25 @@ recordings_argument = click.argument("recordings", nargs=-1, required=True, meta
 """Recordings on this computer or on object stores."""
 
 
-def store_argument_or_option(command: Command) -> Command:
-    """The store as an argument, or as --store; the command gets `store`."""
+def store_argument_or_option(kind: "click.ParamType[Any]" = PLACE, *, own: bool = True) -> Callable[[Command], Command]:
+    """The store as an argument, or as --store; the command gets `store`, a folder.
 
-    @wraps(command)
-    def run(*, place: "Path | Address | None", store: "Path | Address", **others: Any) -> Any:  # noqa: ANN401 - handed on
-        context = click.get_current_context()
-        if place is not None and context.get_parameter_source("store") is ParameterSource.COMMANDLINE:
-            raise click.UsageError("name the store once, with --store")
-        with as_folder(own_store(context, store) if place is None else place) as folder:
-            return command(store=folder, **others)
+    Where nobody named it, it must be our `own`, but for what only looks whether it is whole.
+    """
 
-    return click.argument("place", metavar="[STORE]", required=False, type=PLACE)(_store(None)(run))
+    def decorated(command: Command) -> Command:
+        @wraps(command)
+        def run(*, place: "Path | Address | None", store: "Path | Address", **others: Any) -> Any:  # noqa: ANN401
+            context = click.get_current_context()
+            if place is not None and context.get_parameter_source("store") is ParameterSource.COMMANDLINE:
+                raise click.UsageError("name the store once, with --store")
+            taken = place if place is not None else own_store(context, store) if own else store
+            with as_folder(taken) as folder:
+                return command(store=folder, **others)
+
+        return click.argument("place", metavar="[STORE]", required=False, type=kind)(_store(None, kind)(run))
+
+    return decorated
 
 
 # Settings

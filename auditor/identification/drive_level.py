@@ -18,7 +18,7 @@ import numpy as np
 from auditor.identification.evidence_parameters import DRIVE_LEVEL
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import effective_size, log_odds, prior_of_check
-from auditor.identification.statistics import stretch_medians
+from auditor.identification.statistics import quantile_of, stretch_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
 from auditor.model.checks import Check, SensorCheck
@@ -100,8 +100,8 @@ def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
     measured = values[~np.isnan(values)]
     if not measured.size:
         return None
-    quarter = float(np.quantile(measured, DRIVE_LEVEL.quiet_share))
-    return OwnLevel(float(np.quantile(of_stretches, HIERARCHY.of_stretches)), effective_size(measured), quarter)
+    quarter = quantile_of(np.sort(measured), DRIVE_LEVEL.quiet_share)
+    return OwnLevel(quantile_of(np.sort(of_stretches), HIERARCHY.of_stretches), effective_size(measured), quarter)
 
 
 def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> Group | None:

@@ -7,7 +7,7 @@ are compared, each by the votes of those outside it (`likelihood`). The likelies
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import log10
+from math import isnan, log10
 
 import numpy as np
 
@@ -222,8 +222,9 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
 
 def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet, limit: float) -> float:
     """By how much z the strongest sensor exceeds the next that is not named, or the limit."""
-    columns = (c for c in system.counting(absent).tolist() if len(system.sensor_checks[c].nameable) == 1)
-    known = [(float(z[c]), system.sensor_checks[c].sensor) for c in columns if not np.isnan(z[c])]
+    columns = system.naming(absent)
+    found = zip(z[columns].tolist(), columns, strict=True)
+    known = [(value, system.sensor_checks[c].sensor) for value, c in found if not isnan(value)]
     best = max((value for value, _ in known), default=limit)
     rivals = [value for value, sensor in known if sensor not in attacked] if attacked else []
     return best - max(limit, *rivals) if rivals else best - limit

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL
+from auditor.identification.statistics import median_of
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Expected
 from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
@@ -189,7 +190,7 @@ def _bounded(values: Floats, prior: Prior) -> Floats:
     """The values, none further from their median than frames of one drive are: a few attacked ones count as those."""
     if not values.size:
         return values
-    middle, reach = float(np.median(values)), HIERARCHY.widest_values * prior.within
+    middle, reach = median_of(np.sort(values)), HIERARCHY.widest_values * prior.within
     return np.clip(values, middle - reach, middle + reach)
 
 
@@ -209,7 +210,7 @@ def effective_size(values: Floats) -> float:
     """How many independent frames F successive ones are worth, 1 at least (docs/figures.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
-    if HIERARCHY.fewest_frames > F or power == 0 or np.ptp(values) == 0:
+    if HIERARCHY.fewest_frames > F or power == 0 or values.max() == values.min():
         return 1.0
     total = 1.0
     for lag in range(1, F):

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from math import ceil, inf
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
@@ -236,20 +235,42 @@ def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[F
     W = int(min(max(usual, HIERARCHY.fewest_of_stretch), F))
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
+    places = first[:, None] + np.arange(W)
     for values in columns:
-        medians, measured = measured_medians(sliding_window_view(values, W)[first])
+        medians, measured = measured_medians(values[places])
         yield medians[measured > 0]
 
 
 def measured_medians(values: Floats) -> tuple[Floats, Integers]:
     """The medians along the last axis of what was measured, NaN where nothing was, and how many values that were."""
-    ordered = np.sort(values, axis=-1)  # NaN last
-    measured = np.count_nonzero(~np.isnan(ordered), axis=-1)
-    lower, upper = (
-        np.take_along_axis(ordered, place[..., None], axis=-1)[..., 0]
-        for place in (np.maximum(measured - 1, 0) // 2, measured // 2)
-    )
+    ordered, W = np.sort(values, axis=-1), values.shape[-1]  # NaN last
+    if not np.isnan(ordered[..., -1]).any():
+        measured = np.full(values.shape[:-1], W)
+        lower, upper = ordered[..., (W - 1) // 2], ordered[..., W // 2]
+    else:
+        measured = np.count_nonzero(~np.isnan(ordered), axis=-1)
+        lower, upper = (
+            np.take_along_axis(ordered, place[..., None], axis=-1)[..., 0]
+            for place in (np.maximum(measured - 1, 0) // 2, measured // 2)
+        )
     return np.asarray((lower + upper) / 2), np.asarray(measured)
+
+
+def quantile_of(ordered: Floats, share: float) -> float:
+    """As `np.quantile` of values in ascending order, none of them NaN: it takes most of its time to look at arguments.
+
+    Both interpolate between neighbours in the same way, so that the result is the same to the last bit.
+    """
+    place = (ordered.size - 1) * share
+    below = int(place)
+    lower, upper = float(ordered[below]), float(ordered[min(below + 1, ordered.size - 1)])
+    part, step = place - below, upper - lower
+    return lower + step * part if 2 * part < 1 else upper - step * (1 - part)
+
+
+def median_of(ordered: Floats) -> float:
+    """As `np.median` of values in ascending order, none of them NaN."""
+    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

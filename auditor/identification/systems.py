@@ -1,7 +1,7 @@
 """What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class System:
     sensors: tuple[int, ...]
     fallback: Triple | None = None
 
-    @property
+    @cached_property
     def by_time(self) -> bool:
         """Whether a lone camera and its own past check the LiDAR, the one sensor that is looked at."""
         return any(one.check is Check.PARALLAX_CONFLICT for one in self.sensor_checks)
@@ -52,11 +52,35 @@ class System:
 
         Where only two cameras see a place nobody else votes; that something is wrong there shows all the same.
         """
-        return np.array(_detecting(self.sensor_checks, absent), dtype=np.intp)
+        if absent not in self._detecting:
+            self._detecting[absent] = np.array(_detecting(self.sensor_checks, absent), dtype=np.intp)
+        return self._detecting[absent]
+
+    @cached_property
+    def _detecting(self) -> dict[frozenset[int], Indices]:
+        return {}
 
     def counting(self, absent: frozenset[int]) -> Indices:
         """The checks that count in a frame without these sensors: each of the most voters that are there."""
-        return np.array(counting_checks(self.sensor_checks, absent), dtype=np.intp)
+        if absent not in self._counting:
+            self._counting[absent] = np.array(counting_checks(self.sensor_checks, absent), dtype=np.intp)
+        return self._counting[absent]
+
+    def naming(self, absent: frozenset[int]) -> list[int]:
+        """Those of them that speak of one sensor."""
+        if absent not in self._naming:
+            columns = self.counting(absent).tolist()
+            self._naming[absent] = [column for column in columns if len(self.sensor_checks[column].nameable) == 1]
+        return self._naming[absent]
+
+    @cached_property
+    def _counting(self) -> dict[frozenset[int], Indices]:
+        """What is asked for every frame is found once: to look up all checks takes longer than the rest."""
+        return {}
+
+    @cached_property
+    def _naming(self) -> dict[frozenset[int], list[int]]:
+        return {}
 
 
 def measured_triples(one: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:

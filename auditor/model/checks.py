@@ -100,7 +100,7 @@ class SensorCheck(NamedTuple):
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
-        alone = self.check in (*CAMERA_CHECKS, Check.STRIPED_LIGHT) and len(self.others) < FEWEST_VOTERS
+        alone = len(self.others) < FEWEST_VOTERS and self.check in (*CAMERA_CHECKS, Check.STRIPED_LIGHT)
         return self.needed if alone else (self.sensor,)
 
 

@@ -1,4 +1,4 @@
-"""Which pictures are kept in a store, or shown on a page."""
+"""Which pictures and cells are kept in a store, or shown on a page."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,6 +10,14 @@ class Pictures(StrEnum):
     NONE = "none"
     INCIDENTS = "incidents"
     ALL = "all"
+
+
+class Cells(StrEnum):
+    """The frames whose cells are kept: all, or one a second, with those that may belong to an incident or without."""
+
+    ALL = "all"
+    INCIDENTS = "incidents"
+    SECONDS = "seconds"
 
 
 class Content(StrEnum):

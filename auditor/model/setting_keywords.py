@@ -1,12 +1,18 @@
 """The settings as keywords of `import auditor`, for type checkers: the fields of `Criteria` and `MeasureSettings`."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING, Field
 from decimal import Decimal
+from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
-from typing import TypedDict
+from textwrap import fill
+from typing import Any, TypedDict, TypeVar
 
-from auditor.model.pictures import Pictures
+from auditor.model.pictures import Cells, Pictures
+from auditor.model.settings import Engine, about, settings_of
 from auditor.model.verdict import Method, Statistic
+
+Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class JudgingKeywords(TypedDict, total=False):
@@ -44,7 +50,10 @@ class MeasuringKeywords(TypedDict, total=False):
     memory_limit: float
     jobs: int | None
     pictures: Pictures | str
+    cells: Cells | str
     shard: str | None
+    engine: Engine | str
+    address: str | None
     spool: str | Path | None
     spool_limit: float | None
     measure_again: bool
@@ -53,3 +62,27 @@ class MeasuringKeywords(TypedDict, total=False):
 
 class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
     """The settings of a scan as keywords, for type checkers."""
+
+
+def explained(*kinds: type) -> Callable[[Function], Function]:
+    """A decorator: the settings that a function takes as keywords stand in its signature and in its docstring."""
+
+    def explain(function: Function) -> Function:
+        own = [one for one in signature(function).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+        named = settings_of(*kinds).values()
+        keywords = [
+            Parameter(one.name, Parameter.KEYWORD_ONLY, default=_shown_default(one), annotation=one.type)
+            for one in named
+        ]
+        answers = signature(function).return_annotation
+        function.__signature__ = Signature([*own, *keywords], return_annotation=answers)  # type: ignore[attr-defined]
+        texts = [f"{one.name}\n    {fill(about(one).help, 110, subsequent_indent='    ')}" for one in named]
+        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Settings", "--------", *texts])
+        return function
+
+    return explain
+
+
+def _shown_default(setting: Field[Any]) -> object:
+    """The default of a setting in a signature: None stands for one that depends on the machine."""
+    return None if setting.default is MISSING else setting.default

@@ -6,24 +6,20 @@ The options of the command line, the variables of the environment, the keys of t
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from decimal import Decimal
 from difflib import get_close_matches
 from enum import StrEnum
-from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
-from textwrap import fill
 from types import NoneType
 from typing import Any, TypeVar, get_args, get_origin
 
 from auditor.errors import SettingError
-from auditor.model.pictures import Pictures
+from auditor.model.pictures import Cells, Pictures
 from auditor.model.verdict import Method, Statistic
 
 Settings = TypeVar("Settings", "Criteria", "MeasureSettings")
-
-Function = TypeVar("Function", bound=Callable[..., object])
 
 _SETTING = "setting"
 
@@ -159,6 +155,13 @@ class Criteria:
 # Measuring
 
 
+class Engine(StrEnum):
+    """What measures many recordings."""
+
+    PROCESSES = "processes"
+    RAY = "ray"
+
+
 @dataclass(frozen=True)
 class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits."""
@@ -239,12 +242,35 @@ class MeasureSettings:
             "cloud."
         ),
     )
+    cells: Cells = field(
+        default=Cells.ALL,
+        metadata=_about(
+            "Frames whose cells the store keeps, which are most of what it holds: all, those that may belong to an "
+            "incident (a statistic is unusually large) and one a second, or one a second alone. Verdicts are the "
+            "same; what lacks cells cannot be judged with --recount."
+        ),
+    )
     shard: str | None = field(
         default=None,
         metadata=_about(
             "Only the recordings of this shard of several, 0/8 to 7/8: so many processes, on any machines, share the "
             "work without knowing of each other. They measure only: the same command without it judges, once.",
             metavar="I/N",
+        ),
+    )
+    engine: Engine = field(
+        default=Engine.PROCESSES,
+        metadata=_about(
+            "What measures: processes of this machine, as many as --jobs, or tasks of a cluster of Ray, whose machines "
+            "see the same recordings and the same store.",
+        ),
+    )
+    address: str | None = field(
+        default=None,
+        metadata=_about(
+            "With --engine ray: the cluster's address, or auto for the one that runs here.  [default: RAY_ADDRESS, or "
+            "one is started for this command]",
+            metavar="HOST:PORT",
         ),
     )
     spool: Path | None = field(
@@ -352,27 +378,3 @@ def _refuse_out_of_range(setting: Field[Any], number: Any) -> None:  # noqa: ANN
         raise SettingError(
             f"{setting.name} cannot be {number!r}", where="settings", remedy="auditor scan --help says what it may be"
         )
-
-
-def explained(*kinds: type) -> Callable[[Function], Function]:
-    """A decorator: the settings that a function takes as keywords stand in its signature and in its docstring."""
-
-    def explain(function: Function) -> Function:
-        own = [one for one in signature(function).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
-        named = settings_of(*kinds).values()
-        keywords = [
-            Parameter(one.name, Parameter.KEYWORD_ONLY, default=_shown_default(one), annotation=one.type)
-            for one in named
-        ]
-        answers = signature(function).return_annotation
-        function.__signature__ = Signature([*own, *keywords], return_annotation=answers)  # type: ignore[attr-defined]
-        texts = [f"{one.name}\n    {fill(about(one).help, 110, subsequent_indent='    ')}" for one in named]
-        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Settings", "--------", *texts])
-        return function
-
-    return explain
-
-
-def _shown_default(setting: Field[Any]) -> object:
-    """The default of a setting in a signature: None stands for one that depends on the machine."""
-    return None if setting.default is MISSING else setting.default

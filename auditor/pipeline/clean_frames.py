@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.errors import StoreError
 from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, frozen
 from auditor.identification.marks import MACHINE
 from auditor.identification.statistics import sensor_statistics
@@ -92,12 +93,21 @@ def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]
     """(F, M) statistics computed again from the stored cells, as a scan computes them from the images.
 
     For measurements made before windows or votes were changed. Statistics without cells stay as they were measured.
+    Raises StoreError where a scan left cells out.
     """
     sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
     counted = [column for column, one in enumerate(sensor_checks) if one.check not in SHARE_CHECKS]
     of_cells = [sensor_checks[column] for column in counted]
     stored = store.load_statistics(measurement)
     statistics, row_of = stored.statistics.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
+    lacking = np.asarray((~np.isnan(statistics[:, counted])).any(axis=1))
     for frame, cells in store.load_cells(measurement):
         statistics[row_of[frame], counted] = np.array(sensor_statistics(of_cells, cells, {}), dtype=np.float64)
+        lacking[row_of[frame]] = False
+    if lacking.any():
+        raise StoreError(
+            f"of {lacking.sum()} frames no cells were kept",
+            where=f"measurement {measurement}",
+            remedy="judge without --recount, or measure again with --cells all",
+        )
     return statistics

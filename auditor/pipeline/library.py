@@ -18,11 +18,10 @@ from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
-from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords, ScanKeywords
+from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords, ScanKeywords, explained
 from auditor.model.settings import (
     Criteria,
     MeasureSettings,
-    explained,
     made,
     settings_of,
     unknown_setting,

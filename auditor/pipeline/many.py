@@ -9,7 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
-from auditor.model.settings import Criteria, MeasureSettings, settings_of
+from auditor.model.settings import Criteria, Engine, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
     fitting_calibration,
@@ -19,16 +19,15 @@ from auditor.pipeline.judge import (
     rigs_in_turn,
 )
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
-from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.measuring import measure_here, measure_on_cluster
 from auditor.pipeline.remote.shards import shard_of
-from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
-from auditor.pipeline.remote.supply import Supply
-from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all, run_from
+from auditor.pipeline.remote.spool import Spool, spool_of
+from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
@@ -117,6 +116,8 @@ def find_batch(
         check_rig_file(settings.rig)
     if settings.shard is not None:
         shard_of(settings.shard)
+    if settings.address is not None and settings.engine is not Engine.RAY:
+        raise SettingError("only a cluster has an address", where="--address", remedy="add --engine ray")
     limits = limits or limits_by_size(settings.time_limit, settings.memory_limit)
     found = find_all(given)
     recordings = _of_shard(found.recordings, settings.shard)
@@ -140,6 +141,7 @@ def find_batch(
             _origin(settings, location.first),
             again=settings.measure_again,
             pictures=settings.pictures,
+            cells=settings.cells,
         )
         for location in recordings
     )
@@ -175,24 +177,10 @@ def measure_all(
             unknown.append(task)
         else:
             yield Outcome(task, found)
-    for outcome in _run(batch, unknown, on_progress):
-        error = outcome.error.located(outcome.item) if outcome.error is not None else None
-        yield replace(outcome, error=named_as_given(error, outcome.item.location) if error is not None else None)
-
-
-def _run(
-    batch: Batch, tasks: Sequence[MeasureTask], on_progress: Callable[[object, str, int], None]
-) -> Iterator[Outcome[MeasureTask, Measured]]:
-    """Measure some recordings, those of object stores while the next ones are copied."""
-    jobs = batch.settings.jobs
-
-    def limits(task: MeasureTask) -> Limits:
-        return batch.limits(task.recording)
-
-    if all(task.location.remote is None for task in tasks):
-        return run_all(measure_recording, tasks, jobs, on_progress, limits)
-    supply = Supply(tasks, batch.spool, lambda task: task.location, MeasureTask.at, jobs)
-    return run_from(supply, measure_recording, jobs, on_progress, limits)
+    if unknown and settings.engine is Engine.RAY:
+        yield from measure_on_cluster(unknown, settings, batch.limits)
+    else:
+        yield from measure_here(unknown, settings.jobs, batch.limits, batch.spool, on_progress)
 
 
 def was_examined(error: AuditorError) -> bool:

@@ -40,7 +40,7 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.pipeline.geometry import in_force_by_any, negated, rigs_to_begin_with, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
-from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
+from auditor.pipeline.measured import CellsKept, Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
     Changes,
     FrameStream,
@@ -195,7 +195,8 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
     started, rig = perf_counter(), in_force.rig
     recording, store, matcher, procedure = job.recording, job.store, job.matcher, job.procedure
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    thumbnails, check, repeated = PictureBook(job.task.pictures), CalibrationCheck(), RepeatedData()
+    cells, thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
+    check, repeated = CalibrationCheck(), RepeatedData()
     store.write_rig(rig)
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
@@ -204,7 +205,7 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
     stream.heard_by(*(one for one in (changes, passed) if one is not None and one.topics))
     with (
         store.frames_writer(known, rig) as writer,
-        closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check, repeated)) as measured,
+        closing(_measure_frames(stream, rig, matcher, writer, cells, thumbnails, check, repeated)) as measured,
     ):
         done = 0
         for done in measured:
@@ -257,6 +258,7 @@ def _measure_frames(
     rig: Rig,
     matcher: Matcher,
     writer: FramesWriter,
+    cells: CellsKept,
     thumbnails: PictureBook,
     check: CalibrationCheck,
     repeated: RepeatedData,
@@ -274,7 +276,8 @@ def _measure_frames(
                 measurement = replace(
                     counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual, rig)
                 )
-                writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted))
+                kept = cells.of(counted.stamp_ns, unusual=bool(unusual))
+                writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted), with_cells=kept)
                 repeated.add(counted.fingerprints)
                 thumbnails.offer(counted, evidence, unusual=bool(unusual))
                 check.offer(evidence, measurement.fault_features)

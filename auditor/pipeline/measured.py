@@ -7,12 +7,13 @@ from pathlib import Path
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
-from auditor.model.pictures import Pictures
+from auditor.model.pictures import Cells, Pictures
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
 
 _UNKNOWN = Origin()
+_SECOND_NS = 10**9
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class MeasureTask:
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
     says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
     as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
-    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts. `given` is the task
-    of the batch, where this is one of a copy of its recording.
+    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts; so does `cells`.
+    `given` is the task of the batch, where this is one of a copy of its recording.
     """
 
     recording: Path | Location
@@ -34,6 +35,7 @@ class MeasureTask:
     origin: Origin = _UNKNOWN
     again: bool = False
     pictures: Pictures = Pictures.ALL
+    cells: Cells = Cells.ALL
     given: "MeasureTask | None" = None
 
     def __str__(self) -> str:
@@ -87,3 +89,16 @@ def procedure_by(matcher: Matcher) -> Procedure:
     return procedure_of(
         matcher.name, matcher.settings, measuring=measuring_digest(), synchronising=synchronising_digest()
     )
+
+
+class CellsKept:
+    """Chooses, among the frames of a recording in the order of their stamps, those whose cells are kept."""
+
+    def __init__(self, cells: Cells) -> None:
+        self._cells, self._second = cells, -1
+
+    def of(self, stamp_ns: int, *, unusual: bool) -> bool:
+        """Whether the next frame's are; `unusual` says that a statistic of it is unusually large."""
+        before, self._second = self._second, stamp_ns // _SECOND_NS
+        wanted = self._cells == Cells.ALL or (self._cells == Cells.INCIDENTS and unusual)
+        return wanted or self._second != before

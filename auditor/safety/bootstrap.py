@@ -4,6 +4,7 @@ The package is loaded from the folder that the parent loaded it from, whether or
 checkout that is run from its own root has to work without the working folder on the path.
 """
 
+import gc
 import json
 import sys
 from importlib import import_module
@@ -17,6 +18,7 @@ def main() -> int:
     _load_package(package)
     import_module("auditor.safety.network").give_up_network()
     code: int = import_module(module).main()
+    gc.freeze()  # as the command line does at its end
     return code
 
 

@@ -51,6 +51,9 @@ LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdict
 
 _CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
+_SELECT = re.compile(
+    r"(?P<with>(?:\s|--[^\n]*\n)*WITH\b(?!\s+RECURSIVE\b))|(?:\s|--[^\n]*\n)*(?:SELECT|FROM)\b", re.IGNORECASE
+)
 
 
 @cache
@@ -59,6 +62,30 @@ def all_macros() -> dict[str, str]:
     known = {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
     calls = {name: _words(sql) & known.keys() - {name} for name, sql in known.items()}
     return {name: known[name] for name in TopologicalSorter(calls).static_order()}
+
+
+def with_views(text: str) -> str:
+    """A SELECT statement, or one that is left as it is, with the views that it reads as its first CTEs.
+
+    DuckDB binds and plans a view anew wherever one of its name stands, and all views behind it with it; a CTE once.
+    Rows of frames are not gathered there: what a question does not want of them is not even read.
+    """
+    found, named = _SELECT.match(text), " ".join(_views_in(text))
+    if not named or found is None:
+        return text
+    ctes = ",\n".join(map(_cte, in_order(needed_by(named))))
+    return f"WITH {ctes},\n{text[found.end() :]}" if found["with"] else f"WITH {ctes}\n{text}"
+
+
+@cache
+def _cte(view: str) -> str:
+    sql = views()[view].sql
+    how = "NOT MATERIALIZED " if _words(sql) & {f"stored_{table}" for table in LARGE} else ""
+    return f"{view} AS {how}(\n{sql}\n)"
+
+
+def _views_in(text: str) -> frozenset[str]:
+    return _words(text.lower()) & views().keys()
 
 
 def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
@@ -72,6 +99,8 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         filling = _Filling(connection)
         with _reading(store, needed_by(text)):
             _fill(filling, store, files, needed_by(text))
+            for view in _views_in(text) or views().keys() & needed_by(text):
+                connection.execute(f"CREATE VIEW {view} AS {with_views(views()[view].sql)}")
             if _shows_comments(text):
                 connection.execute(comments(connection))
         _lock(connection, "allowed_paths", filling.readable)
@@ -96,11 +125,10 @@ def plain_connection(store: Store) -> Connection:
 
 @contextmanager
 def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
-    """As `connected`, for questions of our own: what the next ones of this process need of views, they find made.
-
-    Views and macros take longer to make than most questions to answer. What is of the store goes with the question.
+    """As `connected`, for questions of our own `with_views`: the macros that the next ones of this process need, they
+    find made. What is of the store goes with the question.
     """
-    if _shows_comments(text):
+    if _shows_comments(text) or _SELECT.match(text) is None:
         with connected(store, text) as connection:
             yield connection
         return
@@ -118,7 +146,7 @@ def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection
 
 @dataclass(frozen=True)
 class _Kept:
-    """A locked connection between two questions: it has macros and views, by their names, and nothing of a store."""
+    """A locked connection between two questions: it has macros, by their names, and nothing of a store."""
 
     connection: duckdb.DuckDBPyConnection
     made: set[str] = field(default_factory=set)
@@ -244,7 +272,7 @@ def raise_damage(store: Store, needed: set[str], error: Exception) -> None:
 def _fill(
     filling: _Filling, store: Store | None, files: ReadOnlyFiles, needed: set[str], made: Collection[str] = ()
 ) -> None:
-    """Make the macros, stored tables and views that are needed; of macros and views those that are made are there."""
+    """Make the macros and stored tables that are needed; macros that are made are there."""
     new = needed.difference(made)
     filling.connection.execute("\n".join(macro for name, macro in all_macros().items() if name in new))
     for table in (table for table in TABLES if f"stored_{table}" in needed):
@@ -253,8 +281,6 @@ def _fill(
         _create_stored(filling, table_schema(table), alone, packs, found.hidden)
     if "stored_pictures" in needed:
         _create_pictures(filling, picture_files(store.folder / "pictures") if store else [])
-    for view in in_order(new):
-        filling.connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
 
 
 def in_one_line(error: Exception) -> str:

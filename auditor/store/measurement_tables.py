@@ -335,16 +335,21 @@ class FramesWriter:
         return self._numbers, self._stamps_ns
 
     def add(
-        self, frame: Measurement, statistics: Sequence[float | None], unmasked: Sequence[float | None] | None = None
+        self,
+        frame: Measurement,
+        statistics: Sequence[float | None],
+        unmasked: Sequence[float | None] | None = None,
+        *,
+        with_cells: bool = True,
     ) -> None:
         """Take a measured frame and all that goes with it; its statistics in the order of `rig_sensor_checks(rig)`.
 
-        `unmasked` are those that are others without the LiDAR, None elsewhere. Raises StoreError where they do not fit
-        the rig.
+        `unmasked` are those that are others without the LiDAR, None elsewhere. Its cells may be left out. Raises
+        StoreError where they do not fit the rig.
         """
         measurement_id = self._measurement_id
         self._tables["frames"].add(measured_row(measurement_id, frame, statistics, self._rig, unmasked))
-        for row in cell_rows(measurement_id, frame.number, frame.cells):
+        for row in cell_rows(measurement_id, frame.number, frame.cells if with_cells else {}):
             self._tables["cells"].add(row)
         for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):
             self._tables["fault_features"].add(row)

@@ -11,7 +11,15 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import asking, connected, in_one_line, needed_by, raise_damage, shut_connection
+from auditor.store.connection import (
+    asking,
+    connected,
+    in_one_line,
+    needed_by,
+    raise_damage,
+    shut_connection,
+    with_views,
+)
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
@@ -123,7 +131,7 @@ def _answer(connection: duckdb.DuckDBPyConnection, text: str, values: Mapping[st
     `connection.sql` would bind the text when it gets it, and once more when it runs it: a quarter of the time that a
     question of incidents takes.
     """
-    answer = connection.execute(text, values)
+    answer = connection.execute(with_views(text), values)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Arrow output", UserWarning)  # DuckDB 2 says that it copies the rows
         return answer.to_arrow_table()
@@ -207,7 +215,7 @@ def list_views() -> list[SqlFile]:
 
 def _described(file: SqlFile, what: str) -> Description:
     with asking(None, file.sql) as connection:
-        answer = connection.sql(file.sql, params={parameter.name: None for parameter in file.parameters})
+        answer = connection.sql(with_views(file.sql), params={parameter.name: None for parameter in file.parameters})
         types = dict(zip(answer.columns, map(str, answer.types), strict=True))
     columns = tuple(described_column(file, column, kind) for column, kind in types.items())
     return Description(file.name, what, file.text, file.parameters, columns)

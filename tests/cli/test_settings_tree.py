@@ -12,10 +12,11 @@ import auditor
 from auditor.cli import run
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions
-from auditor.model.pictures import Pictures
+from auditor.model.pictures import Cells, Pictures
 from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords
 from auditor.model.settings import (
     Criteria,
+    Engine,
     MeasureSettings,
     about,
     default,
@@ -54,9 +55,12 @@ EXAMPLES = {
     "memory_limit": ("512", 512.0),
     "jobs": ("3", 3),
     "pictures": ("none", Pictures.NONE),
+    "cells": ("seconds", Cells.SECONDS),
     "measure_again": (True, True),
     "verify_content": (True, True),
     "shard": ("1/4", "1/4"),
+    "engine": ("ray", Engine.RAY),
+    "address": ("auto", "auto"),
     "spool": ("copies", Path("copies")),
     "spool_limit": ("1000", 1000.0),
 }

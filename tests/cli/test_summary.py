@@ -180,6 +180,15 @@ def test_judge_takes_its_store_either_way_but_once(store, capfd):
     assert "name the store once" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("words", [["verify"], ["store", "list"], ["store", "check"], ["store", "compact"]])
+def test_what_looks_after_a_store_takes_it_as_the_other_verbs_do(store, capfd, words):
+    add_recording(store)
+    codes = [run([*words, *where]) for where in ([str(store.folder)], ["--store", str(store.folder)])]
+    assert codes[0] == codes[1] != 2
+    assert run([*words, str(store.folder), "--store", str(store.folder)]) == 2
+    assert "name the store once" in capfd.readouterr().err
+
+
 def test_a_pipe_gets_a_line_now_and_then(capfd, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(output, "monotonic", lambda: now[0])

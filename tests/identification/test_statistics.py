@@ -8,6 +8,8 @@ from auditor.identification.statistics import (
     IMAGE_WINDOW,
     Window,
     fitted,
+    median_of,
+    quantile_of,
     sensor_statistics,
     stretch_medians,
     window_means_of,
@@ -328,6 +330,13 @@ def test_stretches_in_which_nothing_was_measured_have_no_median():
     values = np.full(200, np.nan)
     values[:10] = 2.0
     assert medians_of(values, np.arange(200) * 10**8).tolist() == [2.0]
+
+
+@given(st.lists(st.floats(-30, 30), min_size=1, max_size=40), st.floats(0, 1))
+def test_quantiles_and_medians_are_numpys_to_the_last_bit(values, share):
+    ordered = np.sort(values)
+    assert quantile_of(ordered, share) == np.quantile(values, share)
+    assert median_of(ordered) == np.median(values)
 
 
 def test_a_drive_without_a_clock_is_one_stretch_and_none_has_none():

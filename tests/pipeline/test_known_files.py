@@ -10,6 +10,7 @@ import auditor.store
 from auditor.cli import run
 from auditor.pipeline import library, many
 from auditor.pipeline import scan as scanning
+from auditor.pipeline.remote import measuring
 from auditor.recordings import Location
 from auditor.store import Store, rows_of
 from auditor.store.maintenance.removal import remove_measurement
@@ -41,7 +42,7 @@ def read(monkeypatch):
         found.extend(task.recording.name for task in tasks)
         return iter(())
 
-    monkeypatch.setattr(many, "run_all", run_all)
+    monkeypatch.setattr(measuring, "run_all", run_all)
     return found
 
 

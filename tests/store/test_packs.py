@@ -10,7 +10,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.store import Store, run_query, run_sql, tables, views_script
-from auditor.store.connection import asking, connected
+from auditor.store.connection import connected
 from auditor.store.log import Kind, entries, logged
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.check import check
@@ -45,7 +45,7 @@ def folder(kept, tmp_path):
 def told(folder):
     """All that a store answers: every row of its tables and of queries, and what is read of an id."""
     store = Store.open(folder)
-    with asking(store, " ".join(VIEWS)) as connection:
+    with connected(store, " ".join(VIEWS)) as connection:
         rows = {view: sorted(map(repr, connection.execute(f"FROM {view}").fetchall())) for view in VIEWS}
     by_id = [
         (repr((store.measurement(one), store.load_statistics(one).statistics.tolist())), grids(store, one))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command("judge", short_help="Verdicts again, without recordings.")
-@options.store_argument_or_option
+@options.store_argument_or_option()
 @options.setting("jobs")
 @options.judging_options("recount", *options.JUDGING)
 @format_option

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @options.store_option
 @options.judging_options(*options.JUDGING)
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
-@options.measuring_options(*options.MEASURING, "shard")
+@options.measuring_options(*options.MEASURING, "shard", "engine", "address")
 @format_option
 def command(
     recordings: "tuple[Path | Address, ...]",

@@ -11,7 +11,7 @@ from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, say, shown
 from auditor.cli.values import PATH
 
-_store_argument = click.argument("store", type=PATH, default=options.DEFAULT_STORE)
+_store = options.store_argument_or_option(PATH, own=False)
 
 
 @click.group("store", short_help="List, remove, check, compact and upgrade what a store holds.")
@@ -28,7 +28,7 @@ def command() -> None:
 
 
 @command.command("list", short_help="The recordings of a store.")
-@_store_argument
+@_store
 @format_option
 def list_recordings(store: Path, form: str) -> None:
     """List the recordings of a store: names, origin, frames, verdicts, and what they have to do with each other.
@@ -85,7 +85,7 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
 
 
 @command.command("check", short_help="Check that a store is whole.")
-@_store_argument
+@_store
 def check(store: Path) -> Exit:
     """Check that every finished file of a store is there, readable and of this version, and that nothing else is.
 
@@ -111,7 +111,7 @@ def check(store: Path) -> Exit:
 
 
 @command.command("compact", short_help="Make few files of many small ones.")
-@_store_argument
+@_store
 def compact(store: Path) -> None:
     """Put the small files of a store's recordings, measurements and judgements into few: questions take less time.
 
@@ -138,7 +138,7 @@ def compact(store: Path) -> None:
 
 
 @command.command("upgrade", short_help="Upgrade a store of the version before.")
-@_store_argument
+@_store
 def upgrade(store: Path) -> None:
     """Upgrade a store of the schema version before, in its place.
 

@@ -9,10 +9,9 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
 from auditor.cli.output import say, shown
-from auditor.cli.values import PLACE, LocalPath
+from auditor.cli.values import LocalPath
 
 if TYPE_CHECKING:
-    from auditor.pipeline.remote.addresses import Address
     from auditor.store.log.signatures import PublicKey
     from auditor.store.maintenance.verify import Verified
 
@@ -20,7 +19,7 @@ _key = LocalPath(exists=True, dir_okay=False)
 
 
 @click.command("verify", short_help="Is a store, or a case, as it was written?")
-@click.argument("store", type=PLACE, default=options.DEFAULT_STORE)
+@options.store_argument_or_option(own=False)
 @click.option("--public-key", type=_key, help="Also check that the holder of this Ed25519 key (PEM) signed everything.")
 @click.option(
     "--private-key",
@@ -29,12 +28,12 @@ _key = LocalPath(exists=True, dir_okay=False)
     show_envvar=True,
     help="Sign the log with this Ed25519 key (PEM) where nothing differs; with the variable set, every run signs.",
 )
-def command(store: "Path | Address", public_key: Path | None, private_key: Path | None) -> Exit:
+def command(store: Path, public_key: Path | None, private_key: Path | None) -> Exit:
     """Check that every file of a store is as the run that wrote it left it, and that its log is whole.
 
     \b
     auditor verify
-    auditor verify night/audit --public-key auditor.pem
+    auditor verify --store night/audit --public-key auditor.pem
     auditor verify case_39b955.zip
 
     Each file is hashed and compared with the log of runs, or with the row that finished it: tables, pictures, pages.
@@ -47,11 +46,6 @@ def command(store: "Path | Address", public_key: Path | None, private_key: Path 
     Exits with 0 where everything is as it was written, 1 where something differs, and 3 where a killed run left
     something that nobody reads.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    with options.as_folder(store) as folder:
-        return _verify(folder, public_key, private_key)
-
-
-def _verify(store: Path, public_key: Path | None, private_key: Path | None) -> Exit:
     from auditor.casefile.checking import is_case  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.log.signatures import public_key as read_key  # noqa: PLC0415

@@ -146,7 +146,7 @@ def seen_of(
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
             own_z = z[added], z[removed], z[inconsistent]
-            strongest = max(own.values(), key=lambda column: np.nan_to_num(z[column], nan=-np.inf))
+            strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
             found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped, *lasting)
     return found

@@ -75,19 +75,18 @@ def windows_of(stamps_ns: Integers, runs: Integers) -> Windows:
 
 def series_of(series: FrameSeries, windows: Windows) -> FrameSeries:
     """The windows of a series as a series: each value is the median of its frames, and each flag that of most."""
-    middle = windows.middle
-
-    def medians(values: Floats) -> Floats:
-        return _of_windows(np.asarray(values, dtype=np.float64)[:, None], windows)[:, 0]
-
+    middle, known = windows.middle, [*series.fault_scores.values(), *series.brightness.values()]
+    medians = iter(
+        _of_windows(np.array(known, dtype=np.float64).reshape(len(known), len(series.stamps_ns)).T, windows).T
+    )
     return FrameSeries(
         series.stamps_ns[middle],
         series.runs[middle],
         _of_windows(series.statistics, windows),
         _of_windows(series.present.astype(np.float64), windows) > 0.5,
         _of_windows(series.frozen.astype(np.float64), windows) > 0.5,
-        {cause: medians(values) for cause, values in series.fault_scores.items()},
-        {key: medians(values) for key, values in series.brightness.items()},
+        {cause: next(medians) for cause in series.fault_scores},
+        {key: next(medians) for key in series.brightness},
         periods_s=None if series.periods_s is None else series.periods_s[middle],
     )
 
@@ -96,7 +95,7 @@ def _of_windows(values: Floats, windows: Windows) -> Floats:
     """(W, C) the medians of columns (F, C); NaN where fewer than half of a window's values were measured."""
     medians = np.full((len(windows.first), values.shape[1]), np.nan)
     lengths = windows.end - windows.first
-    for length in np.unique(lengths).tolist():
+    for length in sorted({*lengths.tolist()}):
         view = sliding_window_view(values, length, axis=0)
         places = np.flatnonzero(lengths == length)
         for at in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):

@@ -4,24 +4,22 @@ A mirror is this process's alone while it lasts. It is brought up to date before
 is put back behind it, and every minute of a scan: first the files, then the snapshot that names them.
 """
 
-import fcntl
-import hashlib
 import json
 import os
 import random
 import shutil
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 from threading import Event
 
 from auditor.errors import AuditorError, SettingError, StoreError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import NoObjectError, copy_object, put_object, remove_object
+from auditor.pipeline.remote.slots import BASE, HASHED, USED, free_slot, read_base, read_hashed
 from auditor.pipeline.remote.snapshots import (
     File,
     Files,
@@ -48,12 +46,8 @@ EACH_S = 60.0
 
 _MOST_TRIES = 50
 _AT_ONCE = 16
-_BASE, _HASHED, _USED = "base.json", "hashed.json", "used"
 _COMING, _GOING = "coming", "going"
-_ADDRESS_DIGITS = 16
 _OWNERS = 0o600
-
-Stamp = tuple[int, int, int]
 
 
 class Mirror:
@@ -65,11 +59,11 @@ class Mirror:
     def __init__(self, address: Address, *, left: bool = False) -> None:
         """One that may hold anything, or one in which an ended process `left` what it could not put back."""
         self.address = address
-        self._slot, self._lock = _free_slot(address, left=left)
+        self._slot, self._lock = free_slot(address, left=left)
         self.folder = self._slot / "store"
         make_folder(self.folder)
-        self._base: Files = _read_base(self._slot)
-        self._hashed = _read_hashed(self._slot)
+        self._base: Files = read_base(self._slot)
+        self._hashed = read_hashed(self._slot)
         self._put_back_at = time.monotonic()
         self._outgrown: list[tuple[str, File]] = []
         if not is_mirror(self.folder):
@@ -81,7 +75,7 @@ class Mirror:
 
     def mark_used(self) -> None:
         """Note that something may be written, which the next command puts back where this one cannot."""
-        (self._slot / _USED).touch(0o600)
+        (self._slot / USED).touch(0o600)
 
     def put_back_if_due(self) -> None:
         """Put back what was written, unless that was done just now."""
@@ -94,12 +88,12 @@ class Mirror:
         what somebody else wrote meanwhile; it is kept then, in another folder.
         """
         self._synchronise(put=True)
-        (self._slot / _USED).unlink(missing_ok=True)
+        (self._slot / USED).unlink(missing_ok=True)
 
     def close(self) -> None:
         """Let another process have it."""
         if self._slot.is_dir():
-            write_whole(self._slot / _HASHED, json.dumps(self._hashed).encode())
+            write_whole(self._slot / HASHED, json.dumps(self._hashed).encode())
         os.close(self._lock)
 
     def _synchronise(self, *, put: bool) -> None:
@@ -203,7 +197,7 @@ class Mirror:
                 make_folder(path.parent)
                 _link(self._slot / _COMING / file[1], path)
         self._base = dict(theirs)
-        write_whole(self._slot / _BASE, json.dumps(self._base).encode())
+        write_whole(self._slot / BASE, json.dumps(self._base).encode())
 
     def _whole(self, mine: Files, found: Merged, theirs: Files) -> dict[str, File]:
         """What the mirror holds once theirs is in its place."""
@@ -258,7 +252,7 @@ class Mirror:
         if not replace_snapshot(self.address, theirs, whole):
             return False
         self._base = whole
-        write_whole(self._slot / _BASE, json.dumps(self._base).encode())
+        write_whole(self._slot / BASE, json.dumps(self._base).encode())
         for left in (_GOING, _COMING):
             shutil.rmtree(self._slot / left, ignore_errors=True)
         self._remove_outgrown(theirs.files, whole)
@@ -341,6 +335,25 @@ def put_back_if_due(folder: Path) -> None:
         _current[folder].put_back_if_due()
 
 
+def synchronised(folder: Path) -> None:
+    """Let a mirror of this process have what others put back, and put back what it has; nothing of other folders."""
+    if folder in _current:
+        _current[folder].put_back()
+        _current[folder].mark_used()
+
+
+def place_of(folder: Path) -> Path | Address:
+    """The address of the store that a folder of this process is a mirror of; of any other folder its own path."""
+    return _current[folder].address if folder in _current else folder.absolute()
+
+
+@contextmanager
+def as_folder(place: Path | Address) -> Iterator[Path]:
+    """The store at a path or an address as a folder inside the block."""
+    with mirrored(place) if isinstance(place, Address) else nullcontext(place) as folder:
+        yield folder
+
+
 def _joined(mine: RecordingRecord, theirs: RecordingRecord) -> RecordingRecord:
     """What two writers know of one recording; it is compared with the others anew."""
     known = {(one.name, one.path) for one in theirs.sightings}
@@ -358,42 +371,3 @@ def _link(path: Path, to: Path, *, copied: bool = False) -> None:
     else:
         os.link(path, beside)
     beside.replace(to)
-
-
-def _free_slot(address: Address, *, left: bool) -> tuple[Path, int]:
-    """A folder for a mirror that no process uses, and what this one holds it by.
-
-    Raises FileNotFoundError where there is none in which an ended process `left` something.
-    """
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "auditor" / "mirrors"
-    make_folder(base)
-    name = hashlib.sha256(str(address).encode()).hexdigest()[:_ADDRESS_DIGITS]
-    known = sorted(one for one in base.glob(f"{name}-*") if "-aside-" not in one.name)
-    slots: Iterable[Path] = (base / f"{name}-{number}" for number in count())
-    for slot in (one for one in known if (one / _USED).exists()) if left else slots:
-        make_folder(slot)
-        lock = os.open(slot, os.O_RDONLY)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(lock)
-        else:
-            return slot, lock
-    raise FileNotFoundError(name)
-
-
-def _read_hashed(slot: Path) -> dict[str, tuple[Stamp, str]]:
-    """The hashes of files by their sizes, times and inodes, as they were when the mirror was last used."""
-    try:
-        content = json.loads((slot / _HASHED).read_bytes())
-        return {place: ((size, at, inode), sha256) for place, ((size, at, inode), sha256) in content.items()}
-    except (OSError, ValueError):
-        return {}
-
-
-def _read_base(slot: Path) -> Files:
-    try:
-        content = json.loads((slot / _BASE).read_bytes())
-        return {place: (size, sha256) for place, (size, sha256) in content.items()}
-    except (OSError, ValueError):
-        return {}

@@ -51,20 +51,15 @@ _LOST = ("169.254.", "metadata.google.internal")
 def list_objects(address: Address) -> Iterator[StoredObject]:
     """The objects below the folder of an address, page by page. Raises RecordingError and SettingError."""
     api, store = _library(), _store(address.root)
-    last, failures = None, 0
+    last, tries = None, _Tries()
     while True:
-        try:
-            with _reporting(str(address)):
-                for page in api.list(store, address.folder or None, offset=last, chunk_size=_KEYS_A_PAGE):
-                    for known in page:
-                        yield _described(address, known)
-                        last, failures = known["path"], 0
-                return
-        except PassingError:
-            failures += 1
-            if failures >= _MOST_FAILURES:
-                raise
-            time.sleep(_pause_s(failures))
+        with tries.one(str(address)):
+            for page in api.list(store, address.folder or None, offset=last, chunk_size=_KEYS_A_PAGE):
+                for known in page:
+                    yield _described(address, known)
+                    last = known["path"]
+                    tries.got_on()
+            return
 
 
 def find_object(address: Address) -> StoredObject | None:
@@ -139,20 +134,14 @@ def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Eve
 
 
 def _copy(root: str, one: StoredObject, file: BinaryIO, stopped: threading.Event) -> None:
-    failures = 0
+    tries = _Tries(stopped.wait)
     while file.tell() < one.size_bytes:
-        before = file.tell()
-        try:
-            with _reporting(one.address):
-                for chunk in _chunks(root, one, before):
-                    file.write(chunk)
-                    _refuse_stopped(one, stopped)
-        except PassingError:
-            failures = 1 if file.tell() > before else failures + 1
-            if failures >= _MOST_FAILURES:
-                raise
-            stopped.wait(_pause_s(failures))
-            _refuse_stopped(one, stopped)
+        _refuse_stopped(one, stopped)
+        with tries.one(one.address):
+            for chunk in _chunks(root, one, file.tell()):
+                file.write(chunk)
+                tries.got_on()
+                _refuse_stopped(one, stopped)
 
 
 def _chunks(root: str, one: StoredObject, begin: int) -> Iterator[Any]:
@@ -172,22 +161,34 @@ def _refuse_stopped(one: StoredObject, stopped: threading.Event) -> None:
 
 def _asked(where: str, ask: Callable[[], Answer]) -> Answer:
     """The answer to a small request, which is asked again where it fails or is cut. Raises RecordingError."""
-    failures = 0
+    tries = _Tries()
     while True:
+        with tries.one(where):
+            return ask()
+
+
+class _Tries:
+    """Requests for one thing: a failure is waited for, longer each time, until there are too many in a row."""
+
+    def __init__(self, wait: Callable[[float], object] = time.sleep) -> None:
+        self._wait, self._failures = wait, 0
+
+    @contextmanager
+    def one(self, where: str) -> Iterator[None]:
+        """One try: what may pass is waited for at its end. Raises RecordingError for the rest, and for the last one."""
         try:
             with _reporting(where):
-                return ask()
+                yield
         except PassingError:
-            failures += 1
-            if failures >= _MOST_FAILURES:
+            self._failures += 1
+            if self._failures >= _MOST_FAILURES:
                 raise
-            time.sleep(_pause_s(failures))
+            longest: float = min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**self._failures)
+            self._wait(longest * random.uniform(0.5, 1.0))  # noqa: S311 - drawn, so that many do not ask at one moment
 
-
-def _pause_s(failures: int) -> float:
-    """How long to wait after so many failures in a row; drawn, so that many do not ask at one moment."""
-    longest: float = min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**failures)
-    return longest * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
+    def got_on(self) -> None:
+        """Something came: failures from here on are new ones."""
+        self._failures = 0
 
 
 # What the library does not know
