@@ -72,6 +72,7 @@ _REAL = "three clean real drives and their attacks; a guard of 56 streets for th
 _TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
 _RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/method.md)"
+_NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
 _BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/method.md)"
 _IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
@@ -84,8 +85,8 @@ class CheckPriors:
 
     conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     light: tuple[float, ...] = parameter((-2.92, 0.3, 0.29, 1.9), unit=_OF_PRIOR, source=_LIGHT)
-    light_of_two: tuple[float, ...] = parameter((-2.2, 0.3, 0.33, 1.3), unit=_OF_PRIOR, source=_REAL)
-    light_of_one: tuple[float, ...] = parameter((-2.1, 0.3, 0.38, 1.75), unit=_OF_PRIOR, source=_REAL)
+    light_of_two: tuple[float, ...] = parameter((-2.2, 0.33, 0.33, 1.3), unit=_OF_PRIOR, source=_REAL)
+    light_of_one: tuple[float, ...] = parameter((-2.1, 0.35, 0.35, 1.75), unit=_OF_PRIOR, source=_REAL)
     darkness: tuple[float, ...] = parameter((-3.15, 0.26, 0.24, 2.0), unit=_OF_PRIOR, source=_LIGHT)
     darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 2.0), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.95), unit=_OF_PRIOR, source=_TAILS)
@@ -276,6 +277,12 @@ class LightOfCauses:
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
     unchanged_gap: float = parameter(
         2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
+    )
+    hardly_added: float = parameter(
+        1.5, unit="z of added light, below which hardly any was thrown in", source=_NO_LIGHT
+    )
+    hardly_saturated: float = parameter(
+        20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
     )
     nearby_s: float = parameter(3.0, unit="s around a frame, in which a fault of a lens stays", source=_LASTING)
     further_s: float = parameter(

@@ -143,6 +143,8 @@ def rules() -> Iterator[Rule]:
     yield Rule("light lasts: always", numbers(light, for_always=0.0))
     yield Rule("light lasts: most", numbers(light, most_for_lasting=INF))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
+    yield Rule("hardly any light", numbers(light, hardly_added=-INF))
+    yield Rule("hardly any light: saturates", numbers(light, hardly_saturated=INF))
     for name in ("removed", "inconsistent", "darker", "lit", "saturated"):
         yield Rule(f"light on a lens: {name}", flat(f"of_{name}"))
     yield Rule("light on a lens", replaced(faults, "of_lens", lambda seen: ()))
