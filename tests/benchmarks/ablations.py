@@ -108,7 +108,7 @@ def one_prior(check: Check, name: str) -> Change:
 def rules() -> Iterator[Rule]:
     """The rules, in the order of the judge."""
     light, hierarchy = judging.LIGHT_OF_CAUSES, judging.HIERARCHY
-    yield Rule("the judge that ships", lambda stack: None)
+    yield Rule("as it ships", lambda stack: None)
     yield Rule("one prior of added light", one_prior(Check.ADDED_LIGHT, "light"))
     yield Rule("one prior of removed light", one_prior(Check.REMOVED_LIGHT, "darkness"))
     yield Rule("one prior of inconsistency", one_prior(Check.PHOTOMETRIC_INCONSISTENCY, "inconsistency"))
@@ -123,7 +123,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("the widest deviation", numbers(hierarchy, widest=INF))
     yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0, narrowest_of_any=0.0))
     yield Rule("the narrowest of any drive", numbers(hierarchy, narrowest_of_any=0.0))
-    yield Rule("dependence of the checks", numbers(judging.JOINT_TAIL, independent=1.0))
+    yield Rule("dependent checks", numbers(judging.JOINT_TAIL, independent=1.0))
     yield Rule("limits of a score", numbers(judging.SCORE_LIMITS, lowest=-40.0, highest=40.0))
     yield Rule("the curve of the other sensors", numbers(LIKELIHOOD, of_rest=(0.0,) * len(LIKELIHOOD.of_rest)))
     yield Rule("a price of several sensors", numbers(LIKELIHOOD, of_several=0.0))
