@@ -134,8 +134,7 @@ def _dot(one: Seen, scale: float, kind: str, radius: float) -> str:
 
 
 def _named(name: str) -> str:
-    shown = one_line(name)
-    return escape(shown if len(shown) <= _MOST_NAME else shown[: _MOST_NAME - 1] + "…")
+    return _cut(one_line(name), _MOST_NAME)
 
 
 def _labels(plan: Plan, scale: float) -> Iterator[str]:
@@ -184,5 +183,5 @@ def _legend(plan: Plan) -> Iterator[str]:
         yield f'<text class="small" x="56" y="{y + 11}">place not known: {_cut(names_of)}</text>'
 
 
-def _cut(text: str) -> str:
-    return escape(text if len(text) <= _MOST_LETTERS else text[: _MOST_LETTERS - 1] + "…")
+def _cut(text: str, most: int = _MOST_LETTERS) -> str:
+    return escape(text if len(text) <= most else text[: most - 1] + "…")

@@ -25,11 +25,11 @@ from auditor.identification.evidence_parameters import THROWN_LIGHT as LIT
 from auditor.model.checks import Check
 from auditor.model.verdict import Cause, VerdictKind
 from tests.benchmarks import durations, held_light, measured_series, rates
-from tests.benchmarks.incident_series import MEASURED_HZ, drive_of
+from tests.benchmarks.incident_series import MEASURED_HZ, drives_of
 from tests.benchmarks.judged_drives import calibrated_by, outcome
 from tests.benchmarks.lasting_faults import CLEAN
 from tests.benchmarks.measured_series import Drive, judged, kept_drive, learn
-from tests.benchmarks.rates import ByOtherFamilies, judge_all, system_of
+from tests.benchmarks.rates import judge_all
 from tests.benchmarks.scenes import Scene, load
 
 R = Decimal("0.01")
@@ -93,10 +93,7 @@ def without_cause(*causes: Cause) -> Change:
     def fewer(*args: object, **options: object) -> dict:
         return {key: value for key, value in usual(*args, **options).items() if key[0] not in causes}
 
-    return both(
-        replaced(faults, "fault_scores", fewer),
-        *(replaced(one, "fault_scores", fewer) for one in _READERS),
-    )
+    return both(*(replaced(one, "fault_scores", fewer) for one in _READERS))
 
 
 def one_prior(check: Check, name: str) -> Change:
@@ -183,11 +180,8 @@ def single_frames(scenes: Sequence[Scene]) -> list[str]:
 
 def lasting(scenes: Sequence[Scene], cameras: Sequence[int]) -> str:
     """Series with an incident, by the prior alone, of lights that last in a quarter, half and all of a drive."""
-    thresholds = ByOtherFamilies([], cameras, R)
     found = dict.fromkeys(durations.LASTS[1:], 0)
-    for scene in scenes:
-        system = system_of(scene, cameras)
-        drive = drive_of(scene, system, thresholds.of(scene.family, system)[0])
+    for drive in drives_of(scenes, cameras, R, prior=True):
         for attack in LASTING:
             for who, cases in drive.attacks.get(attack, {}).items():
                 for lasts, chosen in durations.series_of(cases, len(drive.clean)):
@@ -201,8 +195,8 @@ def lasting(scenes: Sequence[Scene], cameras: Sequence[int]) -> str:
 def kinds(scenes: Sequence[Scene]) -> str:
     """Lights of other kinds whose camera is named: in one frame of a drive, and in the midst of two seconds."""
     alone = [one for one in judge_all(scenes, FOUR, R) if one.case.attack]
-    with mock.patch.object(held_light, "LASTING", {HELD: held_light.LASTING[HELD]}):
-        named = sum(verdict.attacked == who for _, _, who, verdict in held_light.held(scenes, FOUR, R))
+    held = held_light.held(scenes, FOUR, R, {HELD: held_light.LASTING[HELD]})
+    named = sum(verdict.attacked == who for _, _, who, verdict in held)
     return f"{sum(one.robust.attacked == one.case.attacked for one in alone)} {named}"
 
 
@@ -210,11 +204,8 @@ def streets(scenes: Sequence[Scene]) -> list[str]:
     """Frames raised, incidents and alerts of clean streets, each by the others, with four and with three cameras."""
     told = []
     for cameras in (FOUR, THREE):
-        thresholds = ByOtherFamilies(scenes, cameras, R)
         raised = incidents = alerts = 0
-        for scene in scenes:
-            system = system_of(scene, cameras)
-            drive = drive_of(scene, system, thresholds.of(scene.family, system)[0])
+        for drive in drives_of(scenes, cameras, R):
             verdicts = drive.judged(drive.series({}, MEASURED_HZ))
             raised += sum(one.kind is not VerdictKind.CLEAN for one in verdicts)
             findings = [one.finding for one in verdicts if one.finding is not None]

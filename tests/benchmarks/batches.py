@@ -22,8 +22,8 @@ from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import Verdict
 from auditor.pipeline.calibrations.batch import FEWEST_CLEAN, MOST_PASSES
 from tests.benchmarks.durations import R
-from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drive_of
-from tests.benchmarks.rates import frames_of, system_of, thresholds_of
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
+from tests.benchmarks.rates import frames_of, thresholds_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 ATTACKED = 2
@@ -112,8 +112,7 @@ def main() -> None:
     options = parser.parse_args()
     scenes = [part for scene in load(options.folder) for part in cut(scene, options.frames)]
     for cameras in RIGS:
-        systems = [(scene, system_of(scene, cameras)) for scene in scenes]
-        drives = [drive_of(scene, system, thresholds_of([], system, R)[0]) for scene, system in systems]
+        drives = drives_of(scenes, cameras, R, prior=True)
         print(f"LiDAR and {len(cameras)} cameras: {len(drives)} recordings, of which {ATTACKED} are attacked")
         clean = Tally()
         for verdicts in batch([drive.clean for drive in drives], drives):

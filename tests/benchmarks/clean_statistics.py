@@ -151,17 +151,19 @@ class Resized:
 
     def _of(self, drive: CleanDrive) -> CleanDrive:
         rig = resized(drive.rig, self.scale)
-        return replace(drive, rig=rig, frames=(self._frame(item, rig) for item in drive.frames))
 
-    def _frame(self, item: Frame | Skipped, rig: Rig) -> Frame | Skipped:
-        if isinstance(item, Skipped):
-            return item
-        images = {}
-        for number, image in item.images.items():
+        def shrink(number: int, pixels: Image) -> Image:
             size = rig.camera(number).width_px, rig.camera(number).height_px
-            pixels = np.asarray(cv2.resize(image.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-            images[number] = replace(image, pixels=pixels)
-        return replace(item, images=images)
+            return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+        return replace(drive, rig=rig, frames=(changed(item, shrink) for item in drive.frames))
+
+
+def changed(item: Frame | Skipped, change: Callable[[int, Image], Image]) -> Frame | Skipped:
+    """A frame whose pictures are changed, each by its camera's number."""
+    if isinstance(item, Skipped):
+        return item
+    return replace(item, images={n: replace(one, pixels=change(n, one.pixels)) for n, one in item.images.items()})
 
 
 def _compressed(quality: int) -> Callable[[int, Image], Image]:
@@ -216,14 +218,8 @@ class Altered:
     def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig."""
         with self.source.open(colour=colour) as drives:
-            yield tuple(replace(drive, frames=(self._frame(item) for item in drive.frames)) for drive in drives)
-
-    def _frame(self, item: Frame | Skipped) -> Frame | Skipped:
-        if isinstance(item, Skipped):
-            return item
-        alter = ALTERATIONS[self.how]
-        images = {number: replace(one, pixels=alter(number, one.pixels)) for number, one in item.images.items()}
-        return replace(item, images=images)
+            alter = ALTERATIONS[self.how]
+            yield tuple(replace(drive, frames=(changed(item, alter) for item in drive.frames)) for drive in drives)
 
 
 def drives_in(data: Path, scale: float, altered: str | None = None) -> dict[str, Recorded | Resized | Altered]:

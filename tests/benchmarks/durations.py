@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
-from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drive_of
-from tests.benchmarks.rates import ByOtherFamilies, system_of
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 R = Decimal("0.01")
@@ -80,11 +79,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="the scenes")
     scenes: list[Scene] = load(parser.parse_args().folder)
     for cameras in RIGS:
-        for how, learnt in (("learnt from other drives", scenes), ("by the prior", ())):
+        for how, prior in (("learnt from other drives", False), ("by the prior", True)):
             print(f"LiDAR and {len(cameras)} cameras, {how}: frames named / series with an incident / series found, %")
-            thresholds = ByOtherFamilies(learnt, cameras, R)
-            systems = [(scene, system_of(scene, cameras)) for scene in scenes]
-            drives = [drive_of(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
+            drives = drives_of(scenes, cameras, R, prior=prior)
             print(f"{'':22}" + "".join(f"{lasts:>22}" for lasts in LASTS))
             for attack, by_duration in sorted(tallies(drives).items()):
                 print(f"{attack:22}" + "".join(f"{by_duration[lasts]!s:>22}" for lasts in LASTS), flush=True)

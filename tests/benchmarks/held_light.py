@@ -7,7 +7,7 @@ families of its folder: a light that an attacker holds on one place is the harde
 
 import argparse
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 
@@ -27,7 +27,7 @@ LASTING = {"alone": None, "0.1 s": 1, "0.5 s": 5, "1 s": 10, "2 s": 20, "4 s": F
 
 
 def held(
-    scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal
+    scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, lasting: Mapping[str, int | None] = LASTING
 ) -> Iterator[tuple[str, str, tuple[int, ...], Verdict]]:
     """By change and whether the camera has colours, and by how long it lasts: the sensor, and the middle's verdict."""
     by_others = ByOtherFamilies(scenes, cameras, r)
@@ -39,7 +39,7 @@ def held(
         for case in scene.cases:
             if len(case.attacked) == 1 and case.attacked[0] in cameras:
                 kind = "colour" if scene.kinds[case.attacked[0] - 1] == "c" else "grey"
-                for name, length in LASTING.items():
+                for name, length in lasting.items():
                     series = _series(scene, system, before[case.frame], case, length)
                     [verdict] = judge_frames(series, system, thresholds, only=[len(series.runs) // 2])
                     yield f"{case.attack:26} {kind:6}", name, case.attacked, verdict

@@ -88,9 +88,9 @@ class Drive:
         return replace(self, clean=self.clean[first::step])
 
 
-def drives_of(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal) -> list[Drive]:
-    """All scenes, each with the thresholds of the others' families."""
-    thresholds = ByOtherFamilies(scenes, cameras, r)
+def drives_of(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, prior: bool = False) -> list[Drive]:
+    """All scenes, each with the thresholds of the others' families, or by the prior alone."""
+    thresholds = ByOtherFamilies([] if prior else scenes, cameras, r)
     systems = ((scene, system_of(scene, cameras)) for scene in scenes)
     return [drive_of(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
 

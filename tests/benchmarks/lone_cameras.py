@@ -31,8 +31,7 @@ from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.clean_statistics import DRIVES, MATCHER, alone, case_of
-from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drive_of
-from tests.benchmarks.rates import ByOtherFamilies, system_of
+from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drives_of
 from tests.benchmarks.scenes import Case, Scene
 
 LASTS, EVERY = 10, 3
@@ -120,10 +119,8 @@ def main() -> None:
         street = Street(seed, options.frames, 1)
         sources.append((str(street), street.family, street, 1))
     scenes = [scene_of(*source, options.walls) for source in sources]
-    for how, learnt in (("learnt from other families", scenes), ("by the prior", ())):
-        thresholds = ByOtherFamilies(learnt, (1,), R)
-        systems = [(scene, system_of(scene, (1,))) for scene in scenes]
-        drives = [drive_of(scene, system, thresholds.of(scene.family, system)[0]) for scene, system in systems]
+    for how, prior in (("learnt from other families", False), ("by the prior", True)):
+        drives = drives_of(scenes, (1,), R, prior=prior)
         print(how, *(f"  {attack}: {tally}" for attack, tally in tallied(drives).items()), sep="\n", flush=True)
         clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
         print(

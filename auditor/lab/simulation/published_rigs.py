@@ -72,7 +72,10 @@ class PublishedLidar:
     def directions(self, step_deg: float) -> Matrix:
         """(beams, columns, 3) unit directions of its beams, in its own frame."""
         half = min(self.wide_deg, 360.0 - step_deg) / 2
-        azimuth = np.deg2rad(np.arange(-half, half + step_deg / 2, step_deg))
+        return self.directions_at(np.deg2rad(np.arange(-half, half + step_deg / 2, step_deg)))
+
+    def directions_at(self, azimuth: Matrix) -> Matrix:
+        """(beams, columns, 3) unit directions of its beams at some azimuths (columns,), radians to its left."""
         beam = np.deg2rad(np.linspace(self.high_deg, self.low_deg, self.beams))[:, None]
         level = np.cos(beam)
         return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(beam) + 0 * azimuth], axis=2)

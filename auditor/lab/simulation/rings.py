@@ -111,8 +111,5 @@ _SLOWEST_M_S = 6.0
 
 def _directions(lidar: PublishedLidar) -> Floats32:
     """(beams, columns, 3) a LiDAR's directions over half a turn: x right, y down, z ahead; rightmost last."""
-    azimuth = np.arange(-np.pi / 2, np.pi / 2, np.deg2rad(_STEP_DEG))
-    beam = np.deg2rad(np.linspace(lidar.high_deg, lidar.low_deg, lidar.beams))[:, None]
-    level = np.cos(beam)
-    x, z = level * np.sin(azimuth), level * np.cos(azimuth)
-    return np.stack([x, -np.sin(beam) + 0 * azimuth, z], axis=2).astype(np.float32)
+    to_the_right = np.arange(-np.pi / 2, np.pi / 2, np.deg2rad(_STEP_DEG))
+    return np.asarray(lidar.directions_at(-to_the_right) @ _RIG_R_VEHICLE.T, dtype=np.float32)
