@@ -73,7 +73,6 @@ _TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (doc
 _RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/method.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
-_BALANCE = "benchmark benign; of 294 lasers that move the mean colours as far one adds less (docs/method.md)"
 _IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
@@ -132,7 +131,7 @@ class Hierarchy:
     widest_values: float = parameter(
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
-    widest: float = parameter(2.0, unit="times the prior's deviation within drives, at most", source=BY_HAND)
+    widest: float = parameter(2.0, unit="times the prior's deviation within drives, at most", source=_POISONED)
     narrowest: float = parameter(0.85, unit="times the prior's deviation within drives, at least", source=_STRETCHES)
     narrowest_of_any: float = parameter(
         0.75, unit="times the prior's deviation of frames of any drive, at least", source=_STRETCHES
@@ -193,9 +192,6 @@ class FaultScale:
     shown_quantile: float = parameter(
         0.99, unit="quantile of the clean scores that theta lies above", source="docs/decisions.md, a flaw of the rig"
     )
-    added_share: float = parameter(
-        0.25, unit="share of that quantile, added to it", source="docs/decisions.md, a flaw of the rig"
-    )
     scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
     highest: float = parameter(3.0, unit="scales above theta at which a fault is certain", source=BY_HAND)
 
@@ -247,17 +243,6 @@ class FaultHypotheses:
 
     enough: float = parameter(0.5, unit="score at z = 0", source="definition of the score")
     least_listed: float = parameter(0.2, unit="score: z = -1.8", source=BY_HAND)
-    clear_gap: float = parameter(
-        1.0,
-        unit="z by which an attack exceeds a fault",
-        source="docs/decisions.md, an attack whose largest margin leads",
-    )
-    least_covered: float = parameter(0.5, unit="share of the fired checks' z", source=_FAULTS)
-    rain_highest: float = parameter(
-        -0.75,
-        unit="z that rain counts with",
-        source="docs/method.md, rain: 0 tried, walls in rain of drive 0009 compared",
-    )
 
 
 @dataclass(frozen=True)
@@ -270,9 +255,6 @@ class LightOfCauses:
     least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_NO_CLEAN)
     exposure_added: float = parameter(
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
-    )
-    balance_added: float = parameter(
-        0.5, unit="z of added light, below which a white balance explains light of one colour", source=_BALANCE
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
     unchanged_gap: float = parameter(

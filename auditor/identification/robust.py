@@ -2,7 +2,7 @@
 
 1. Every sensor check becomes a normalised score z.
 2. The scores of a frame name the attacked sensors (`naming`).
-3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
+3. Faults and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
 5. Stretches of a second are judged as frames are: what is weak and lasts makes an incident as well (`stretches`).
 6. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.

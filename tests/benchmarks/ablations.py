@@ -116,8 +116,8 @@ def rules() -> Iterator[Rule]:
     yield Rule("the quietest quarter of a drive", numbers(DRIVE_LEVEL, quiet_below=-INF))
     yield Rule("the level of light by itself", numbers(DRIVE_LEVEL, light=DRIVE_LEVEL.others))
     yield Rule("levels of a group", replaced(drive_level, "group_of", lambda *args: None))
-    yield Rule("bounds against attacked drives", numbers(hierarchy, farthest=INF, farther=0.0, widest_values=INF))
-    yield Rule("the widest deviation", numbers(hierarchy, widest=INF))
+    of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF, "widest": INF}
+    yield Rule("bounds against attacked drives", numbers(hierarchy, **of_attacked))
     yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0, narrowest_of_any=0.0))
     yield Rule("the narrowest of any drive", numbers(hierarchy, narrowest_of_any=0.0))
     yield Rule("dependent checks", numbers(judging.JOINT_TAIL, independent=1.0))
@@ -148,15 +148,11 @@ def rules() -> Iterator[Rule]:
     yield Rule("tones: any", replaced(faults, "by_tone", lambda *args: True))
     yield Rule("tones: unchanged", numbers(light, unchanged=-INF))
     yield Rule("tones: exposure adds little", numbers(light, exposure_added=-INF))
-    yield Rule("tones: balance adds little", numbers(light, balance_added=-INF))
     yield Rule("dazzled", numbers(judging.FAULT_SCORES, dazzled=INF))
-    yield Rule("rain's highest", numbers(judging.FAULT_HYPOTHESES, rain_highest=INF))
     yield Rule("rain beyond", numbers(judging.FAULT_SCORES, rain_beyond=0.0))
-    yield Rule("a clear gap", numbers(judging.FAULT_HYPOTHESES, clear_gap=0.0))
-    yield Rule("most is covered", numbers(judging.FAULT_HYPOTHESES, least_covered=0.0))
+    yield Rule("the strongest is covered", replaced(faults, "_covers_strongest", lambda *args: True))
     yield Rule("tilt by px", numbers(judging.FAULT_SCORES, tilted_by_px=0.0))
     yield Rule("bias by px", numbers(judging.FAULT_SCORES, biased_by_px=0.0))
-    yield Rule("clean scores of a fault", numbers(judging.FAULT_SCALE, added_share=0.0))
     for cause in _SCORED_CAUSES:
         yield Rule(f"cause: {cause.value}", without_cause(cause))
 

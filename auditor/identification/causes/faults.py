@@ -1,4 +1,4 @@
-"""Faults, rain and dirt: their scores from fault features, and the verdicts that they make suspect.
+"""Faults, rain and dirt: their scores from fault features, and which verdicts they make suspect.
 
 An attack changes a portion of what a sensor sees. A fault changes all of it in one way: every point of an image lies
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
@@ -156,7 +156,7 @@ def weigh(
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
     A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
-    finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly
+    finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` by
     more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
@@ -177,9 +177,8 @@ def is_finding(hypothesis: FaultHypothesis) -> bool:
 
 
 def z_of(hypothesis: FaultHypothesis) -> float:
-    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
-    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
-    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
+    """The z that a hypothesis' score comes from."""
+    return (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
 
 
 def _explaining(
@@ -187,15 +186,15 @@ def _explaining(
 ) -> Iterator[bool]:
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
     for one in causes:
-        if one.score < FAULT_HYPOTHESES.enough or one.sensor in verdict.out_of_system:
+        if one.score < FAULT_HYPOTHESES.enough or one.sensor in verdict.out_of_system or one.cause is Cause.RAIN:
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and by_tone(own, limit, one.cause)
+            yield own is not None and by_tone(own, limit)
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
-            yield z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
+            yield z_of(one) >= min(lead, FAULT_SCALE.highest)
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -369,11 +368,11 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
         return True
-    return _covers_most(hypothesis, verdict)
+    return _covers_strongest(hypothesis, verdict)
 
 
-def _covers_most(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
-    """Whether a fault of a sensor can have made checks fire that have at least half of the sum of z.
+def _covers_strongest(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
+    """Whether a fault of a sensor can have made the strongest check of a verdict fire.
 
     A camera that lags or has turned disagrees with the LiDAR too.
     """
@@ -383,5 +382,4 @@ def _covers_most(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
         conflict = one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES
         return hypothesis.sensor in (one.i, one.k) or (conflict and disagrees)
 
-    covered = sum(one.score for one in verdict.evidence if is_of_it(one))
-    return covered >= FAULT_HYPOTHESES.least_covered * sum(one.score for one in verdict.evidence)
+    return is_of_it(max(verdict.evidence, key=lambda one: one.score))

@@ -174,16 +174,13 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float, cause: Cause) -> bool:
+def by_tone(seen: Seen, limit: float) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted. It does not add light of one colour or in rows. A white balance does show one
-    colour, and adds no light: a laser that moves the mean of all colours as far adds some.
+    little brighter than predicted. Neither adds light of one colour or in rows.
     """
-    if seen.in_rows:
+    if seen.thrown:
         return False
-    if seen.one_colour:
-        return cause is Cause.WHITE_BALANCE and seen.added < LIGHT_OF_CAUSES.balance_added
     unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
