@@ -15,7 +15,7 @@ from auditor.identification.parameters import (
     CAUSE_PRIORS,
     CHECK_PRIORS,
     JUDGING,
-    LOCALISED_FROM,
+    STANDS_OUT,
     judging_settings,
 )
 from auditor.measurement.parameters import (
@@ -171,6 +171,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
+    "model/pictures.py": ((5,), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
         (0.99, 0.5, 4096, 16),
         "defaults and ranges of settings, which users choose and docs/settings.md lists",
@@ -297,7 +298,7 @@ def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
         ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING)),
         ("measurement", (*MEASURING, *WARNING)),
-        ("identification", (*JUDGING, LOCALISED_FROM)),
+        ("identification", (*JUDGING, STANDS_OUT)),
     ):
         classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
         assert set(classes) <= {type(group).__name__ for group in listed}

@@ -2,10 +2,12 @@
 
 from array import array
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from functools import cache
 from math import ceil
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from auditor.identification.causes.faults import FAULTS, TONES, faults_of
 from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.order_statistics import Largest, Ordered
-from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
+from auditor.identification.parameters import FAULT_SCALE, SCORE_LIMITS, STANDS_OUT
 from auditor.identification.prior import (
     Drives,
     DriveValues,
@@ -28,19 +30,10 @@ from auditor.identification.prior import (
 from auditor.identification.thresholds import checked
 from auditor.model.arrays import Flags, Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
-from auditor.model.checks import Check, SensorCheck
+from auditor.model.checks import SensorCheck
 from auditor.model.verdict import Cause, CauseIn
 
 _NONE = np.zeros(0)
-
-_LOCALISED_FROM: Mapping[Check, float] = {
-    Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
-    Check.PARALLAX_CONFLICT: LOCALISED_FROM.lidar_conflict,
-    Check.ADDED_LIGHT: LOCALISED_FROM.light,
-    Check.REMOVED_LIGHT: LOCALISED_FROM.light,
-    Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
-    Check.COLOURED_LIGHT: LOCALISED_FROM.coloured,
-}
 
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
 """By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
@@ -233,11 +226,26 @@ def normalised_scores(statistics: Floats, of_columns: Sequence[Expected | None])
     return np.asarray(np.clip(z, SCORE_LIMITS.lowest, SCORE_LIMITS.highest))
 
 
-def worth_localising(sensor_checks: Sequence[SensorCheck], statistics: Sequence[float | None]) -> Collection[int]:
-    """The sensors whose damaged portions may be asked for: a statistic of theirs is unusually large."""
-    found = zip(sensor_checks, statistics, strict=True)
-    return {
-        one.sensor
-        for one, value in found
-        if value is not None and one.check in _LOCALISED_FROM and value > _LOCALISED_FROM[one.check]
-    }
+class StandingOut(NamedTuple):
+    """What a frame's statistics are worth beside themselves, before anything is judged.
+
+    The damaged portions of `sensors` are looked for; its `cells` may be kept.
+    """
+
+    sensors: frozenset[int]
+    cells: bool
+
+
+def standing_out(sensor_checks: Sequence[SensorCheck], statistics: Sequence[float | None]) -> StandingOut:
+    """Which sensors of a frame stand out, by the prior: what a drive usually shows is not known while it is measured.
+
+    `statistics` (M,) are those of the sensor checks, None where not measured.
+    """
+    z = normalised_scores(np.array([statistics], dtype=np.float64), _by_prior(tuple(sensor_checks)))[0]
+    sensors = (one.sensor for one, unusual in zip(sensor_checks, z > STANDS_OUT.localised, strict=True) if unusual)
+    return StandingOut(frozenset(sensors), bool((z > STANDS_OUT.cells).any()))
+
+
+@cache
+def _by_prior(sensor_checks: tuple[SensorCheck, ...]) -> tuple[Expected, ...]:
+    return tuple(expected(prior_of_check(one), ()) for one in sensor_checks)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
-from auditor.model.pictures import Pictures
+from auditor.model.pictures import SAMPLED_S, Pictures
 from auditor.model.rig import LIDAR, Triple
 
 _JPEG_QUALITY = 80
@@ -69,21 +69,23 @@ def _encoded(form: str, pixels: NDArray[np.uint8], options: list[int]) -> bytes:
 class PictureBook:
     """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all.
 
-    They are chosen among all frames, those in which a statistic is unusually large (`incidents`), or none. Only the
-    strongest frame of a second is drawn, once the second is over: encoding costs as much as matching.
+    They are chosen among all frames, those in which a statistic is unusually large (`incidents`), or none; where
+    nothing is unusual, one in five seconds. Only the strongest frame of a second is drawn, once the second is over:
+    encoding costs as much as matching.
     """
 
     def __init__(self, pictures: Pictures = Pictures.ALL) -> None:
         self._pictures = pictures
         self._candidate: _Candidate | None = None
-        self._kept: list[tuple[float, int, Picture]] = []
+        self._kept: list[tuple[tuple[bool, float], int, Picture]] = []
+        self._sampled_s = -SAMPLED_S
 
     def offer(self, measurement: Measurement, arrays: FrameArrays, *, unusual: bool = True) -> None:
         """Consider a frame; `unusual` says that a statistic of it is. Frames come in the order of their stamps."""
         if self._pictures == Pictures.NONE or (self._pictures == Pictures.INCIDENTS and not unusual):
             return
         errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
-        strength = sum(E for E in errors if E is not None)
+        strength = unusual, sum(E for E in errors if E is not None)
         second = measurement.stamp_ns // _SECOND_NS
         if self._candidate is None or self._candidate.second != second:
             self._settle()
@@ -102,6 +104,10 @@ class PictureBook:
         candidate, self._candidate = self._candidate, None
         if candidate is None:
             return
+        if not candidate.strength[0]:  # nothing in it is unusual
+            if abs(candidate.second - self._sampled_s) < SAMPLED_S:
+                return
+            self._sampled_s = candidate.second
         if len(self._kept) >= _MOST_PICTURES:
             weakest = min(self._kept, key=lambda kept: kept[0])
             if weakest[0] >= candidate.strength:
@@ -114,9 +120,9 @@ class PictureBook:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """The strongest frame of the current second."""
+    """The strongest frame of the current second: one in which something is unusual goes before others."""
 
     second: int
-    strength: float
+    strength: tuple[bool, float]
     number: int
     arrays: FrameArrays

@@ -13,11 +13,14 @@ class Pictures(StrEnum):
 
 
 class Cells(StrEnum):
-    """The frames whose cells are kept: all, or one a second, with those that may belong to an incident or without."""
+    """The frames whose cells are kept: those that may belong to an incident, with some of the others, or all."""
 
-    ALL = "all"
     INCIDENTS = "incidents"
-    SECONDS = "seconds"
+    ALL = "all"
+
+
+SAMPLED_S = 5
+"""Of frames in which nothing is unusual one in so many seconds is kept: its cells, and its picture."""
 
 
 class Content(StrEnum):

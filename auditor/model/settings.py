@@ -237,17 +237,18 @@ class MeasureSettings:
         default=Pictures.ALL,
         metadata=_about(
             "Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is "
-            "unusually large), or all; of these the strongest of each second, at most 60 a recording, small and grey. "
+            "unusually large), or all; of these the strongest of each second, one in five seconds where nothing is "
+            "unusual, at most 60 a recording, small and grey. "
             "But for none, each incident gets those that show it besides: all cameras at full resolution, and the "
             "cloud."
         ),
     )
     cells: Cells = field(
-        default=Cells.ALL,
+        default=Cells.INCIDENTS,
         metadata=_about(
-            "Frames whose cells the store keeps, which are most of what it holds: all, those that may belong to an "
-            "incident (a statistic is unusually large) and one a second, or one a second alone. Verdicts are the "
-            "same; what lacks cells cannot be judged with --recount."
+            "Frames whose cells the store keeps: those that may belong to an incident (a statistic is unusually large) "
+            "and one in five seconds, or all, which then are most of what it holds. Verdicts are the same; what lacks "
+            "cells cannot be judged with --recount."
         ),
     )
     shard: str | None = field(

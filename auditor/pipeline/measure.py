@@ -14,7 +14,7 @@ from typing import NamedTuple
 from auditor import __version__
 from auditor.errors import RigError
 from auditor.identification.marks import OPENCV, OPENCV_CPU
-from auditor.identification.scores import worth_localising
+from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.measurement import (
     CalibrationCheck,
@@ -272,14 +272,16 @@ def _measure_frames(
             else:
                 counted, evidence = item
                 statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
-                unusual = worth_localising(sensor_checks, statistics)
+                unusual = standing_out(sensor_checks, statistics)
                 measurement = replace(
-                    counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual, rig)
+                    counted,
+                    fault_features=fault_features.update(evidence),
+                    regions=localise(evidence, unusual.sensors, rig),
                 )
-                kept = cells.of(counted.stamp_ns, unusual=bool(unusual))
+                kept = cells.of(counted.stamp_ns, unusual=unusual.cells)
                 writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted), with_cells=kept)
                 repeated.add(counted.fingerprints)
-                thumbnails.offer(counted, evidence, unusual=bool(unusual))
+                thumbnails.offer(counted, evidence, unusual=bool(unusual.sensors))
                 check.offer(evidence, measurement.fault_features)
             yield done
 

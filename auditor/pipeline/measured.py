@@ -7,13 +7,13 @@ from pathlib import Path
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
-from auditor.model.pictures import Cells, Pictures
+from auditor.model.pictures import SAMPLED_S, Cells, Pictures
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
 
 _UNKNOWN = Origin()
-_SECOND_NS = 10**9
+_SAMPLED_NS = SAMPLED_S * 10**9
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class MeasureTask:
     origin: Origin = _UNKNOWN
     again: bool = False
     pictures: Pictures = Pictures.ALL
-    cells: Cells = Cells.ALL
+    cells: Cells = Cells.INCIDENTS
     given: "MeasureTask | None" = None
 
     def __str__(self) -> str:
@@ -95,10 +95,11 @@ class CellsKept:
     """Chooses, among the frames of a recording in the order of their stamps, those whose cells are kept."""
 
     def __init__(self, cells: Cells) -> None:
-        self._cells, self._second = cells, -1
+        self._cells, self._sampled_ns = cells, -_SAMPLED_NS
 
     def of(self, stamp_ns: int, *, unusual: bool) -> bool:
         """Whether the next frame's are; `unusual` says that a statistic of it is unusually large."""
-        before, self._second = self._second, stamp_ns // _SECOND_NS
-        wanted = self._cells == Cells.ALL or (self._cells == Cells.INCIDENTS and unusual)
-        return wanted or self._second != before
+        sampled = abs(stamp_ns - self._sampled_ns) >= _SAMPLED_NS
+        if sampled:
+            self._sampled_ns = stamp_ns
+        return sampled or unusual or self._cells is Cells.ALL

@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import cv2
 
-from auditor.identification.scores import worth_localising
+from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
@@ -91,7 +91,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     found = timed(
         seconds, f"{kind}: statistics", lambda: sensor_statistics(checks, measurement.cells, measurement.shares)
     )
-    timed(seconds, f"{kind}: regions", lambda: localise(evidence, worth_localising(checks, found), rig))
+    timed(seconds, f"{kind}: regions", lambda: localise(evidence, standing_out(checks, found).sensors, rig))
     greys = {n: grey(image.pixels) for n, image in frame.images.items()}
     colours = {n: halve(image.pixels) for n, image in frame.images.items() if image.pixels.ndim > 2}
     half_res = {n: halve(pixels) for n, pixels in greys.items()}

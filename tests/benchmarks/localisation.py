@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from auditor.identification.scores import worth_localising
+from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.simulation.drives import make_drive
@@ -74,7 +74,7 @@ def statistics_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Regi
     sensor_checks = rig_sensor_checks(rig)
     measurement, evidence = measure(frame, rig, MATCHER)
     found = sensor_statistics(sensor_checks, measurement.cells, measurement.shares)
-    regions = localise(evidence, worth_localising(sensor_checks, found), rig)
+    regions = localise(evidence, standing_out(sensor_checks, found).sensors, rig)
     return tuple(np.nan if value is None else value for value in found), regions, evidence
 
 

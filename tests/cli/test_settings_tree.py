@@ -55,7 +55,7 @@ EXAMPLES = {
     "memory_limit": ("512", 512.0),
     "jobs": ("3", 3),
     "pictures": ("none", Pictures.NONE),
-    "cells": ("seconds", Cells.SECONDS),
+    "cells": ("all", Cells.ALL),
     "measure_again": (True, True),
     "verify_content": (True, True),
     "shard": ("1/4", "1/4"),

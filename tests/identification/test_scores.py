@@ -10,7 +10,7 @@ from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.parameters import FAULT_SCALE
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, thresholds_from, worth_localising
+from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, standing_out, thresholds_from
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
@@ -157,17 +157,17 @@ def test_what_a_rig_always_shows_raises_its_fault_s_theta():
     assert always.causes[dark].theta > 1.2 > usual.causes[dark].theta == 1.0
 
 
-def test_damage_is_looked_for_in_sensors_with_an_unusual_statistic():
-    checks = [
-        LIT,
-        SensorCheck(Check.REMOVED_LIGHT, 2, (1, 3)),
-        SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 3, (1, 2)),
-        SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3)),
-        SensorCheck(Check.POINT_DROPOUT, 0, (3,)),
-    ]
-    assert set(worth_localising(checks, [0.25, 0.25, 0.1, 0.4, 1.0])) == set()
-    assert set(worth_localising(checks, [0.26, 0.25, 0.11, 0.4, 1.0])) == {1, 3}
-    assert set(worth_localising(checks, [None, 0.3, None, 0.5, None])) == {0, 2}
+def test_sensors_stand_out_whose_statistics_the_prior_does_not_expect():
+    checks = [LIT, SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3)), SensorCheck(Check.POINT_DROPOUT, 0, (3,))]
+    expected_of = [expected(prior_of_check(one), ()) for one in checks]
+
+    def at(*z):
+        return [statistic_at(one.mean + far * one.deviation) for one, far in zip(expected_of, z, strict=True)]
+
+    assert standing_out(checks, at(1.9, 1.9, 1.9)) == (frozenset(), False)
+    assert standing_out(checks, at(2.1, 1.9, 1.9)) == (frozenset({LIT.sensor}), False)
+    assert standing_out(checks, [None, *at(0.0, 1.9, 3.1)[1:]]) == (frozenset({0}), True)
+    assert standing_out(checks, [None, None, None]) == (frozenset(), False)
 
 
 def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from auditor.errors import RecordingError
-from auditor.identification.scores import worth_localising
+from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.measurement import localise, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
@@ -80,4 +80,4 @@ def _verdict(store: Store, measurement_id: str, frame: int) -> dict[str, Any] | 
 def _measured_now(frame: Frame, rig: Rig) -> tuple[Region, ...]:
     checks = rig_sensor_checks(rig)
     counted, arrays = measure(frame, rig, find_matcher("sgbm"))
-    return localise(arrays, worth_localising(checks, sensor_statistics(checks, counted.cells, counted.shares)), rig)
+    return localise(arrays, standing_out(checks, sensor_statistics(checks, counted.cells, counted.shares)).sensors, rig)
