@@ -118,13 +118,13 @@ def attacks_on(frame: Frame, rig: Rig, seed: Sequence[int], only: Collection[str
         yield " ".join([kind, *(f"{one:g}" for one in (size, *away) if one is not None)]), replace(frame, cloud=cloud)
 
 
-def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays, rig: Rig) -> Floats:
+def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays) -> Floats:
     """The statistics of a frame whose cloud alone was changed: what cameras see of each other is as it was.
 
     The LiDAR's range masks are those of the clean cloud.
     """
     assert frame.cloud is not None
-    checks = arrays.frame_checks
+    checks, rig = arrays.frame_checks, arrays.rig  # once rectified
     views = {k: lidar_view(frame.cloud, rig, k) for k in arrays.lidar}
     scanned = {k: scanned_view(view) for k, view in views.items()}
     cells, shares, ranges = dict(clean.cells), {}, {}
@@ -172,7 +172,7 @@ def measured(
             if frame.number not in chosen:
                 continue
             for kind, changed in attacks_on(frame, rig, [seed] if constant else [seed, frame.number], only):
-                statistics = statistics_of(changed, clean, arrays, rig)
+                statistics = statistics_of(changed, clean, arrays)
                 cases.append(replace(case, attack=kind, attacked=(LIDAR,), statistics=statistics))
             if COPIED not in only:
                 continue
