@@ -11,16 +11,17 @@ from typing import Any
 
 from auditor.identification.parameters import judging_digest
 from auditor.measurement.parameters import measuring_digest
-from auditor.model.measurement import COUNTING_VERSION
+from auditor.model.measurement import COUNTING_VERSIONS
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
 from auditor.recordings.parameters import synchronising_digest
 
 KEPT = Path(__file__).with_suffix(".toml")
 
 
-def counting() -> list[str]:
-    """The digests of what measures and of what synchronises."""
-    return [measuring_digest(), synchronising_digest()]
+def counting(compared_to: ComparedTo) -> list[str]:
+    """The digests of what measures such rigs and of what synchronises."""
+    return [measuring_digest(compared_to), synchronising_digest()]
 
 
 def judging() -> list[str]:
@@ -29,13 +30,14 @@ def judging() -> list[str]:
 
 
 def read() -> dict[str, Any]:
-    """By "counting" and "judging", and by version, the digests that were kept."""
+    """By what is compared, or "judging", and by version, the digests that were kept."""
     return tomllib.loads(KEPT.read_text())
 
 
 def _write() -> None:
     kept = read()
-    kept["counting"][str(COUNTING_VERSION)] = counting()
+    for compared_to, version in COUNTING_VERSIONS.items():
+        kept[compared_to][str(version)] = counting(compared_to)
     kept["judging"][str(JUDGING_VERSION)] = judging()
     sections = (
         f"[{name}]\n" + "".join(f"{version} = {digests}\n" for version, digests in of_versions.items())

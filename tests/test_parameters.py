@@ -25,8 +25,9 @@ from auditor.measurement.parameters import (
     TEXTURE,
 )
 from auditor.measurement.warning_parameters import WARNING
-from auditor.model.measurement import COUNTING_VERSION, EXPERIMENTS_VERSION
+from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
 from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 from tests import digests
@@ -169,7 +170,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "coefficients of the models; the inversion's rounds and accuracy",
     ),
-    "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
+    "model/measurement.py": ((*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
     "model/pictures.py": ((5,), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
@@ -226,9 +227,10 @@ def test_no_number_is_called_structural_that_is_not_there() -> None:
     assert not unused
 
 
-def test_measuring_and_synchronising_parameters_change_with_the_counting_version() -> None:
-    kept = digests.read()["counting"].get(str(COUNTING_VERSION))
-    assert kept == digests.counting(), f"raise COUNTING_VERSION: the same frame may give other counts; {WRITTEN_BY}"
+@pytest.mark.parametrize("compared_to", ComparedTo)
+def test_measuring_and_synchronising_parameters_change_with_their_counting_version(compared_to: ComparedTo) -> None:
+    kept = digests.read()[compared_to].get(str(COUNTING_VERSIONS[compared_to]))
+    assert kept == digests.counting(compared_to), f"raise it: the same frame may give other counts; {WRITTEN_BY}"
 
 
 def test_judging_parameters_change_with_the_judging_version() -> None:

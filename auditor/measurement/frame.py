@@ -109,12 +109,17 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
     an absent sensor has no counts. One frame alone has no past, so that a lone camera is compared with nothing. Raises
     RigError where the cameras have no view in common.
     """
-    return _measured(frame, rig, matcher, OwnPast())
+    return _measured(frame, rig, matcher, _past_of(rig))
 
 
-def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: OwnPast) -> Measured:
+def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: OwnPast | None) -> Measured:
     prepared = _prepare(frame, rig, matcher)
     return _compare(prepared, _match([prepared], matcher)[0], past)
+
+
+def _past_of(rig: Rig) -> OwnPast | None:
+    """What a lone camera is compared with; None where there are others."""
+    return OwnPast() if rig.by_time else None
 
 
 def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
@@ -123,7 +128,7 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
     A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
     the caller's thread compares the last. Other matchers get frame after frame, and there is no thread.
     """
-    past = OwnPast()
+    past = _past_of(rig)
     at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
     if pairs_at_once(matcher) == 1:
         yield from (item if isinstance(item, Skipped) else _measured(item, rig, matcher, past) for item in frames)
@@ -196,8 +201,8 @@ def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) ->
     return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
-def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: OwnPast) -> Measured:
-    if prepared.whole.rig.by_time:
+def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: OwnPast | None) -> Measured:
+    if past is not None:
         arrays = past.compare(prepared.whole)
     elif prepared.views:
         parts = {pair: compare(part, its) for (pair, part), its in zip(prepared.parts.items(), maps, strict=True)}

@@ -1,10 +1,12 @@
 """Every number that can change a count or a measured statistic, and those that decide warnings beside them.
 
-A changed value of MEASURING asks for a new COUNTING_VERSION. Images are compared at half resolution: "half px" are
-pixels of it, px those of the full image.
+A changed value asks for a new one of COUNTING_VERSIONS, of the rigs that it measures. Images are compared at half
+resolution: "half px" are pixels of it, px those of the full image.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import (
@@ -17,6 +19,10 @@ from auditor.measurement.point_parameters import (
 from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
+from auditor.model.rig_kind import ComparedTo
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"
@@ -326,7 +332,7 @@ DAMAGED_POINTS = DamagedPoints()
 HALF = HALF_RESOLUTION.step_px
 """Pixels of the full image that a half px is wide."""
 
-MEASURING = (
+_OF_ANY_RIG = (
     RIG_GEOMETRY,
     PAIR_DEPTH,
     COMMON_VIEW,
@@ -334,40 +340,48 @@ MEASURING = (
     HALF_RESOLUTION,
     TEXTURE,
     SGBM,
-    EQUALISING,
-    PSMNET_INPUT,
-    MATCHER_RANGE,
     RECTIFICATION,
     LIDAR_PROJECTION,
-    DISPARITY_ERROR,
     PATCH_CORRELATION,
-    PHOTOMETRIC_CONSISTENCY,
-    TONE_CURVE,
-    CHROMA,
     SATURATION,
-    LIGHT,
-    COLOURED_LIGHT,
-    STRIPED_LIGHT,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,
-    LOST_RETURNS,
-    FALSE_RANGES,
     ROUGH_RANGES,
-    EGO_MOTION,
-    PARALLAX_CONFLICT,
     COUNT_GRID,
-    ROW_ALIGNMENT,
-    LIDAR_AGREEMENT,
     COVERAGE,
     DAMAGED_PIXELS,
     DAMAGED_POINTS,
     REGION_MASK,
     STORED_RESIDUALS,
 )
-"""All that can change a count or a measured statistic."""
+_OF_PAIRS = (
+    EQUALISING,
+    PSMNET_INPUT,
+    MATCHER_RANGE,
+    DISPARITY_ERROR,
+    PHOTOMETRIC_CONSISTENCY,
+    TONE_CURVE,
+    CHROMA,
+    LIGHT,
+    COLOURED_LIGHT,
+    STRIPED_LIGHT,
+    LOST_RETURNS,
+    FALSE_RANGES,
+    ROW_ALIGNMENT,
+    LIDAR_AGREEMENT,
+)
+_OF_THE_PAST = (EGO_MOTION, PARALLAX_CONFLICT)
+
+MEASURED_BY: Mapping[ComparedTo, tuple["DataclassInstance", ...]] = {
+    ComparedTo.CAMERAS: (*_OF_ANY_RIG, *_OF_PAIRS),
+    ComparedTo.PAST: (*_OF_ANY_RIG, *_OF_THE_PAST),
+}
+"""All that can change a count or a measured statistic, by what a rig compares."""
+
+MEASURING = (*_OF_ANY_RIG, *_OF_PAIRS, *_OF_THE_PAST)
 
 
-def measuring_digest() -> str:
-    """The digest of MEASURING: equal digests measure a frame alike, given the same matcher."""
-    return digest(*MEASURING)
+def measuring_digest(compared_to: ComparedTo) -> str:
+    """The digest of what measures such rigs: equal digests measure a frame alike, given the same matcher."""
+    return digest(*MEASURED_BY[compared_to])

@@ -11,6 +11,7 @@ from auditor.model.arrays import Image
 from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, SensorCheck
 from auditor.model.frames import Presence
 from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK, STORED_RESIDUALS
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import Statistic as Statistic  # noqa: PLC0414 - also its home for who counts
 
 REGION_STEP = REGION_MASK.step_px
@@ -49,8 +50,11 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 17
-"""Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
+COUNTING_VERSIONS: Mapping[ComparedTo, int] = {ComparedTo.CAMERAS: 18, ComparedTo.PAST: 18}
+"""The next number of all whenever the same frame would give other counts: thresholds and measurements are bound to it.
+
+Each is of its own: what changes for lone cameras leaves the measurements of all other rigs as they are.
+"""
 
 
 NO_FINGERPRINT = -1
@@ -168,13 +172,16 @@ class Procedure:
 
     matcher: str
     settings: str
-    counting_version: int = COUNTING_VERSION
+    counting_version: int = COUNTING_VERSIONS[ComparedTo.CAMERAS]
 
 
-def procedure_of(matcher: str, settings: str, *, measuring: str, synchronising: str) -> Procedure:
+def procedure_of(
+    matcher: str, settings: str, compared_to: ComparedTo, *, measuring: str, synchronising: str
+) -> Procedure:
     """The procedure of a matcher and its settings (a JSON object), with the digests of all other parameters.
 
     `measuring` is the digest of what can change a count, `synchronising` that of what makes frames.
     """
     values = {**json.loads(settings), "measuring": measuring, "synchronising": synchronising}
-    return Procedure(matcher, json.dumps(values, sort_keys=True, separators=(",", ":")))
+    text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+    return Procedure(matcher, text, COUNTING_VERSIONS[compared_to])

@@ -15,6 +15,13 @@ class Similarity(StrEnum):
     OTHER = "other"
 
 
+class ComparedTo(StrEnum):
+    """What a camera of a rig is compared to: the other cameras, or its own past."""
+
+    CAMERAS = "cameras"
+    PAST = "past"
+
+
 class Tolerance(NamedTuple):
     """How far two rigs may differ: by shares of an image's size and of a length, and by metres of a baseline."""
 
@@ -56,6 +63,11 @@ class RigKind:
     sizes_px: tuple[tuple[int, int], ...]
     focals_px: tuple[float, ...]
     baselines_m: tuple[float, ...]
+
+    @property
+    def compared_to(self) -> ComparedTo:
+        """What is compared: with one camera and a LiDAR there is no other camera."""
+        return ComparedTo.PAST if self.lidar and len(self.sizes_px) == 1 else ComparedTo.CAMERAS
 
     def similarity(self, other: "RigKind") -> Similarity:
         """SAME where sizes are equal and lengths agree within 2 % or 5 mm, SIMILAR within 5 % or 2 cm.

@@ -32,7 +32,7 @@ from auditor.model.calibration import (
 )
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import SensorState
-from auditor.model.measurement import COUNTING_VERSION
+from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
@@ -63,7 +63,8 @@ def system_of(rig: Rig) -> System:
 
 def counted_earlier(store: Store, measurement: str) -> bool:
     """Whether a measurement was counted in an earlier way, so that today's thresholds say nothing of it."""
-    return store.measurement(measurement).procedure.counting_version < COUNTING_VERSION
+    stored = store.measurement(measurement)
+    return stored.procedure.counting_version < COUNTING_VERSIONS[store.rig(stored.rig_id).kind.compared_to]
 
 
 def refuse_earlier_counting(store: Store, measurement: str) -> None:

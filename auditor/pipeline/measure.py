@@ -35,7 +35,7 @@ from auditor.measurement.disparity.matchers import (
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.coverage import with_repeats
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Measurement, Procedure, Statistic
+from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.pipeline.geometry import in_force_by_any, negated, rigs_to_begin_with, settled_rigs
@@ -88,17 +88,17 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     """
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
-    store, procedure = Store.open(task.store, create=True), procedure_by(matcher)
-    stamp = stamp_of(task.recording, procedure, task.rig)
+    store = Store.open(task.store, create=True)
+    stamp = stamp_of(task.recording, matcher, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         surveyed = survey(recording)  # first: what it reads is hashed meanwhile
         entry.used("recording", recording.recording_id, storable(_shown(task, recording)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
-        by_id, fresh = _Job(task, recording, store, matcher, procedure, progress).measure(surveyed)
+        by_id, fresh = _Job(task, recording, store, matcher, progress).measure(surveyed)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
-        unchanged = stamp if stamp == stamp_of(task.recording, procedure, task.rig) else None
+        unchanged = stamp if stamp == stamp_of(task.recording, matcher, task.rig) else None
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
             kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
@@ -125,8 +125,12 @@ class _Job:
     recording: Recording
     store: Store
     matcher: Matcher
-    procedure: Procedure
     progress: Callable[[str, int], None]
+
+    def measurement_id(self, rig: Rig) -> str:
+        """The id of the measurement with a rig."""
+        procedure = procedure_by(self.matcher, rig.kind.compared_to)
+        return measurement_id(self.recording.recording_id, rig.rig_id, procedure)
 
     def measure(self, surveyed: Survey) -> tuple[dict[str, RigInForce], bool]:
         """Measure with each rig what the store lacks; the rigs by measurement, and whether any was measured now.
@@ -147,8 +151,7 @@ class _Job:
 
     def _todo(self, found: RigsInForce) -> tuple[dict[str, RigInForce], dict[str, RigInForce]]:
         """The rigs by measurement, and those of them that are to be measured."""
-        ids = (measurement_id(self.recording.recording_id, one.rig.rig_id, self.procedure) for one in found.rigs)
-        rigs = dict(zip(ids, found.rigs, strict=True))
+        rigs = {self.measurement_id(one.rig): one for one in found.rigs}
         todo = {known: one for known, one in rigs.items() if self.task.again or not self.store.has_measurement(known)}
         return rigs, todo
 
@@ -193,8 +196,7 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
     the last frame.
     """
     started, rig = perf_counter(), in_force.rig
-    recording, store, matcher, procedure = job.recording, job.store, job.matcher, job.procedure
-    known = measurement_id(recording.recording_id, rig.rig_id, procedure)
+    recording, store, matcher, known = job.recording, job.store, job.matcher, job.measurement_id(rig)
     cells, thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
     check, repeated = CalibrationCheck(), RepeatedData()
     store.write_rig(rig)
@@ -226,7 +228,7 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
-            procedure=procedure,
+            procedure=procedure_by(matcher, rig.kind.compared_to),
             balance=stream.balance,
             versions=_versions(matcher),
             measured_at=datetime.now(UTC),

@@ -8,6 +8,7 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.pictures import SAMPLED_S, Cells, Pictures
+from auditor.model.rig_kind import ComparedTo
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
@@ -84,11 +85,10 @@ def damage_of(measurements: Sequence[StoredMeasurement]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(piece for one in measurements for piece in one.damage))
 
 
-def procedure_by(matcher: Matcher) -> Procedure:
-    """How this auditor measures with a matcher."""
-    return procedure_of(
-        matcher.name, matcher.settings, measuring=measuring_digest(), synchronising=synchronising_digest()
-    )
+def procedure_by(matcher: Matcher, compared_to: ComparedTo) -> Procedure:
+    """How this auditor measures with a matcher what a rig compares."""
+    measuring, synchronising = measuring_digest(compared_to), synchronising_digest()
+    return procedure_of(matcher.name, matcher.settings, compared_to, measuring=measuring, synchronising=synchronising)
 
 
 class CellsKept:

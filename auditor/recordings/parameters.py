@@ -1,6 +1,6 @@
 """Numbers that decide which messages form a frame and which cameras form a rig, and so what is counted of it.
 
-A changed value of SYNCHRONISING needs a new COUNTING_VERSION. RIG_FINDING needs none: another rig has another id.
+A changed value of SYNCHRONISING needs new COUNTING_VERSIONS. RIG_FINDING needs none: another rig has another id.
 """
 
 from dataclasses import dataclass

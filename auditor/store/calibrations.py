@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames, read_later
 from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
-from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, Procedure, Statistic
+from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSIONS, Procedure, Statistic
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
@@ -192,7 +192,8 @@ def _read(parts: "_Parts") -> Calibration:
             where=path,
             remedy=_AGAIN,
         )
-    if first["counting_version"] < COUNTING_VERSION:
+    kind = rig_kind_of(first["rig_kind"])
+    if first["counting_version"] < COUNTING_VERSIONS[kind.compared_to]:
         raise OutdatedCalibrationError(
             "its clean recordings were measured by an earlier way of counting",
             where=path,
@@ -200,7 +201,7 @@ def _read(parts: "_Parts") -> Calibration:
         )
     calibration = Calibration(
         calibration_id=first["calibration_id"],
-        rig_kind=rig_kind_of(first["rig_kind"]),
+        rig_kind=kind,
         procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
         clean=read_later((known, partial(parts.clean, part, sorted(set(of)))) for part, (known, of) in found.items()),
         calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),

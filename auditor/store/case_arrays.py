@@ -9,8 +9,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import COLUMNS, rig_sensor_checks
-from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, NO_FINGERPRINT
+from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT
 from auditor.model.rig import Rig
+from auditor.model.rig_kind import ComparedTo
 from auditor.store.evaluation_tables import CHUNK_FRAMES
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
@@ -21,7 +22,8 @@ _KNOWN_BY = (
 _MEASURED = ", ".join(
     ("statistics", "present", "fingerprint", *BRIGHTNESS, "fault_features", "fault_features_after", "returns")
 )
-_EARLIER = f"SELECT evaluation_id FROM evaluations WHERE counting_version < {COUNTING_VERSION}"  # noqa: S608 - a number
+_COUNTED = COUNTING_VERSIONS[ComparedTo.CAMERAS]  # a lone camera is not evaluated
+_EARLIER = f"SELECT evaluation_id FROM evaluations WHERE counting_version < {_COUNTED}"  # noqa: S608 - a number
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
 WHERE statistics IS NOT NULL AND evaluation_id NOT IN ({_EARLIER})

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
 from auditor.model.calibration import Calibration
-from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import triples_of
 from auditor.model.rig_kind import RigKind, Similarity
 from tests.making.clean_frames import clean_frames
@@ -150,8 +150,8 @@ def test_another_rig_kind_is_refused_unless_a_transfer_is_asked_for():
         (replace(PROCEDURE, settings="half"), "settings .*not half"),
         (replace(PROCEDURE, settings="[1]"), r"settings .*not \[1\]"),
         (
-            replace(PROCEDURE, counting_version=COUNTING_VERSION + 1),
-            f"counting version {COUNTING_VERSION}, not {COUNTING_VERSION + 1}",
+            replace(PROCEDURE, counting_version=PROCEDURE.counting_version + 1),
+            f"counting version {PROCEDURE.counting_version}, not {PROCEDURE.counting_version + 1}",
         ),
     ],
 )

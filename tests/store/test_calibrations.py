@@ -7,7 +7,7 @@ import pytest
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model import calibration as model
 from auditor.model.checks import CAMERA_CHECKS, rig_sensor_checks
-from auditor.model.measurement import COUNTING_VERSION, Statistic
+from auditor.model.measurement import Statistic
 from auditor.model.verdict import Cause
 from auditor.store import tables
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
@@ -193,7 +193,7 @@ def test_an_older_file_that_did_not_keep_causes_is_refused(tmp_path):
 
 
 def test_one_of_measurements_that_were_counted_otherwise_is_refused_and_does_not_bar_the_store(tmp_path):
-    store, earlier = new_store(tmp_path), replace(PROCEDURE, counting_version=COUNTING_VERSION - 1)
+    store, earlier = new_store(tmp_path), replace(PROCEDURE, counting_version=PROCEDURE.counting_version - 1)
     store.write_calibration(make_calibration(RIG.kind, earlier, clean_frames(SAMPLES, strengths=STRENGTHS)))
     assert store.calibrations() == []
     with pytest.raises(OutdatedCalibrationError, match=r"earlier way of counting.*calibrate --measure-again"):

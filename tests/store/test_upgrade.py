@@ -10,7 +10,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import StoreError
-from auditor.model.measurement import COUNTING_VERSION
+from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.pipeline import judge
 from auditor.store import Store, marker
 from auditor.store.maintenance import upgrade
@@ -73,7 +73,7 @@ def test_an_upgrade_keeps_the_history_of_the_calibrations(old):
 
 def test_an_upgraded_store_that_was_counted_earlier_is_read_whole_and_refused_by_name(old, capfd, monkeypatch):
     folder, _ = old
-    monkeypatch.setattr(judge, "COUNTING_VERSION", COUNTING_VERSION + 1)
+    monkeypatch.setattr(judge, "COUNTING_VERSIONS", {one: version + 1 for one, version in COUNTING_VERSIONS.items()})
     upgrade.upgrade(folder)
     store = Store.open(folder)
     judged = store.ids("judgements")

@@ -201,7 +201,7 @@ class Run(ABC):
             "name": drive.name,
             "synthetic": drive.synthetic,
             "rig_id": drive.rig.rig_id,
-            "procedure": procedure_by(self._matcher),
+            "procedure": procedure_by(self._matcher, drive.rig.kind.compared_to),
             "experiment": experiment.name,
             "seed": task.seed if experiment.drawn else None,
             "draws": task.draws if experiment.drawn else None,
