@@ -9,7 +9,6 @@ recording: its vehicles differ by the places that are drawn, not by their build,
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +84,7 @@ def fleet(bank: Bank, rng: np.random.Generator, axis: str, turning: int) -> list
 
 def named(comparisons: Sequence[DailyLevels]) -> Iterator[Drift]:
     """What is named of a fleet."""
-    return (one for one in drifts(comparisons, asdict(LEAST_DEVIATIONS)) if one.named)
+    return (one for one in drifts(comparisons, LEAST_DEVIATIONS.of) if one.named)
 
 
 def main() -> None:

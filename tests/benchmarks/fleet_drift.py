@@ -16,7 +16,6 @@ r = 1 %. BANK, ATTACKED and TURNED are those of `fleet_nights`.
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from decimal import Decimal
 from pathlib import Path
 
@@ -163,7 +162,7 @@ def named(series: Series, evening: int) -> Iterator[Drift]:
         of_window = [row for row in rows if evening - DRIFT.days < row[0] <= evening]
         if of_window:
             levels.append(DailyLevels(name, signed, *map(np.array, zip(*of_window, strict=True))))
-    return (one for one in drifts(levels, asdict(LEAST_DEVIATIONS)) if one.named)
+    return (one for one in drifts(levels, LEAST_DEVIATIONS.of) if one.named)
 
 
 def is_false(one: Drift, evening: int) -> bool:

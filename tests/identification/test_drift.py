@@ -1,7 +1,5 @@
 """Drift: what drifts is named before long, with its sensor; what does not is hardly ever."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ def fleet(rng, *, vehicles=6, days=DAYS, season=0.0, turned=()):
 
 
 def named(comparisons):
-    return [one for one in drifts(comparisons, {}) if one.named]
+    return [one for one in drifts(comparisons, lambda _: 0.0) if one.named]
 
 
 def who(found):
@@ -160,9 +158,9 @@ def test_two_cameras_that_are_compared_with_each_other_alone_are_both_named():
 
 
 def test_too_few_days_and_levels_that_never_differ_are_no_drift():
-    assert drifts([series("returns", (0,), "car", [1.0, 2.0, 3.0])], {}) == []
+    assert drifts([series("returns", (0,), "car", [1.0, 2.0, 3.0])], lambda _: 0.0) == []
     flat = [series("returns", (0,), f"car{v}", np.ones(20)) for v in range(3)]
-    assert [one.named for one in drifts(flat, {})] == [False] * 3
+    assert [one.named for one in drifts(flat, lambda _: 0.0)] == [False] * 3
 
 
 def test_vehicles_that_drove_on_different_days_are_compared_where_enough_did():
@@ -174,7 +172,7 @@ def test_vehicles_that_drove_on_different_days_are_compared_where_enough_did():
 
 @pytest.mark.parametrize("check", list(Check))
 def test_what_is_less_than_anybody_is_concerned_about_is_not_named(check):
-    rng, least = np.random.default_rng(5), asdict(LEAST_DEVIATIONS)
+    rng, least = np.random.default_rng(5), LEAST_DEVIATIONS.of
     some = [series(check.value, (1,), f"car{number}", rng.normal(0, 1e-6, DAYS)) for number in range(5)]
     some[0].level[20:] += 1e-3
     assert named(some), "it is named where any deviation is believed"

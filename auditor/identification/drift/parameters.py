@@ -39,28 +39,18 @@ class Drifting:
 
 @dataclass(frozen=True)
 class LeastDeviations:
-    """By check of a day's levels, the smallest deviation by chance that is believed; less is nobody's concern."""
+    """The smallest deviation of a day's levels by chance that is believed; less is nobody's concern."""
 
-    lidar_conflict: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    added_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    removed_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    photometric_inconsistency: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    point_dropout: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    isolated_points: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    coloured_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    lost_returns: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    striped_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    false_ranges: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    rough_ranges: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    parallax_conflict: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    disparity_error: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    lidar_disagreement: float = parameter(0.05, unit="log odds", source=BY_HAND)
-    row_misalignment: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    log_odds: float = parameter(0.05, unit="log odds of what is not named below", source=BY_HAND)
     row_offset: float = parameter(0.02, unit="px", source=BY_HAND)
     depth_bias: float = parameter(0.1, unit="px", source=BY_HAND)
     brightness: float = parameter(0.005, unit="logarithm of a ratio of levels", source=BY_HAND)
     texture: float = parameter(0.02, unit="log odds", source=BY_HAND)
     returns: float = parameter(0.005, unit="logarithm of a ratio of counts", source=BY_HAND)
+
+    def of(self, check: str) -> float:
+        """That of the levels of a check."""
+        return float(getattr(self, check, self.log_odds))
 
 
 DRIFT = Drifting()

@@ -116,14 +116,14 @@ class _Adjusted:
     deviation: float = 0.0
 
 
-def drifts(comparisons: Sequence[DailyLevels], least: Mapping[str, float]) -> list[Drift]:
+def drifts(comparisons: Sequence[DailyLevels], least: Callable[[str], float]) -> list[Drift]:
     """What became of each check of each sensor, by name; those of fewer days than `DRIFT.fewest_days` are left out.
 
-    `least` has by check the smallest deviation that is believed: less is not worth a visit to a workshop.
+    `least` gives by check the smallest deviation that is believed: less is not worth a visit to a workshop.
     """
     measured = [_Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
-    noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
+    noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least(some[0].levels.name.check)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
     tests = DRIFT.rougher * 2 * max(len(ready), 1)
     return [_drift(one, tests) for one in ready]

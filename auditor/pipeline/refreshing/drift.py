@@ -1,7 +1,6 @@
 """Drift of a fleet: the daily levels of a store, and what became of each check of each sensor."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from datetime import date, timedelta
 from itertools import groupby
 from typing import Any
@@ -38,7 +37,7 @@ def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     comparisons = list(_comparisons(rows))
     rigs = {(row["kind"], row["vehicle"], row["day"]): row["rigs"] for row in rows}
     units = {row["check_name"]: row["unit"] for row in rows}
-    found = [_sensor(one, units, rigs) for one in drifts(comparisons, asdict(LEAST_DEVIATIONS))]
+    found = [_sensor(one, units, rigs) for one in drifts(comparisons, LEAST_DEVIATIONS.of)]
     found.sort(key=lambda one: (not one.named, one.chance, one.vehicle, one.sensor, one.check))
     return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
 
