@@ -30,7 +30,7 @@ from tests.making.message_forms import FORMS, drive
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
-from tests.making.videos import VIDEO, encoded, moving_picture, video_messages
+from tests.making.videos import ENCODERS, VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
     b"\x00",
@@ -107,16 +107,17 @@ class Seeds:
         """Key pictures and others, where the extra `video` is installed."""
         if find_spec("av") is None:
             return
-        packets = encoded([moving_picture(number) for number in range(2)])
-        for number, message in enumerate(video_messages(packets)):
-            self.payloads[f"{VIDEO} {number}"] = (message, None, Decoders(lambda _: None))
+        for form in ENCODERS:
+            packets = encoded([moving_picture(number) for number in range(2)], form=form)
+            for number, message in enumerate(video_messages(packets, format=form)):
+                self.payloads[f"{VIDEO} {form} {number}"] = (message, None, Decoders(lambda _: None))
 
     def add_forms(self, folder: Path) -> None:
         """A picture and a cloud of every form that recorders and drivers write."""
         rig = plane_rig((0.6, 0.3, 0.0))
         frames = drive(rig, 1)
         for number, form in enumerate(FORMS):
-            if "h264" in form.name and find_spec("av") is None:
+            if form.needs_av and find_spec("av") is None:
                 continue
             place = folder / f"form_{number}"
             place.mkdir()

@@ -12,7 +12,7 @@ import pytest
 from auditor.cli import run
 from auditor.model.rig import Rig
 from auditor.recordings import Topic, open_recording, schemas, survey, write_mcap
-from auditor.recordings.decoding import video
+from auditor.recordings.decoding.videos import tracks
 from auditor.recordings.decoding.sensor_types import UNREAD
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
@@ -230,9 +230,9 @@ def test_video_without_the_extra_says_what_to_install(
     extra = beside("/other/compressed", schemas.COMPRESSED_IMAGE, data, definition=definition)
 
     def absent() -> None:
-        raise video.DecodingError("video needs the package av: install auditor[video]")
+        raise tracks.DecodingError("video needs the package av: install auditor[video]")
 
-    monkeypatch.setattr(video, "_av", absent)
+    monkeypatch.setattr(tracks, "_av", absent)
     with open_recording(rewritten(clean, tmp_path / "drive.mcap", same, [extra])) as recording:
         [unreadable] = survey(recording).unreadable
     assert (unreadable.topic.name, unreadable.kind) == ("/other/compressed", "camera")

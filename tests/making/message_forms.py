@@ -3,6 +3,7 @@
 import gzip
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.foxglove_messages import FoxgloveMessage, messages_of, transform, write_json, write_protobuf
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud
-from tests.making.videos import encoded
+from tests.making.videos import ENCODERS, encoded
 
 Pixels = NDArray[np.uint8]
 Write = Callable[[Path, Rig, list[Frame]], Path]
@@ -32,6 +33,11 @@ class MessageForm(NamedTuple):
     name: str
     write: Write
     lossless: bool = True
+
+    @property
+    def needs_av(self) -> bool:
+        """True for videos, which need the package `av`."""
+        return self.name.split()[-1] in ENCODERS
 
 
 def drive(rig: Rig, count: int) -> list[Frame]:
@@ -188,7 +194,7 @@ def ros(
         maker = MessageMaker("ros1" if encoding == "ros1" else "cdr")
         images = {(rig.topic(n), i.stamp_ns): i.pixels for f in frames for n, i in f.images.items()}
         clouds = {f.cloud.stamp_ns: f.cloud.xyz_m for f in frames if f.cloud}
-        tracks = _tracks(rig, frames) if picture and picture[0] == "h264" else {}
+        tracks = _tracks(rig, frames, picture[0]) if picture and picture[0] in ENCODERS else {}
         with mcap_file(folder / "a.mcap", profile="ros1" if encoding == "ros1" else "ros2", compression="zstd") as file:
             for topic, schema, stamp_ns, data in frames_writer._messages(maker, rig, frames, {}):
                 frame_id = topic.strip("/")
@@ -197,7 +203,7 @@ def ros(
                 if tracks and schema == schemas.IMAGE:
                     assert picture
                     packet = next(tracks[topic])
-                    schema, data = _ros_video(maker, packet, picture[1], stamp_ns, frame_id)  # noqa: PLW2901
+                    schema, data = _ros_video(maker, packet, picture, stamp_ns, frame_id)  # noqa: PLW2901
                 elif schema == schemas.IMAGE and (raw or picture):
                     schema, data = _ros_image(maker, images[topic, stamp_ns], stamp_ns, frame_id, raw, picture)  # noqa: PLW2901
                 elif schema == schemas.POINT_CLOUD and cloud:
@@ -213,13 +219,23 @@ def ros(
     return write
 
 
-def _ros_video(maker: MessageMaker, packet: bytes, form: str, stamp_ns: int, frame_id: str) -> tuple[str, bytes]:
-    """A packet as CompressedImage, or as one of the messages made for videos, which `form` names."""
+def _ros_video(
+    maker: MessageMaker, packet: bytes, picture: tuple[str, str], stamp_ns: int, frame_id: str
+) -> tuple[str, bytes]:
+    """A packet as CompressedImage, or as one of the messages made for videos, which the latter part names."""
+    video, form = picture
     if form == schemas.FFMPEG_PACKET:
-        named = {"encoding": "libx264", "width": WIDTH, "height": HEIGHT, "pts": 0, "flags": 0, "is_bigendian": False}
+        named = {
+            "encoding": ENCODERS[video][0],
+            "width": WIDTH,
+            "height": HEIGHT,
+            "pts": 0,
+            "flags": 0,
+            "is_bigendian": False,
+        }
         head = {"header": maker.header(stamp_ns, frame_id)}
     elif form == schemas.FOXGLOVE_VIDEO:
-        named = {"format": "h264"}
+        named = {"format": video}
         stamp = maker.store.types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
         head = {"timestamp": stamp, "frame_id": frame_id}
     else:
@@ -347,17 +363,19 @@ def as_raw(raw: Raw) -> Callable[[Rig, list[Frame], Iterator[FoxgloveMessage]], 
     return change
 
 
-def _tracks(rig: Rig, frames: list[Frame]) -> dict[str, Iterator[bytes]]:
+def _tracks(rig: Rig, frames: list[Frame], form: str) -> dict[str, Iterator[bytes]]:
     """By topic the packets of a camera's video."""
-    return {rig.topic(n): iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, rig.n + 1)}
+    return {rig.topic(n): iter(encoded([f.images[n].pixels for f in frames], 4, form)) for n in range(1, rig.n + 1)}
 
 
-def as_video(rig: Rig, frames: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
-    tracks = _tracks(rig, frames)
+def as_video(
+    rig: Rig, frames: list[Frame], messages: Iterator[FoxgloveMessage], form: str
+) -> Iterator[FoxgloveMessage]:
+    tracks = _tracks(rig, frames, form)
     for one in messages:
         if one.schema == "foxglove.RawImage":
             head = {name: one.fields[name] for name in ("timestamp", "frame_id")}
-            fields = {**head, "data": next(tracks[one.topic]), "format": "h264"}
+            fields = {**head, "data": next(tracks[one.topic]), "format": form}
             yield FoxgloveMessage(one.topic, "foxglove.CompressedVideo", one.time_ns, fields)
         else:
             yield one
@@ -425,8 +443,11 @@ FORMS = (
         ros(picture=("jpeg", "bgr8; jpeg compressed bgr8")),
         lossless=False,
     ),
-    MessageForm("ROS 2 CompressedImage h264", ros(picture=("h264", "h264")), lossless=False),
-    MessageForm("ROS 2 FFMPEGPacket h264", ros(picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
+    *(MessageForm(f"ROS 2 CompressedImage {f}", ros(picture=(f, f)), lossless=False) for f in ENCODERS),
+    *(
+        MessageForm(f"ROS 2 FFMPEGPacket {f}", ros(picture=(f, schemas.FFMPEG_PACKET)), lossless=False)
+        for f in ENCODERS
+    ),
     MessageForm("ROS 1 FFMPEGPacket h264", ros("ros1", picture=("h264", schemas.FFMPEG_PACKET)), lossless=False),
     MessageForm("ROS 2 CompressedVideo h264", ros(picture=("h264", schemas.FOXGLOVE_VIDEO)), lossless=False),
     MessageForm("ROS 1 CompressedImage h264", ros("ros1", picture=("h264", "h264")), lossless=False),
@@ -452,7 +473,12 @@ FOXGLOVE_FORMS = tuple(
         MessageForm(f"{form} RawImage grey", greyed(foxglove(form, same))),
         MessageForm(f"{form} CompressedImage png", foxglove(form, same, form="png")),
         MessageForm(f"{form} CompressedImage jpeg", foxglove(form, same, form="jpeg"), lossless=False),
-        MessageForm(f"{form} CompressedVideo h264", foxglove(form, as_video), lossless=False),
+        *(
+            MessageForm(
+                f"{form} CompressedVideo {video}", foxglove(form, partial(as_video, form=video)), lossless=False
+            )
+            for video in ("h264", "h265", "av1", "vp9")
+        ),
         *(
             MessageForm(f"{form} PointCloud {layout.name}", foxglove(form, with_layout(layout)))
             for layout in LAYOUTS

@@ -23,7 +23,7 @@ from auditor.recordings.decoding.interface import (
 from auditor.recordings.decoding.points.compressed import CompressedCloudDecoder
 from auditor.recordings.decoding.points.livox import LivoxDecoder
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.decoding.ros_videos import RosVideoDecoder
+from auditor.recordings.decoding.videos.ros import RosVideoDecoder
 from auditor.recordings.recording import Definition
 from auditor.resources import entries_of
 

@@ -25,10 +25,9 @@ from auditor.recordings.decoding.images import PictureDecoder, RawDecoder
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.decoding.video import Videos, refuse_other_video
+from auditor.recordings.decoding.videos.tracks import VideoData, Videos
 
 _MAX_STAMP_NS = 2**63 - 1
-_VIDEO_FORMAT = "h264"
 
 _NO_ROTATION = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 _NO_TRANSLATION = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -161,20 +160,17 @@ class FoxgloveCameraCalibrationDecoder(FoxgloveMessages):
 
 
 class FoxgloveVideoDecoder(Videos, FoxgloveMessages):
-    """foxglove.CompressedVideo with H.264 inside."""
+    """foxglove.CompressedVideo."""
 
     kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
-        Videos.__init__(self, self._h264)
+        Videos.__init__(self, self._video)
         FoxgloveMessages.__init__(self, types)
 
-    def _h264(self, message: Message) -> bytes:
+    def _video(self, message: Message) -> VideoData:
         values = self.decode(message)
-        if values["format"] != _VIDEO_FORMAT:
-            refuse_other_video(values["format"], b"")
-            raise DecodingError(f"the video format {values['format'][:20]!r} is not supported", where=message.topic)
-        return bytes(values["data"])
+        return VideoData(values["format"], bytes(values["data"]), stamp_ns(values) or message.log_time_ns)
 
 
 class FoxgloveTransformsDecoder(FoxgloveMessages):

@@ -13,7 +13,7 @@ from auditor.model.arrays import Image
 from auditor.model.frames import Message
 from auditor.model.rig import MOST_BITS
 from auditor.recordings.decoding.interface import Header, SizePx
-from auditor.recordings.decoding.picture_heads import inspect_picture
+from auditor.recordings.decoding.picture_heads import inspect_picture, is_picture
 from auditor.recordings.decoding.pictures import (
     Values,
     check_size,
@@ -22,7 +22,8 @@ from auditor.recordings.decoding.pictures import (
     upper_8_bits,
 )
 from auditor.recordings.decoding.ros import RosTypes, read_header
-from auditor.recordings.decoding.video import Videos, is_h264, refuse_other_video
+from auditor.recordings.decoding.videos.forms import form_of
+from auditor.recordings.decoding.videos.tracks import VideoData, Videos
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
@@ -257,15 +258,16 @@ def _convert(values: Image, encoding: Encoding, *, colour: bool) -> Image:
 
 
 class CompressedImageDecoder(PictureDecoder):
-    """sensor_msgs/CompressedImage: a picture file or H.264, recognised by its first bytes, since `format` is free text.
+    """sensor_msgs/CompressedImage: a picture file or a video, by its first bytes.
 
-    All messages of a topic have the form of its first one.
+    Where these do not tell the form of a video, its `format` does, which is free text. All messages of a topic have the
+    form of its first one.
     """
 
     def __init__(self, types: RosTypes) -> None:
         super().__init__()
         self._types = types
-        self._videos = Videos(lambda message: bytes(self.picture(message)))
+        self._videos = Videos(self._video)
         self._is_video: dict[str, bool] = {}
 
     def header(self, message: Message) -> Header:
@@ -294,14 +296,21 @@ class CompressedImageDecoder(PictureDecoder):
 
     def picture(self, message: Message) -> memoryview:
         """The file inside the message."""
+        return self._declared(message)[1]
+
+    def _video(self, message: Message) -> VideoData:
+        declared, data = self._declared(message)
+        return VideoData(declared, bytes(data), read_header(message).stamp_ns or message.log_time_ns)
+
+    def _declared(self, message: Message) -> tuple[str, memoryview]:
+        """The format of a message, and its data."""
         image = self._types.decode(message)
         if DEPTH_PICTURE in image.format:
             raise DecodingError(f"the format {image.format[:40]!r} is of depths", where=message.topic)
-        data = memoryview(image.data)
-        refuse_other_video(image.format, data, message.topic)
-        return data
+        return image.format, memoryview(image.data)
 
     def _of_video(self, message: Message) -> bool:
         if message.topic not in self._is_video:
-            self._is_video[message.topic] = is_h264(self.picture(message))
+            declared, data = self._declared(message)
+            self._is_video[message.topic] = not is_picture(data) and form_of(declared, data) is not None
         return self._is_video[message.topic]

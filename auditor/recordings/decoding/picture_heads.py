@@ -59,6 +59,11 @@ def inspect_picture(data: memoryview) -> Picture:
     raise DecodingError(f"the compressed image is {other}, which is not read" if other else f"the image is {known}")
 
 
+def is_picture(data: memoryview) -> bool:
+    """True for a file of a form that is read, by its first bytes."""
+    return any(bytes(data[: len(magics[0])]) in magics for magics, *_ in _FORMS)
+
+
 def check_whole(data: memoryview, form: str) -> None:
     """Raises DecodingError where a file of a form is cut, or damaged as far as it says so itself."""
     for _, name, _, check in _FORMS:

@@ -1,5 +1,7 @@
 import re
 import sys
+import tracemalloc
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,8 @@ from auditor.errors import DecodingError
 from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
-from auditor.recordings.decoding.video import refuse_other_video
+from auditor.recordings.decoding.videos.forms import _FORMS, form_of
+from auditor.recordings.decoding.videos.heads import Head
 from tests.making.foxglove_messages import (
     FoxgloveMessage,
     json_text,
@@ -24,22 +26,24 @@ from tests.making.foxglove_messages import (
     write_protobuf,
 )
 from tests.making.recorded_drives import make_frames, make_rig, split, stream_of
-from tests.making.videos import KEY_EVERY, VIDEO, encoded, moving_picture, video_fields, video_messages
+from tests.making.videos import ENCODERS, KEY_EVERY, VIDEO, encoded, moving_picture, video_fields, video_messages
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
 RIG = make_rig(3)
 COUNT = 24
-PACKETS = encoded([moving_picture(number) for number in range(COUNT)])
+PACKETS = {form: encoded([moving_picture(number) for number in range(COUNT)], form=form) for form in ENCODERS}
+HEADS = {form.name.lower().replace(".", ""): form.heads for form in _FORMS}
 
 
 def decoder() -> Any:
     return Decoders(lambda _: None).image(VIDEO, "protobuf")
 
 
-def decoded(packets: list[bytes]) -> list[NDArray[np.uint8] | str]:
+def decoded(packets: list[bytes], form: str = "h264") -> list[NDArray[np.uint8] | str]:
+    """What becomes of packets; an empty one is lost."""
     of, found = decoder(), []
-    for message in video_messages(packets):
+    for message in video_messages(packets, format=form):
         try:
             found.append(of.pixels(message, colour=False, size_px=(64, 48)))
         except DecodingError as error:
@@ -97,10 +101,29 @@ def test_a_lost_message_damages_what_follows_up_to_the_next_key_picture(tmp_path
     assert states[16:] == [SensorState.PRESENT] * 8
 
 
-def test_a_damaged_picture_is_never_taken_for_one() -> None:
-    cut = [*PACKETS[:3], PACKETS[3][: len(PACKETS[3]) // 2], *PACKETS[4:]]
-    found = decoded(cut)
+@pytest.mark.parametrize("form", ENCODERS)
+def test_pictures_of_every_form_are_read(form: str) -> None:
+    for number, pixels in enumerate(decoded(PACKETS[form], form)):
+        assert not isinstance(pixels, str), pixels
+        assert np.abs(pixels.astype(int) - moving_picture(number)).mean() < 3
+
+
+@pytest.mark.parametrize("form", ENCODERS)
+def test_a_damaged_picture_is_never_taken_for_one(form: str) -> None:
+    packets = PACKETS[form]
+    # FFmpeg does not see the end of data inside a picture of the other forms: docs/threat-model.md.
+    kept = len(packets[3]) // 3 if form in {"h264", "av1"} else 5
+    found = decoded([*packets[:3], packets[3][:kept], *packets[4:]], form)
     assert [isinstance(one, str) for one in found] == [number in range(3, KEY_EVERY) for number in range(COUNT)]
+
+
+@pytest.mark.parametrize("form", ENCODERS)
+@pytest.mark.parametrize("lost", [5, 9, 13])
+def test_pictures_behind_a_lost_one_are_damaged_up_to_the_next_key_picture(form: str, lost: int) -> None:
+    packets = [b"" if number == lost else packet for number, packet in enumerate(PACKETS[form])]
+    damaged = range(lost + 1, -(-lost // KEY_EVERY) * KEY_EVERY)
+    states = [isinstance(one, str) for one in decoded(packets, form)]
+    assert states == [number in damaged for number in range(COUNT) if number != lost]
 
 
 def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
@@ -125,26 +148,33 @@ def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
     assert states([packets[0], packets[1][starts[-1] :], packets[2]]) == ["whole", "damaged", "damaged"]
 
 
-def test_sizes_follow_from_the_parameters_of_key_pictures() -> None:
-    for width, height in ((64, 48), (1242, 374), (34, 18)):
-        packets = encoded([moving_picture(number, width, height) for number in range(2)])
-        assert [found.size_px for found in parameter_sets(packets[0])] == [(width, height)]
-        assert has_key_picture(packets[0])
-        assert not has_key_picture(packets[1])
-        assert parameter_sets(packets[1]) == []
+@pytest.mark.parametrize("form", ENCODERS)
+def test_sizes_follow_from_the_parameters_of_key_pictures(form: str) -> None:
+    for width, height in ((64, 48), (1242, 374), (98, 82)):
+        packets = encoded([moving_picture(number, width, height) for number in range(2)], form=form)
+        first, second = _heads(form, packets)
+        assert first.sizes_px == ((width, height),)
+        assert first.is_key
+        assert not second.is_key
+        assert second.sizes_px == ()
+
+
+def _heads(form: str, packets: list[bytes]) -> list[Head]:
+    heads = HEADS[form]()
+    return [heads.head(packet) for packet in packets]
 
 
 def test_a_video_of_another_size_or_format_is_refused() -> None:
-    (message,) = video_messages(PACKETS[:1])
+    (message,) = video_messages(PACKETS["h264"][:1])
     with pytest.raises(DecodingError, match="instead of"):
         decoder().pixels(message, colour=False, size_px=(64, 64))
-    (message,) = video_messages(PACKETS[:1], format="h265")
-    with pytest.raises(DecodingError, match="h265"):
+    (message,) = video_messages([b"\xff\xd8" + bytes(40)], format="mjpeg")
+    with pytest.raises(DecodingError, match="mjpeg"):
         decoder().pixels(message, colour=False)
 
 
 def test_json_and_colours_are_read_too() -> None:
-    message = Message("/a", VIDEO, "json", 5, json_text(video_fields(PACKETS[0])))
+    message = Message("/a", VIDEO, "json", 5, json_text(video_fields(PACKETS["h264"][0])))
     pixels = Decoders(lambda _: None).image(VIDEO, "json").pixels(message, colour=True)
     assert pixels.shape == (48, 64, 3)
     assert np.abs(pixels[:, :, 0].astype(int) - moving_picture(0)).mean() < 6
@@ -152,44 +182,76 @@ def test_json_and_colours_are_read_too() -> None:
 
 def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    (message,) = video_messages(PACKETS[:1])
+    (message,) = video_messages(PACKETS["h264"][:1])
     for read in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
         with pytest.raises(DecodingError, match=r"install auditor\[video\]"):
             read(message)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(st.data())
-def test_noise_in_a_video_raises_only_our_own_error(data: st.DataObject) -> None:
-    packets = [bytearray(packet) for packet in PACKETS[:4]]
+def test_a_name_from_before_does_not_hide_h265() -> None:
+    assert form_of("h264", PACKETS["h265"][0]).name == "H.265"
+
+
+def test_a_frame_that_declares_another_size_than_its_sequence_takes_no_memory() -> None:
+    wide = encoded([moving_picture(number, 2048, 1536) for number in range(2)], form="vp9")
+    tracemalloc.start()
+    found = decoded([PACKETS["vp9"][0], wide[1], wide[0]], "vp9")
+    assert tracemalloc.get_traced_memory()[1] < 2 * 10**6
+    tracemalloc.stop()
+    assert [isinstance(one, str) for one in found] == [False, True, True]
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.sampled_from(sorted(ENCODERS)), st.data())
+def test_noise_in_a_video_raises_only_our_own_error(form: str, data: st.DataObject) -> None:
+    packets = [bytearray(packet) for packet in PACKETS[form][:4]]
     for _ in range(data.draw(st.integers(1, 4))):
         packet = data.draw(st.sampled_from(packets))
         at = data.draw(st.integers(0, len(packet) - 1))
         packet[at : at + 3] = data.draw(st.binary(max_size=5)) or b"\0"
-    decoded([bytes(packet) for packet in packets])
+    decoded([bytes(packet) for packet in packets], form)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.sampled_from(sorted(ENCODERS)), st.data())
+def test_heads_of_noise_raise_only_our_own_error(form: str, data: st.DataObject) -> None:
+    heads = HEADS[form]()
+    for _ in range(2):
+        packet = bytearray(PACKETS[form][0][: data.draw(st.integers(0, 80))])
+        for _ in range(data.draw(st.integers(0, 4))):
+            if packet:
+                packet[data.draw(st.integers(0, len(packet) - 1))] = data.draw(st.integers(0, 255))
+        with suppress(DecodingError):
+            heads.head(bytes(packet))
 
 
 @pytest.mark.parametrize(
-    ("declared", "says"),
+    ("declared", "form"),
     [
         ("h265", "H.265"),
         ("hevc_nvenc", "H.265"),
         ("libx265;yuv420p", "H.265"),
         ("libsvtav1", "AV1"),
         ("vp9", "VP9"),
-        ("libtheora", "Theora"),
+        ("libvpx-vp9;yuv420p;bgr8;8", "VP9"),
+        ("libvpx", "VP8"),
+        ("libx264", "H.264"),
     ],
 )
-def test_other_videos_are_told_by_their_names(declared: str, says: str) -> None:
+def test_videos_are_told_by_their_names(declared: str, form: str) -> None:
+    assert form_of(declared, b"\x82\x49\x83\x42").name == form
+
+
+@pytest.mark.parametrize(("declared", "says"), [("libtheora", "Theora"), ("mpeg4", "MPEG-4")])
+def test_other_videos_are_said_by_name(declared: str, says: str) -> None:
     with pytest.raises(DecodingError, match=f"is {says}, which is not decoded"):
-        refuse_other_video(declared, b"\0\0\1\x67")
+        form_of(declared, b"\0\0\1\x67")
 
 
 @pytest.mark.parametrize("unit", [0x40, 0x42, 0x44, 0x46])
 @pytest.mark.parametrize("start", [b"\0\0\1", b"\0\0\0\1"])
 def test_h265_is_told_by_its_first_unit_where_nobody_names_it(unit: int, start: bytes) -> None:
-    with pytest.raises(DecodingError, match=r"H\.265"):
-        refuse_other_video("", start + bytes([unit, 1]) + bytes(40))
+    assert form_of("", start + bytes([unit, 1]) + bytes(40)).name == "H.265"
 
 
 @pytest.mark.parametrize(
@@ -197,4 +259,4 @@ def test_h265_is_told_by_its_first_unit_where_nobody_names_it(unit: int, start: 
 )
 @pytest.mark.parametrize("unit", [0x67, 0x27, 0x09, 0x06, 0x41, 0x65])
 def test_h264_is_not_taken_for_another_video(declared: str, unit: int) -> None:
-    refuse_other_video(declared, b"\0\0\0\1" + bytes([unit, 1]) + bytes(40))
+    assert form_of(declared, b"\0\0\0\1" + bytes([unit, 1]) + bytes(40)).name == "H.264"

@@ -1,26 +1,16 @@
-"""The size and the number of the pictures in an H.264 access unit, read from its headers before it is decoded.
+"""The heads of H.264 messages. Format: ITU-T H.264, annex B, 7.3.2.1.1 (parameters), 7.3.3 (slices)."""
 
-Format: ITU-T H.264, annex B (start codes), 7.3.2.1.1 (sequence parameter set), 7.3.3 (slice header), 9.1 (Exp-Golomb).
-
-FFmpeg (the package `av`) would give the same after it has opened a decoder for the stream. It is not used because by
-then it has allocated pictures of the size that the stream declares. Here the size is read from a few bits and compared
-with the camera's, before any native code sees the stream; FFmpeg then decodes.
-"""
-
-import re
 from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.videos.heads import Bits, Head, payload, units
 
 _PARAMETER_SET = 7
 _KEY_PICTURE = 5
 _PICTURES = {1, _KEY_PICTURE}
-_START = re.compile(rb"\x00\x00\x01")
 _LONG_PROFILES = {44, 83, 86, 100, 110, 118, 122, 128, 134, 135, 138, 139, 244}
-_MAX_PARAMETER_SET_BYTES = 4096
 _MAX_SLICE_HEADER_BYTES = 64
-_MAX_UNITS = 1000
 
 
 class Parameters(NamedTuple):
@@ -33,12 +23,12 @@ class Parameters(NamedTuple):
 
 def parameter_sets(data: bytes) -> list[Parameters]:
     """Every sequence parameter set in an access unit. Raises DecodingError for a damaged one."""
-    return [_parameters(_payload(data, start)) for start in _units(data) if data[start] & 0x1F == _PARAMETER_SET]
+    return [_parameters(payload(data, start + 1)) for start in units(data) if data[start] & 0x1F == _PARAMETER_SET]
 
 
 def has_key_picture(data: bytes) -> bool:
     """True where the access unit has a key picture, at which decoding may begin."""
-    return any(data[start] & 0x1F == _KEY_PICTURE for start in _units(data))
+    return any(data[start] & 0x1F == _KEY_PICTURE for start in units(data))
 
 
 def picture_number(data: bytes, parameters: Parameters) -> int | None:
@@ -46,9 +36,9 @@ def picture_number(data: bytes, parameters: Parameters) -> int | None:
 
     It equals the last reference picture's number or exceeds it by one, modulo 2^number_bits; else a picture is missing.
     """
-    for start in _units(data):
+    for start in units(data):
         if data[start] & 0x1F in _PICTURES:
-            bits = _Bits(_payload(data, start, _MAX_SLICE_HEADER_BYTES))
+            bits = Bits(payload(data, start + 1, _MAX_SLICE_HEADER_BYTES))
             for _ in range(3):  # first macroblock, kind, picture parameter set
                 bits.unsigned()
             bits.take(2 if parameters.separate_planes else 0)
@@ -56,48 +46,26 @@ def picture_number(data: bytes, parameters: Parameters) -> int | None:
     return None
 
 
-def _units(data: bytes) -> list[int]:
-    """Where the units of an access unit begin, behind their start codes."""
-    units = [found.end() for found in _START.finditer(data) if found.end() < len(data)]
-    if len(units) > _MAX_UNITS:
-        raise DecodingError("the video message has too many units")
-    return units
+class H264:
+    """See heads.Heads."""
 
+    def __init__(self) -> None:
+        self._parameters: Parameters | None = None
 
-def _payload(data: bytes, start: int, most_bytes: int = _MAX_PARAMETER_SET_BYTES) -> bytes:
-    """A unit without its first byte and without its emulation prevention bytes."""
-    unit = data[start + 1 : start + most_bytes]
-    end = _START.search(unit)
-    return (unit[: end.start()] if end else unit).replace(b"\x00\x00\x03", b"\x00\x00")
-
-
-class _Bits:
-    def __init__(self, data: bytes) -> None:
-        self._value = int.from_bytes(data, "big")
-        self._left = 8 * len(data)
-
-    def take(self, count: int) -> int:
-        self._left -= count
-        if self._left < 0:
-            raise DecodingError("the video's parameters are cut")
-        return (self._value >> self._left) & ((1 << count) - 1)
-
-    def unsigned(self) -> int:
-        """An unsigned Exp-Golomb number."""
-        zeros = 0
-        while not self.take(1):
-            zeros += 1
-            if zeros > 31:
-                raise DecodingError("the video's parameters make no sense")
-        return (1 << zeros) - 1 + self.take(zeros)
-
-    def signed(self) -> int:
-        number = self.unsigned()
-        return (number + 1) // 2 if number % 2 else -(number // 2)
+    def head(self, data: bytes) -> Head:
+        """The head of an access unit."""
+        declared = parameter_sets(data)
+        self._parameters = declared[-1] if declared else self._parameters
+        sizes_px, known = tuple(one.size_px for one in declared), self._parameters
+        if known is None:
+            return Head(sizes_px, period=1)
+        number = picture_number(data, known)
+        is_key = number is not None and has_key_picture(data)
+        return Head(sizes_px, is_key, number, 1 << known.number_bits, may_repeat=True)
 
 
 def _parameters(data: bytes) -> Parameters:
-    bits = _Bits(data)
+    bits = Bits(data)
     profile = bits.take(8)
     bits.take(16)  # constraints and level
     bits.unsigned()  # the set's number
@@ -122,7 +90,7 @@ def _parameters(data: bytes) -> Parameters:
     return Parameters((width, height), number_bits, separate)
 
 
-def _skip_long_profile(bits: _Bits) -> tuple[int, bool]:
+def _skip_long_profile(bits: Bits) -> tuple[int, bool]:
     chroma = bits.unsigned()
     separate = chroma == 3 and bool(bits.take(1))
     bits.unsigned()
@@ -135,7 +103,7 @@ def _skip_long_profile(bits: _Bits) -> tuple[int, bool]:
     return chroma, separate
 
 
-def _skip_scaling_list(bits: _Bits, size: int) -> None:
+def _skip_scaling_list(bits: Bits, size: int) -> None:
     last = following = 8
     for _ in range(size):
         if following:
@@ -143,7 +111,7 @@ def _skip_scaling_list(bits: _Bits, size: int) -> None:
         last = following or last
 
 
-def _skip_order(bits: _Bits) -> None:
+def _skip_order(bits: Bits) -> None:
     kind = bits.unsigned()
     if kind == 0:
         bits.unsigned()

@@ -1,38 +1,42 @@
-"""Messages of H.264, decoded by FFmpeg through the package `av` (the extra `video`).
+"""Messages of videos, decoded by FFmpeg through the package `av` (the extra `video`).
 
 A picture of a video holds the differences to those before it: every message of a topic is noted as it is read
 (`follow`), and decoded in that order once the pixels of one are requested. Each message must hold one picture, which
 depends on no later one, and parameters with every key picture, as Foxglove's documentation requires.
 """
 
-import re
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from statistics import median
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding.h264 import Parameters, has_key_picture, parameter_sets, picture_number
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import check_size
-
-_OTHER_VIDEOS = {
-    "H.265": re.compile(r"[hx]\.?265|hevc", re.IGNORECASE),
-    "AV1": re.compile(r"av1|svtav1|aom", re.IGNORECASE),
-    "VP9": re.compile(r"vp9", re.IGNORECASE),
-    "VP8": re.compile(r"vp8", re.IGNORECASE),
-    "MPEG-4": re.compile(r"mpeg-?4|mp4v", re.IGNORECASE),
-    "Theora": re.compile(r"theora", re.IGNORECASE),
-}
-_H265_BEGINS = re.compile(rb"\x00?\x00\x00\x01[\x40\x42\x44\x46\x4e]\x01")
-"""A start code and a unit of parameters or a delimiter (ITU-T H.265, 7.3.1.2 and table 7-1), no unit of H.264."""
+from auditor.recordings.decoding.videos.forms import VideoForm, form_of
+from auditor.recordings.decoding.videos.heads import Head, Heads
+from auditor.safety.budget import MAX_PIXELS
 
 MAX_PENDING_BYTES = 32 * 2**20
 MAX_PENDING = 600
 _KEPT = 4
+
+_GAPS_KEPT = 9
+_FEWEST_GAPS = 3
+_LONGEST_GAP = 1.5
+"""Usual distances of two pictures without numbers: behind a longer one a picture may be missing."""
+
+
+class VideoData(NamedTuple):
+    """What a message says of its video's form, its bytes, and when its picture was taken (ns)."""
+
+    declared: str
+    data: bytes
+    stamp_ns: int
 
 
 class _Track:
@@ -41,46 +45,45 @@ class _Track:
     def __init__(self) -> None:
         self.pending: deque[Message] = deque()
         self.pending_bytes = 0
-        self.codec: Any = None
-        self.parameters: Parameters | None = None
-        self.number = 0
         self.done: deque[tuple[Message, Any]] = deque(maxlen=_KEPT)
+        self.form: VideoForm | None = None
+        self.gaps_ns: deque[int] = deque(maxlen=_GAPS_KEPT)
+        self.stamp_ns = 0
+        self.forget()
 
+    def forget(self) -> None:
+        """From here on only a key picture with its parameters can be decoded."""
+        self.codec: Any = None
+        self.heads: Heads | None = None
+        self.size_px: SizePx | None = None
+        self.number = 0
 
-def is_h264(data: memoryview) -> bool:
-    """True for bytes that begin with a start code, as an H.264 stream does (ITU-T H.264, Annex B)."""
-    return bytes(data[:3]) == b"\0\0\1" or bytes(data[:4]) == b"\0\0\0\1"
-
-
-def refuse_other_video(declared: str, data: bytes | memoryview, where: str = "") -> None:
-    """Raises DecodingError, with its name, where a video is said to be of another form than H.264, or begins as H.265.
-
-    Transports write the name of the form or of the encoder: `h264`, `libx264`, `hevc_nvenc`.
-    """
-    other = next((name for name, word in _OTHER_VIDEOS.items() if word.search(declared)), "")
-    if not other and _H265_BEGINS.match(data):
-        other = "H.265"
-    if other:
-        raise DecodingError(f"the video {declared[:40]!r} is {other}, which is not decoded", where=where)
+    def is_late(self, stamp_ns: int) -> bool:
+        """True behind an unusually long time without a picture; notes the time of this one."""
+        gap_ns, self.stamp_ns = stamp_ns - self.stamp_ns, stamp_ns
+        late = len(self.gaps_ns) >= _FEWEST_GAPS and not 0 < gap_ns <= _LONGEST_GAP * median(self.gaps_ns)
+        self.gaps_ns.append(gap_ns)
+        return late
 
 
 class Videos:
     """The videos of a recording's topics; pictures from a lost or damaged message to the next key picture are damaged.
 
-    `data_of` gives the bytes inside a message, or raises DecodingError.
+    `data_of` gives what is inside a message, or raises DecodingError.
     """
 
-    def __init__(self, data_of: Callable[[Message], bytes]) -> None:
+    def __init__(self, data_of: Callable[[Message], VideoData]) -> None:
         self._data = data_of
         self._tracks: dict[str, _Track] = {}
 
     def size_px(self, message: Message) -> SizePx:
         """The size that a key picture's parameters declare. Raises DecodingError for other messages."""
         _av()  # without the extra a size is of no use
-        found = parameter_sets(self._data(message))
-        if not found:
+        video = self._data(message)
+        sizes_px = _form(video).heads().head(video.data).sizes_px
+        if not sizes_px:
             raise DecodingError("the video's parameters come with a later message", where=message.topic)
-        return found[0].size_px
+        return sizes_px[0]
 
     def follow(self, message: Message) -> None:
         """Note a message, in the order of the recording."""
@@ -90,7 +93,7 @@ class Videos:
         while len(track.pending) > MAX_PENDING or track.pending_bytes > MAX_PENDING_BYTES:
             # No pixels were requested for so long: all pictures up to the next key picture are damaged.
             track.pending_bytes -= len(track.pending.popleft().data)
-            track.codec = None
+            track.forget()
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
@@ -112,40 +115,53 @@ class Videos:
         """The decoded picture, or the reason why there is none."""
         av = _av()
         try:
-            data = self._data(message)
-            for declared in parameter_sets(data):
-                check_size(declared.size_px, size_px)
-                track.parameters = declared
-            if not _follows(track, data):
-                track.codec = None
+            video = self._data(message)
+            if not _follows(track, video, size_px):
+                track.forget()
                 return "the video picture follows one that is missing or damaged"
-            track.codec = track.codec or _new_codec()
-            pictures = track.codec.decode(av.Packet(data))
+            track.codec = track.codec or _new_codec(_form(video), track.size_px)
+            pictures = track.codec.decode(av.Packet(video.data))
         except DecodingError as error:
-            track.codec = None
+            track.forget()
             return error.what
         except (av.FFmpegError, ValueError, MemoryError):
-            track.codec = None
+            track.forget()
             return "the video picture is damaged"
-        if len(pictures) != 1 or pictures[0].is_corrupt or not _has_size(pictures[0], track):
-            track.codec = None
+        size = track.size_px
+        if len(pictures) != 1 or pictures[0].is_corrupt or (pictures[0].width, pictures[0].height) != size:
+            track.forget()
             return "the video picture is damaged"
         return pictures[0]
 
 
-def _follows(track: _Track, data: bytes) -> bool:
-    """True where this access unit can be decoded: a key picture, or the one after the last decoded."""
-    if track.parameters is None:
-        return False
-    number = picture_number(data, track.parameters)
-    last, track.number = track.number, number or 0
-    if number is None or (track.codec is None and not has_key_picture(data)):
-        return False
-    return has_key_picture(data) or number in {last, (last + 1) % 2**track.parameters.number_bits}
+def _form(video: VideoData) -> VideoForm:
+    form = form_of(video.declared, video.data)
+    if form is None:
+        raise DecodingError(f"the video format {video.declared[:20]!r} is not supported")
+    return form
 
 
-def _has_size(picture: Any, track: _Track) -> bool:  # noqa: ANN401  # av's frame
-    return track.parameters is not None and (picture.width, picture.height) == track.parameters.size_px
+def _follows(track: _Track, video: VideoData, size_px: SizePx | None) -> bool:
+    """True where this message can be decoded: a key picture, or the one after the last decoded. Raises DecodingError.
+
+    Where pictures have no numbers, one that comes late may follow one that is missing.
+    """
+    form, late = _form(video), track.is_late(video.stamp_ns)
+    if form != track.form:
+        track.forget()
+        track.form = form
+    track.heads = track.heads or form.heads()
+    head = track.heads.head(video.data)
+    for declared in head.sizes_px:
+        check_size(declared, size_px)
+        track.size_px = declared
+    follows = track.codec is not None and _is_next(head, track.number, late=late)
+    track.number = track.number + 1 if head.number is None else head.number
+    return track.size_px is not None and (head.is_key or follows)
+
+
+def _is_next(head: Head, last: int, *, late: bool) -> bool:
+    return head.follows(last) if head.period else not late
 
 
 def _av() -> Any:  # noqa: ANN401  # a module without types
@@ -156,12 +172,18 @@ def _av() -> Any:  # noqa: ANN401  # a module without types
     return av
 
 
-def _new_codec() -> Any:  # noqa: ANN401  # av's class
+def _new_codec(form: VideoForm, size_px: SizePx | None) -> Any:  # noqa: ANN401  # av's class
     av = _av()
     av.logging.set_level(None)
-    codec = av.CodecContext.create("h264", "r")
+    try:
+        codec = av.CodecContext.create(form.decoder, "r")
+    except ValueError as error:
+        raise DecodingError(f"the installed package av has no decoder of {form.name}") from error
     # One picture in, one out; damaged bits are an error. What FFmpeg guesses in place of slices that are missing is
     # marked as corrupt; without guessing (ec 0) it also marks whole pictures of several slices.
     codec.thread_count = 1
-    codec.options = {"flags": "low_delay", "err_detect": "explode"}
+    width, height = size_px or (0, 0)
+    # Frames may declare another size than their sequence; decoders allocate whole blocks of 128 px.
+    most_pixels = min((width + 128) * (height + 128), 2 * MAX_PIXELS)
+    codec.options = {"flags": "low_delay", "err_detect": "explode+crccheck", "max_pixels": str(most_pixels)}
     return codec
