@@ -12,8 +12,8 @@ import pytest
 from auditor.cli import run
 from auditor.model.rig import Rig
 from auditor.recordings import Topic, open_recording, schemas, survey, write_mcap
-from auditor.recordings.decoding.videos import tracks
 from auditor.recordings.decoding.sensor_types import UNREAD
+from auditor.recordings.decoding.videos import tracks
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Store

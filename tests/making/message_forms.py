@@ -245,8 +245,12 @@ def _ros_video(
 
 
 def file_of(pixels: Pixels | NDArray[np.uint16], form: str) -> bytes:
-    """A picture file without loss: webp, bmp, tiff or jp2."""
-    lossless = {"webp": [cv2.IMWRITE_WEBP_QUALITY, 101], "jp2": [cv2.IMWRITE_JPEG2000_COMPRESSION_X1000, 1000]}
+    """A picture file without loss: webp, bmp, tiff, jp2 or avif."""
+    lossless = {
+        "webp": [cv2.IMWRITE_WEBP_QUALITY, 101],
+        "jp2": [cv2.IMWRITE_JPEG2000_COMPRESSION_X1000, 1000],
+        "avif": [cv2.IMWRITE_AVIF_QUALITY, 100, *([cv2.IMWRITE_AVIF_DEPTH, 12] if pixels.dtype == np.uint16 else [])],
+    }
     done, data = cv2.imencode(f".{form}", pixels, lossless.get(form, []))
     assert done
     return data.tobytes()
@@ -436,7 +440,7 @@ FORMS = (
     MessageForm("ROS 2 Image bgr8, rows padded", ros(raw=Raw("bgr8", padded))),
     MessageForm("ROS 2 CompressedImage png", ros(picture=("png", "png"))),
     MessageForm("ROS 2 CompressedImage bgr8; png compressed", ros(picture=("png", "bgr8; png compressed bgr8"))),
-    *(MessageForm(f"ROS 2 CompressedImage {f}", ros(picture=(f, f))) for f in ("webp", "bmp", "tiff", "jp2")),
+    *(MessageForm(f"ROS 2 CompressedImage {f}", ros(picture=(f, f))) for f in ("webp", "bmp", "tiff", "jp2", "avif")),
     MessageForm("ROS 2 CompressedImage jpeg", ros(picture=("jpeg", "jpeg")), lossless=False),
     MessageForm(
         "ROS 2 CompressedImage bgr8; jpeg compressed",

@@ -1,7 +1,7 @@
 """The size and the values of picture files, by their headers, before they are decoded; and whether they are whole.
 
 Formats: PNG (ISO/IEC 15948), sections 5 and 11; JPEG (ITU-T T.81), annex B; WebP (RFC 9649); Windows BMP; TIFF 6.0,
-sections 2 and 15; JPEG 2000 (ITU-T T.800), annexes A and I.
+sections 2 and 15; JPEG 2000 (ITU-T T.800), annexes A and I; AVIF see `avif`.
 """
 
 import re
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS
+from auditor.recordings.decoding.avif import avif_head, check_avif
 from auditor.recordings.decoding.interface import SizePx
 from auditor.safety.budget import MAX_PIXELS, MAX_WAVELET_PIXELS
 
@@ -19,6 +20,7 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8"
 _JP2_MAGIC = b"\x00\x00\x00\x0cjP  \r\n\x87\n"
 _CODESTREAM_MAGIC = b"\xff\x4f\xff\x51"
+_AVIF_MAGICS = tuple(b"\0\0\0" + bytes([size]) + b"ftypavif" for size in range(16, 68, 4))
 
 _PNG_GREY = {0, 4}
 _JPEG_SIZE = struct.Struct(">BHHB")
@@ -55,7 +57,7 @@ def inspect_picture(data: memoryview) -> Picture:
         if bytes(data[: len(magics[0])]) in magics:
             return _checked(inspect, data)
     other = next((name for place, mark, name in _OTHERS if data[place : place + len(mark)] == mark), "")
-    known = "neither PNG nor JPEG, WebP, BMP, TIFF or JPEG 2000"
+    known = "neither PNG nor JPEG, WebP, BMP, TIFF, JPEG 2000 or AVIF"
     raise DecodingError(f"the compressed image is {other}, which is not read" if other else f"the image is {known}")
 
 
@@ -233,6 +235,10 @@ def _check_jpeg_2000(data: memoryview) -> None:
         raise DecodingError("the JPEG 2000 is cut: it has no end")
 
 
+def _inspect_avif(data: memoryview) -> Picture:
+    return Picture("avif", *avif_head(data))
+
+
 _Form = tuple[tuple[bytes, ...], str, Callable[[memoryview], Picture], Callable[[memoryview], None]]
 
 _FORMS: tuple[_Form, ...] = (
@@ -243,11 +249,12 @@ _FORMS: tuple[_Form, ...] = (
     ((b"II*\0", b"MM\0*"), "tiff", _inspect_tiff, _check_tiff),
     ((_JP2_MAGIC,), "jp2", _inspect_jpeg_2000, _check_jpeg_2000),
     ((_CODESTREAM_MAGIC,), "jp2", _inspect_jpeg_2000, _check_jpeg_2000),
+    (_AVIF_MAGICS, "avif", _inspect_avif, check_avif),
 )
 """The forms that are read: how a file begins, its name, and what reads its header and says whether it is whole."""
 
 _OTHERS = (
-    (4, b"ftypavi", "AVIF"),
+    (4, b"ftypavis", "an AVIF of several pictures"),
     (4, b"ftypmif1", "AVIF or HEIF"),
     (4, b"ftyphei", "HEIF"),
     (0, b"\xff\x0a", "JPEG XL"),

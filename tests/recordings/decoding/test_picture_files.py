@@ -19,7 +19,7 @@ RANDOM = np.random.default_rng(7)
 BGR = cv2.resize(RANDOM.integers(0, 256, (6, 8, 3), np.uint8), (66, 47))
 GREY = np.ascontiguousarray(BGR[..., 1])
 DEEP = GREY.astype(np.uint16) * 16 + 3
-FORMS = ["webp", "bmp", "tiff", "jp2"]
+FORMS = ["webp", "bmp", "tiff", "jp2", "avif"]
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -34,14 +34,14 @@ def test_colours_and_sizes_are_read(form: str) -> None:
         decode_picture(data, colour=True, size_px=(64, 47))
 
 
-@pytest.mark.parametrize("form", ["bmp", "tiff", "jp2"])
+@pytest.mark.parametrize("form", ["bmp", "tiff", "jp2", "avif"])
 def test_grey_pictures_stay_grey(form: str) -> None:
     data = memoryview(file_of(GREY, form))
     assert inspect_picture(data).grey
     assert np.array_equal(decode_picture(data, colour=True, size_px=None), GREY)
 
 
-@pytest.mark.parametrize("form", ["tiff", "jp2"])
+@pytest.mark.parametrize("form", ["tiff", "jp2", "avif"])
 def test_values_of_16_bits_keep_their_upper_ones(form: str) -> None:
     data = memoryview(file_of(DEEP, form))
     assert largest_picture_value(data) == DEEP.max()
@@ -77,6 +77,7 @@ def test_a_size_that_is_absurd_is_refused_before_anything_is_decoded(form: str) 
         "bmp": lambda: struct.pack_into("<ii", data, 18, 60_000, 60_000),
         "webp": lambda: struct.pack_into("<I", data, 21, 0x0FFFFFFF),
         "jp2": lambda: struct.pack_into(">II", data, data.index(b"\xff\x4f\xff\x51") + 8, 60_000, 60_000),
+        "avif": lambda: struct.pack_into(">II", data, data.index(b"ispe") + 8, 60_000, 60_000),
         "tiff": lambda: _set_tiff_size(data, 60_000),
     }
     wide[form]()
@@ -85,6 +86,16 @@ def test_a_size_that_is_absurd_is_refused_before_anything_is_decoded(form: str) 
         decode_picture(memoryview(bytes(data)), colour=True, size_px=None)
     assert tracemalloc.get_traced_memory()[1] < 10**6
     tracemalloc.stop()
+
+
+def test_an_avif_whose_data_declare_more_pixels_than_the_file_is_refused_before_it_is_decoded() -> None:
+    small, wide = file_of(BGR, "avif"), file_of(np.zeros((4096, 4096, 3), np.uint8), "avif")
+    place = small.index(b"mdat") + 4
+    item = wide[wide.index(b"mdat") + 4 :]
+    sequence = item[: 4 + item[3]] if item[:2] == b"\x12\0" else item[: 2 + item[1]]
+    item = sequence + b"\x78" + bytes(len(small) - place - len(sequence) - 1)  # the rest is padding
+    with pytest.raises(DecodingError, match="more pixels than it declares"):
+        decode_picture(memoryview(small[:place] + item), colour=True, size_px=None)
 
 
 def _set_tiff_size(data: bytearray, side: int) -> None:
@@ -100,7 +111,8 @@ def _set_tiff_size(data: bytearray, side: int) -> None:
     ("data", "says"),
     [
         (cv2.imencode(".gif", BGR)[1].tobytes(), "GIF"),
-        (b"\0\0\0\x20ftypavif" + bytes(40), "AVIF"),
+        (b"\0\0\0\x20ftypavis" + bytes(40), "several pictures"),
+        (b"\0\0\0\x20ftypavif" + bytes(40), "does not say its size"),
         (b"\xff\x0a" + bytes(40), "JPEG XL"),
         (b"", "neither PNG nor JPEG"),
         (b"BM" + bytes(60), "8, 24 or 32"),
@@ -115,7 +127,7 @@ def test_other_files_are_told_by_name(data: bytes, says: str) -> None:
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.sampled_from(FORMS), st.data())
 def test_damaged_files_raise_one_kind_of_error(form: str, data: st.DataObject) -> None:
-    deep = form in {"tiff", "jp2"} and data.draw(st.booleans())
+    deep = form in {"tiff", "jp2", "avif"} and data.draw(st.booleans())
     whole = bytearray(file_of(DEEP if deep else BGR, form))
     for _ in range(data.draw(st.integers(1, 4))):
         whole[data.draw(st.integers(0, min(len(whole) - 1, 200)))] = data.draw(st.integers(0, 255))
