@@ -79,7 +79,7 @@ _VIDEO = "install auditor[video] where it is H.264, H.265, AV1, VP9 or VP8; conv
 _REMEDIES: Mapping[str, str] = {
     **dict.fromkeys((COMPRESSED_VIDEO, schemas.FFMPEG_PACKET, schemas.FOXGLOVE_VIDEO), _VIDEO),
     schemas.IMAGE: "record an encoding of 8 or 16 bits a value, such as mono8, bgr8 or bayer_rggb8",
-    schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF, JPEG 2000 or AVIF, or a video with auditor[video] installed",
+    schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF, JPEG 2000, AVIF, or a video by auditor[video]",
     schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
     schemas.COMPRESSED_CLOUD: _REPUBLISH_CLOUD,
     **dict.fromkeys(schemas.LIVOX, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2"),
