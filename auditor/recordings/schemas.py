@@ -6,6 +6,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 POINT_CLOUD_OLD = "sensor_msgs/msg/PointCloud"
 LIVOX = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
+VELODYNE = "velodyne_msgs/msg/VelodyneScan"
 FFMPEG_PACKET = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket"
 FOXGLOVE_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 COMPRESSED_CLOUD = "point_cloud_interfaces/msg/CompressedPointCloud2"

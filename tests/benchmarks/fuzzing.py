@@ -117,7 +117,7 @@ class Seeds:
         rig = plane_rig((0.6, 0.3, 0.0))
         frames = drive(rig, 1)
         for number, form in enumerate(FORMS):
-            if form.needs_av and find_spec("av") is None:
+            if not form.is_there:
                 continue
             place = folder / f"form_{number}"
             place.mkdir()

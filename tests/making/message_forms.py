@@ -4,6 +4,7 @@ import gzip
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,11 +34,13 @@ class MessageForm(NamedTuple):
     name: str
     write: Write
     lossless: bool = True
+    needs: str = ""
 
     @property
-    def needs_av(self) -> bool:
-        """True for videos, which need the package `av`."""
-        return self.name.split()[-1] in ENCODERS
+    def is_there(self) -> bool:
+        """True where the package of an extra that the form needs is installed; that of videos is `av`."""
+        needs = "av" if self.name.split()[-1] in ENCODERS else self.needs
+        return not needs or find_spec(needs) is not None
 
 
 def drive(rig: Rig, count: int) -> list[Frame]:
@@ -320,7 +323,20 @@ def livox_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) 
     return schema, maker.serialise(schema, made)
 
 
+def draco_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
+    import DracoPy  # noqa: PLC0415 - an extra
+
+    packed = DracoPy.encode(xyz_m, quantization_bits=16, preserve_order=True)
+    return compressed_cloud(maker, xyz_m, stamp_ns, packed, "draco")
+
+
 def zlib_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
+    return compressed_cloud(maker, xyz_m, stamp_ns, gzip.compress(xyz_m.tobytes(), 1), "zlib")
+
+
+def compressed_cloud(
+    maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int, packed: bytes, form: str
+) -> tuple[str, bytes]:
     field = maker.store.types["sensor_msgs/msg/PointField"]
     made = maker._made(
         schemas.COMPRESSED_CLOUD,
@@ -331,9 +347,9 @@ def zlib_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -
         is_bigendian=False,
         point_step=12,
         row_step=12 * len(xyz_m),
-        compressed_data=np.frombuffer(gzip.compress(xyz_m.tobytes(), 1), np.uint8),
+        compressed_data=np.frombuffer(packed, np.uint8),
         is_dense=True,
-        format="zlib",
+        format=form,
     )
     return schemas.COMPRESSED_CLOUD, maker.serialise(schemas.COMPRESSED_CLOUD, made)
 
@@ -463,6 +479,7 @@ FORMS = (
     MessageForm("ROS 1 livox_ros_driver/CustomMsg", ros("ros1", cloud=livox_cloud)),
     MessageForm("ROS 2 livox_ros_driver2/CustomMsg", ros(cloud=livox_cloud)),
     MessageForm("ROS 2 CompressedPointCloud2 zlib", ros(cloud=zlib_cloud)),
+    MessageForm("ROS 2 CompressedPointCloud2 draco", ros(cloud=draco_cloud), lossless=False, needs="DracoPy"),
 )
 
 FOXGLOVE_FORMS = tuple(

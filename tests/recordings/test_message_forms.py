@@ -58,15 +58,16 @@ def test_the_plain_form_has_what_was_written(expected) -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_every_form_gives_the_same_frames_and_counts(row: MessageForm, expected, tmp_path: Path) -> None:
-    if row.needs_av:
-        pytest.importorskip("av", reason="the extra `video` is not installed")
+    if not row.is_there:
+        pytest.skip("its extra is not installed")
     frames, counts = counts_of(row.write(tmp_path, RIG, FRAMES))
     before, counted = expected
     assert [(frame.number, frame.stamp_ns) for frame in frames] == [(f.number, f.stamp_ns) for f in before]
     for frame, other in zip(frames, before, strict=True):
         assert all(there.state is SensorState.PRESENT for there in frame.presence.values())
-        assert np.array_equal(frame.cloud.xyz_m, other.cloud.xyz_m)
+        assert np.abs(frame.cloud.xyz_m - other.cloud.xyz_m).max() < 0.01
         if row.lossless:
+            assert np.array_equal(frame.cloud.xyz_m, other.cloud.xyz_m)
             assert all(np.array_equal(i.pixels, other.images[n].pixels) for n, i in frame.images.items())
     off = max(
         abs(a.disparity_error(statistic) - b.disparity_error(statistic))

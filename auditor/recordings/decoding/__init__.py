@@ -22,6 +22,7 @@ from auditor.recordings.decoding.interface import (
 )
 from auditor.recordings.decoding.points.compressed import CompressedCloudDecoder
 from auditor.recordings.decoding.points.livox import LivoxDecoder
+from auditor.recordings.decoding.points.velodyne import VelodyneDecoder
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.decoding.videos.ros import RosVideoDecoder
 from auditor.recordings.recording import Definition
@@ -56,6 +57,7 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
     **dict.fromkeys(schemas.LIVOX, (_ROS, LivoxDecoder)),
+    schemas.VELODYNE: (_ROS, VelodyneDecoder),
     schemas.FFMPEG_PACKET: (_ROS, RosVideoDecoder),
     schemas.FOXGLOVE_VIDEO: (frozenset({"cdr"}), RosVideoDecoder),
     schemas.COMPRESSED_CLOUD: (_ROS, CompressedCloudDecoder),

@@ -47,7 +47,6 @@ _REPUBLISH = "republish it as sensor_msgs/Image with image_transport's republish
 _OF_ROS_2 = "record it as MCAP with Foxglove's own schemas, or as sensor_msgs"
 
 UNREAD: Mapping[str, SensorType] = {
-    "velodyne_msgs/msg/VelodyneScan": _packets("velodyne_pointcloud"),
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_msgs/msg/PacketMsg": _OUSTER,
     "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
@@ -81,7 +80,8 @@ _REMEDIES: Mapping[str, str] = {
     schemas.IMAGE: "record an encoding of 8 or 16 bits a value, such as mono8, bgr8 or bayer_rggb8",
     schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF, JPEG 2000, AVIF, or a video by auditor[video]",
     schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
-    schemas.COMPRESSED_CLOUD: _REPUBLISH_CLOUD,
+    schemas.COMPRESSED_CLOUD: f"install auditor[lidar] where it is Draco; else {_REPUBLISH_CLOUD}",
+    schemas.VELODYNE: f"install auditor[lidar]; of an HDL-64E {_packets('velodyne_pointcloud').remedy}",
     **dict.fromkeys(schemas.LIVOX, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2"),
     schemas.POINT_CLOUD: "record a whole sensor_msgs/PointCloud2 with the fields x, y and z",
 }

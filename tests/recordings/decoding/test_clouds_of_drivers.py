@@ -1,10 +1,14 @@
 """Points as drivers and transports write them: Livox's CustomMsg, and compressed clouds."""
 
 import gzip
+import struct
+import sys
 import tracemalloc
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
 
 import lz4.block
 import lz4.frame
@@ -16,7 +20,7 @@ from hypothesis import strategies as st
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings import schemas
+from auditor.recordings import open_recording, schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
 from auditor.recordings.decoding.standard_types import known_types
 from auditor.recordings.recording import Definition
@@ -137,12 +141,126 @@ def test_a_compressed_cloud_takes_no_more_memory_than_it_may(form: str, declared
     assert most < 130e6 if declared == 10**6 else most < 20e6
 
 
-@pytest.mark.parametrize(
-    ("data", "says"), [(b"DRACO\2\2", "Draco"), (b"CLOUDINI_V03", "cloudini"), (b"", "'new'"), (b"?", "'new'")]
-)
+@pytest.mark.parametrize(("data", "says"), [(b"CLOUDINI_V03", "cloudini"), (b"", "'new'"), (b"?", "'new'")])
 def test_other_compressed_points_are_said_by_name(data: bytes, says: str) -> None:
     with pytest.raises(DecodingError, match=says):
         decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("new", data))
+
+
+draco = pytest.mark.skipif(find_spec("DracoPy") is None, reason="the extra `lidar` is not installed")
+velodyne = pytest.mark.skipif(find_spec("velodyne_decoder") is None, reason="the extra `lidar` is not installed")
+
+
+def by_draco(xyz: np.ndarray = XYZ, level: int = 5, bits: int = 18) -> bytes:
+    import DracoPy  # noqa: PLC0415  # an extra
+
+    made: bytes = DracoPy.encode(xyz, quantization_bits=bits, compression_level=level, preserve_order=level < 10)
+    return made
+
+
+@draco
+@pytest.mark.parametrize("level", [0, 5, 10])
+def test_clouds_of_draco_are_read(level: int) -> None:
+    found = decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", by_draco(level=level)))
+    expected = XYZ if level < 10 else XYZ[np.lexsort(XYZ.T)]
+    found = found if level < 10 else found[np.lexsort(found.T)]
+    assert np.abs(found - expected).max() < 0.001
+
+
+@draco
+@pytest.mark.parametrize("count", [-1, 32, 10**6, 2**31 - 1])
+def test_a_cloud_of_draco_with_more_points_than_its_message_says_is_refused(count: int) -> None:
+    data = bytearray(by_draco())
+    struct.pack_into("<i", data, 11, count)
+    with pytest.raises(DecodingError, match="at most 31 points"):
+        decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", bytes(data)))
+
+
+def velodyne_scan(count: int = 76, model: int = 0x22, encoding: str = "cdr", data: bytes | None = None) -> Message:
+    """A revolution of a VLP-16 whose returns all lie at 10 m; bytes as in its manual, section 9."""
+    store = known_types(encoding)
+    packets = []
+    for number in range(count):
+        blocks = b"".join(
+            struct.pack("<HH", 0xEEFF, (480 * number + 40 * block) % 36_000) + struct.pack("<HB", 5000, 100) * 32
+            for block in range(12)
+        )
+        packet = data or blocks + struct.pack("<IBB", 1000, 0x37, model)
+        stamp = store.types["builtin_interfaces/msg/Time"](sec=7, nanosec=number)
+        packets.append(
+            store.types["velodyne_msgs/msg/VelodynePacket"](stamp=stamp, data=np.frombuffer(packet, np.uint8))
+        )
+    scan = store.types[schemas.VELODYNE](header=header(store, "top", ros1=encoding == "ros1"), packets=packets)
+    serialise = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
+    return Message("/packets", schemas.VELODYNE, encoding, 5, bytes(serialise(scan, schemas.VELODYNE)))
+
+
+@velodyne
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_packets_of_a_velodyne_are_read(encoding: str) -> None:
+    decoder = decoder_of(schemas.VELODYNE, encoding)
+    xyz = decoder.xyz_m(velodyne_scan(encoding=encoding))
+    assert decoder.header(velodyne_scan(encoding=encoding)).frame_id == "top"
+    assert len(xyz) == 76 * 12 * 32
+    assert np.linalg.norm(xyz, axis=1) == pytest.approx(10, abs=0.05)
+    elevation = np.degrees(np.arcsin(xyz[:, 2] / 10))
+    assert np.histogram(elevation, np.arange(-16, 17, 2))[0].tolist() == [len(xyz) // 16] * 16
+    first = xyz[np.abs(elevation - 1) < 0.5][0]
+    assert np.degrees(np.arctan2(first[1], first[0])) == pytest.approx(0, abs=0.2)  # azimuth 0 is straight ahead
+    quarter = xyz[len(xyz) // 4 :][np.abs(elevation[len(xyz) // 4 :] - 1) < 0.5][0]
+    assert np.degrees(np.arctan2(quarter[1], quarter[0])) == pytest.approx(-91, abs=1)  # clockwise from above
+
+
+@velodyne
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        (velodyne_scan(0), "0 packets"),
+        (velodyne_scan(2, data=bytes(1206)), "unsupported Velodyne model"),
+        (velodyne_scan(2, model=0x41), "cannot be decoded"),
+    ],
+)
+def test_packets_of_no_known_velodyne_are_said(message: Message, says: str) -> None:
+    with pytest.raises(DecodingError, match=says):
+        decoder_of(schemas.VELODYNE, "cdr").xyz_m(message)
+
+
+@velodyne
+def test_a_real_scan_of_a_vlp_16_is_read(real_data: Path) -> None:
+    with open_recording(real_data / "real_bags_without_cameras" / "ros2_vlp16") as recording:
+        decoder = Decoders(recording.definition).cloud(schemas.VELODYNE, "cdr")
+        clouds = [decoder.xyz_m(message) for message in recording.messages()]
+    assert len(clouds) == 4
+    for xyz in clouds:
+        ranges = np.linalg.norm(xyz, axis=1)
+        assert len(xyz) > 5000
+        assert 0.3 < np.median(ranges) < 100
+        far = xyz[ranges > 5]
+        elevation = np.degrees(np.arcsin(far[:, 2] / np.linalg.norm(far, axis=1)))
+        assert np.mean(np.abs((elevation + 15) / 2 - np.round((elevation + 15) / 2)) < 0.1) > 0.9  # -15, -13, ... deg
+
+
+@pytest.mark.parametrize(
+    ("package", "schema"), [("DracoPy", schemas.COMPRESSED_CLOUD), ("velodyne_decoder", schemas.VELODYNE)]
+)
+def test_without_the_extra_its_name_is_said(package: str, schema: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    message = velodyne_scan(1) if schema == schemas.VELODYNE else compressed("draco", b"DRACO" + bytes(30))
+    with pytest.raises(DecodingError, match=r"install auditor\[lidar\]"):
+        decoder_of(schema, "cdr").xyz_m(message)
+
+
+@draco
+@velodyne
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.booleans(), st.data())
+def test_damaged_packets_and_draco_raise_one_kind_of_error(packets: bool, data: st.DataObject) -> None:
+    schema = schemas.VELODYNE if packets else schemas.COMPRESSED_CLOUD
+    whole = bytearray((velodyne_scan(2) if packets else compressed("draco", by_draco())).data)
+    for _ in range(data.draw(st.integers(1, 6))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    with suppress(DecodingError):
+        decoder_of(schema, "cdr").xyz_m(Message("/a", schema, "cdr", 5, bytes(whole)))
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)

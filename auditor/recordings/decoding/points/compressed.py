@@ -1,9 +1,10 @@
-"""point_cloud_interfaces/CompressedPointCloud2 of point_cloud_transport, with zlib, zstd or lz4 inside.
+"""point_cloud_interfaces/CompressedPointCloud2 of point_cloud_transport, with zlib, zstd, lz4 or Draco inside.
 
-The form is recognised by its first bytes, since `format` names a transport and not a form. Draco and cloudini need
-their makers' libraries, and are named.
+The form is recognised by its first bytes, since `format` names a transport and not a form. Draco (Draco Bitstream
+Specification, 5 and 6) is decoded by DracoPy, the extra `lidar`; cloudini is named.
 """
 
+import struct
 import zlib
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,7 @@ import zstandard
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import PointCloudDecoder
-from auditor.safety.budget import CHUNKS, OverBudgetError, Spending
+from auditor.safety.budget import CHUNKS, MAX_POINTS, OverBudgetError, Spending, at_most
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _LZ4_FRAME = b"\x04\x22\x4d\x18"
@@ -25,7 +26,14 @@ _ZLIB = 0x78
 _ANY_ZLIB_HEAD = 47
 """zlib's window bits for data with its own head or gzip's: point_cloud_transport writes the latter."""
 
-_NAMED = {b"DRACO": "Draco", b"CLOUDINI": "cloudini"}
+_NAMED = {b"CLOUDINI": "cloudini"}
+_DRACO = b"DRACO"
+_DRACO_HEAD = struct.Struct("<5x2xBxHi")
+"""What it encodes, flags, and the number of points."""
+
+_DRACO_FLOAT_BYTES = 12
+_DRACO_MOST_BYTES = 512 * 2**20
+"""So much more memory it may take, which the kernel holds it to; ten million points take 120 MB."""
 
 
 class CompressedCloudDecoder(PointCloudDecoder):
@@ -35,6 +43,8 @@ class CompressedCloudDecoder(PointCloudDecoder):
         """The cloud with the fields of sensor_msgs/PointCloud2."""
         cloud = self._types.decode(message)
         packed = bytes(cloud.compressed_data)
+        if packed.startswith(_DRACO):
+            return _of_draco(packed, cloud.height * cloud.width, message.topic)
         size = cloud.height * max(cloud.row_step, cloud.width * cloud.point_step)
         try:
             Spending(CHUNKS).allow(len(packed), size)
@@ -45,6 +55,28 @@ class CompressedCloudDecoder(PointCloudDecoder):
             raise DecodingError(f"it {error}", where=message.topic) from error
         fields = {name: getattr(cloud, name) for name in ("height", "width", "fields", "point_step", "row_step")}
         return SimpleNamespace(**fields, is_bigendian=cloud.is_bigendian, data=np.frombuffer(data, np.uint8))
+
+
+def _of_draco(packed: bytes, most_points: int, topic: str) -> Any:  # noqa: ANN401
+    """The points, without their other fields; draco_point_cloud_transport may have left out some that are alike."""
+    try:
+        import DracoPy  # noqa: PLC0415  # an extra
+    except ImportError as error:
+        raise DecodingError("points compressed by Draco need the package DracoPy: install auditor[lidar]") from error
+    encoded, flags, count = _DRACO_HEAD.unpack_from(packed) if len(packed) >= _DRACO_HEAD.size else (1, 0, 0)
+    if encoded or flags or not 0 <= count <= min(most_points, MAX_POINTS):
+        raise DecodingError(f"its Draco data are no cloud of at most {most_points} points", where=topic)
+    try:
+        with at_most(_DRACO_MOST_BYTES):
+            xyz = np.asarray(DracoPy.decode(packed).points)
+    except (DracoPy.FileTypeException, ValueError, AttributeError, RuntimeError, MemoryError) as error:
+        raise DecodingError(f"its Draco data are damaged ({type(error).__name__})", where=topic) from error
+    if xyz.dtype.kind != "f" or xyz.shape != (count, 3):
+        raise DecodingError("its Draco data hold no points of x, y and z", where=topic)
+    fields = [SimpleNamespace(name=axis, offset=4 * place, datatype=7, count=1) for place, axis in enumerate("xyz")]
+    rows = {"height": 1, "width": count, "point_step": _DRACO_FLOAT_BYTES, "row_step": _DRACO_FLOAT_BYTES * count}
+    data = np.ascontiguousarray(xyz, "<f4").reshape(-1).view(np.uint8)
+    return SimpleNamespace(**rows, fields=fields, is_bigendian=False, data=data)
 
 
 def _unpacked(packed: bytes, size: int, form: str) -> bytes:

@@ -10,7 +10,7 @@ from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.videos.heads import Bits, Head
 
-_SEQUENCE, _FRAME_HEADER, _FRAME = 1, 3, 6
+_SEQUENCE, _FRAMES = 1, {3, 6, 7}
 _KEY, _SWITCH = 0, 3
 _CHOSEN_BY_FRAME = 2
 _MAX_HEADER_BYTES = 256
@@ -42,7 +42,7 @@ class Av1:
             if kind == _SEQUENCE:
                 self._sequence = _sequence(Bits(unit))
                 sizes_px = (*sizes_px, self._sequence.size_px)
-            elif kind in {_FRAME_HEADER, _FRAME} and self._sequence is not None:
+            elif kind in _FRAMES and self._sequence is not None:
                 head = _shown(Bits(unit), self._sequence) or head
         return head._replace(sizes_px=sizes_px)
 
@@ -134,15 +134,16 @@ def _shown(bits: Bits, sequence: _Sequence) -> Head | None:
     if bits.take(1):
         return Head()  # a frame that was sent before: its number stands there
     kind, shown = bits.take(2), bits.take(1)
-    if not shown:
-        return None
-    bits.take(sequence.time_bits)
-    bits.take(0 if kind in {_KEY, _SWITCH} else 1)
+    bits.take(sequence.time_bits if shown else 1)
+    bits.take(0 if kind == _SWITCH or (kind == _KEY and shown) else 1)
     bits.take(1)
     screen_content = bits.take(1) if sequence.screen_content == _CHOSEN_BY_FRAME else sequence.screen_content
     if screen_content and sequence.integer_motion == _CHOSEN_BY_FRAME:
         bits.take(1)
     bits.take(sequence.id_bits)
-    bits.take(0 if kind == _SWITCH else 1)
+    if kind == _SWITCH or bits.take(1):
+        raise DecodingError("a frame of the video has another size than its sequence")
+    if not shown:
+        return None
     number = bits.take(sequence.number_bits) if sequence.number_bits else None
     return Head((), kind == _KEY, number, 1 << sequence.number_bits if sequence.number_bits else 0)
