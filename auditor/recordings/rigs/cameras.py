@@ -8,7 +8,7 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, camera_centre, motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.lenses import NO_LENS, Lens, of_camera
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
@@ -126,7 +126,8 @@ def _view(image: ImageTopic, info: CameraInfo, scale: Scale) -> View:
     if _is_rectified(image, info):
         view = View(image, info, rectified=True, lens=NO_LENS, repairs=repairs)
     else:
-        view = View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion), repairs=repairs)
+        lens, K = of_camera(info.distortion_model, info.distortion, info.intrinsics)
+        view = View(image, replace(info, intrinsics=K), rectified=False, lens=lens, repairs=repairs)
     check_camera((view.K, view.projection[:, :3]), view.rotation, view.lens.coefficients)
     return view
 
@@ -192,7 +193,7 @@ def _is_rectified(image: ImageTopic, info: CameraInfo) -> bool:
     name = image.topic.name
     if "rect" in name or name.startswith(_KNOWN_RECTIFIED):
         return True
-    if info.distortion_model and Lens(info.distortion_model, info.distortion) != NO_LENS:
+    if info.distortion_model and of_camera(info.distortion_model, info.distortion, info.intrinsics)[0] != NO_LENS:
         return False
     return not any(info.distortion) and bool(
         np.allclose(info.rotation, np.eye(3), atol=1e-9) or not info.rotation.any()

@@ -16,7 +16,7 @@ from ruamel.yaml.error import YAMLError
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix
-from auditor.model.optics.lenses import NO_LENS, PINHOLE, Lens
+from auditor.model.optics.lenses import DOUBLE_SPHERE, NO_LENS, OMNIDIRECTIONAL, PINHOLE, POLYNOMIAL, Lens, of_camera
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings.rigs.cameras import sensor_name
 
@@ -24,7 +24,8 @@ _HEAD = """\
 # The sensors of a vehicle: S_0 is the LiDAR, S_1..S_n are the cameras from right to left.
 # projection: 3 x 4, P = K [R | t], points of the rig frame in metres to pixels, lens distortion apart.
 # rectified: whether the images are so, all cameras looking along the rig's z axis without distortion; if not,
-# distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) describe the lens.
+# distortion_model (plumb_bob, rational_polynomial, equidistant, double_sphere, omnidirectional, f_theta) and distortion
+# (its coefficients) describe the lens; K is that of a pinhole that shows the middle of the picture alike.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
 # lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis, where sweeps begin, from part to
@@ -35,6 +36,8 @@ _HEAD = """\
 _REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
 _MAX_BYTES = 2**20
 _CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
+_CAMERA_MODELS = {"pinhole": ("", 0), "ds": (DOUBLE_SPHERE, 2), "omni": (OMNIDIRECTIONAL, 1)}
+"""By Kalibr's name of a camera model the lens that it is, and its own intrinsics before the focal lengths."""
 
 
 def read_rig(path: Path) -> Rig:
@@ -136,17 +139,23 @@ def read_camchain(path: Path) -> list[Camera]:
 
 
 def _camera(described: Mapping[str, object], cam_SE3_cam0: Matrix) -> Camera:
-    if described["camera_model"] != "pinhole":
-        raise RigError(f"the camera model {described['camera_model']!r} is not known", remedy="use pinhole")
-    fu, fv, pu, pv = _numbers(described["intrinsics"], 4)
+    camera_model = str(described["camera_model"])
+    if camera_model not in _CAMERA_MODELS:
+        raise RigError(f"the camera model {camera_model!r} is not known", remedy=f"use {', '.join(_CAMERA_MODELS)}")
+    model, own = _CAMERA_MODELS[camera_model]
+    *before, fu, fv, pu, pv = _numbers(described["intrinsics"], own + 4)
     width_px, height_px = (int(size) for size in _numbers(described["resolution"], 2))
     if min(fu, fv, width_px, height_px) <= 0:
         raise ValueError("a size or focal length is not positive")
-    coefficients = described["distortion_coeffs"]
-    model = str(described["distortion_model"])
-    lens = Lens(model, () if model == PINHOLE else _numbers(coefficients, 4))
+    distortion = str(described["distortion_model"])
+    coefficients = () if distortion == PINHOLE else _numbers(described["distortion_coeffs"], 4)
+    if model == DOUBLE_SPHERE and any(coefficients):
+        raise RigError(f"the distortion model {distortion!r} of a double sphere is not known")
+    if model == OMNIDIRECTIONAL and Lens(distortion, coefficients).model not in {PINHOLE, POLYNOMIAL}:
+        raise RigError(f"the distortion model {distortion!r} of an omnidirectional camera is not known")
     topic = str(described["rostopic"])
-    K = np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1]])
+    given = tuple(before) if model == DOUBLE_SPHERE else (*before, *(coefficients or (0.0,) * (4 if before else 0)))
+    lens, K = of_camera(model or distortion, given, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1.0]]))
     return Camera(0, sensor_name(topic), topic, width_px, height_px, K @ cam_SE3_cam0[:3], rectified=False, lens=lens)
 
 

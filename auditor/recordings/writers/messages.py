@@ -77,10 +77,14 @@ class MessageMaker:
     def camera_info(
         self, projection: Matrix, width_px: int, height_px: int, stamp_ns: int, frame_id: str, lens: Lens = NO_LENS
     ) -> bytes:
-        """sensor_msgs/CameraInfo: the whole (3, 4) P, K = P[:, :3], R = I; D is empty without lens distortion."""
+        """sensor_msgs/CameraInfo: the whole (3, 4) P, K = P[:, :3], R = I; D is empty without lens distortion.
+
+        D and K are as the lens model is published.
+        """
         names = "DKRP" if self.encoding == "ros1" else "dkrp"
-        D = np.array(lens.coefficients, dtype=np.float64)
-        matrices = (D, projection[:, :3].reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))
+        coefficients, K = lens.as_published(projection[:, :3])
+        D = np.array(coefficients, dtype=np.float64)
+        matrices = (D, K.reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))
         region = self._made(
             "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
         )

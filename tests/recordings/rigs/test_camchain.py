@@ -12,17 +12,25 @@ from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
 
 LENSES = (Lens("radtan", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
+WIDE = (
+    Lens("double_sphere", (-0.2, 0.55)),
+    Lens("omni", (0.9, -0.1, 0.02, 0.001, 0.0)),
+    Lens("omni", (0.7,) + 4 * (0.0,)),
+)
+CAMERA_MODELS = {"double_sphere": "ds", "omnidirectional": "omni"}
 
 
 def camchain(rig: Rig) -> str:
     """As Kalibr writes it: cam0 is the leftmost camera here."""
     lines, before = [], None
     for number, camera in enumerate(reversed(rig.cameras)):
-        K, place = camera.intrinsics, motion(camera.rotation.T, camera.centre_m)
-        model = "radtan" if camera.lens.model == "plumb_bob" else camera.lens.model
-        lines += [f"cam{number}:", "  cam_overlaps: []", "  camera_model: pinhole"]
-        lines += [f"  distortion_coeffs: {list(camera.lens.coefficients)}", f"  distortion_model: {model}"]
-        lines += [f"  intrinsics: {[float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]}"]
+        place, kind = motion(camera.rotation.T, camera.centre_m), CAMERA_MODELS.get(camera.lens.model, "pinhole")
+        D, K = camera.lens.as_published(camera.intrinsics)
+        own = {"ds": 2, "omni": 1, "pinhole": 0}[kind]
+        model = "radtan" if camera.lens.model in {"plumb_bob", "omnidirectional"} else camera.lens.model
+        lines += [f"cam{number}:", "  cam_overlaps: []", f"  camera_model: {kind}"]
+        lines += [f"  distortion_coeffs: {list(D[own:])}", f"  distortion_model: {'none' if kind == 'ds' else model}"]
+        lines += [f"  intrinsics: {[*D[:own], float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]}"]
         lines += [f"  resolution: [{camera.width_px}, {camera.height_px}]", f"  rostopic: {camera.topic}"]
         if before is not None:
             lines += ["  T_cn_cnm1:", *(f"  - {row}" for row in (invert(place) @ before).tolist())]
@@ -35,14 +43,16 @@ def rig() -> Rig:
     return perturbed(make_rig(), LENSES, seed=3)
 
 
-def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, rig: Rig) -> None:
+@pytest.mark.parametrize("lenses", [LENSES, WIDE])
+def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, lenses: tuple[Lens, ...]) -> None:
+    rig = perturbed(make_rig(), lenses, seed=3)
     (tmp_path / "camchain.yaml").write_text(camchain(rig))
     write_mcap(tmp_path / "a.mcap", rig, make_frames(rig, 3))
     with open_recording(tmp_path / "a.mcap") as recording:
         surveyed = survey(recording)
     again = rig_of_camchain(tmp_path / "camchain.yaml", surveyed)
     assert [camera.topic for camera in again.cameras] == [camera.topic for camera in rig.cameras]
-    assert [camera.lens for camera in again.cameras] == list(LENSES)
+    assert [camera.lens for camera in again.cameras] == list(lenses)
     assert rig.lidar
     assert again.lidar
     for a, b in zip(rig.cameras, again.cameras, strict=True):
@@ -54,7 +64,8 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, ri
     ("old", "new", "problem"),
     [
         ("cam0:", "camera:", "it describes no cam0"),
-        ("camera_model: pinhole", "camera_model: omni", "cam0: the camera model 'omni' is not known"),
+        ("camera_model: pinhole", "camera_model: eucm", "cam0: the camera model 'eucm' is not known"),
+        ("camera_model: pinhole", "camera_model: ds", "cam0 is ill-formed"),
         ("distortion_model: radtan", "distortion_model: fov", "cam2: the distortion model 'fov' is not known"),
         ("  rostopic", "  topic", "cam0 lacks 'rostopic'"),
         ("intrinsics: [", "intrinsics: [[[1]], ", "cam0 is ill-formed"),

@@ -361,15 +361,26 @@ def test_a_rig_file_of_cameras_off_one_line_is_used_unless_a_pair_shares_no_view
 
 
 @pytest.mark.parametrize("ending", [".mcap", ".bag"])
-def test_a_rig_that_is_not_rectified_survives_a_recording_and_a_rig_file(tmp_path: Path, ending: str) -> None:
-    lenses = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
+@pytest.mark.parametrize(
+    "lenses",
+    [
+        (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS),
+        (Lens("ds", (-0.2, 0.5)), Lens("omni", (0.9, -0.1, 0.02, 0.001, 0.0)), Lens("ftheta", (0.0, -0.05, 0.02, 0.0))),
+    ],
+    ids=["usual", "wide"],
+)
+def test_a_rig_that_is_not_rectified_survives_a_recording_and_a_rig_file(
+    tmp_path: Path, ending: str, lenses: tuple[Lens, ...]
+) -> None:
     rig = perturbed(make_rig(), lenses, seed=3)
     write_rig(rig, tmp_path / "rig.toml")
     assert read_rig(tmp_path / "rig.toml").rig_id == rig.rig_id
     WRITERS[ending](tmp_path / f"raw{ending}", rig, make_frames(rig, 3))
     with open_recording(tmp_path / f"raw{ending}") as recording:
         (found,) = find_rigs(survey_of(recording))
-    assert [camera.lens for camera in found.cameras] == list(lenses)
+    assert [camera.lens.model for camera in found.cameras] == [lens.model for lens in lenses]
+    for camera, lens in zip(found.cameras, lenses, strict=True):
+        assert camera.lens.coefficients == pytest.approx(lens.coefficients, abs=1e-12)
     assert rig.lidar
     assert found.lidar
     for camera, again in zip(rig.cameras, found.cameras, strict=True):
