@@ -190,7 +190,7 @@ class MeasureSettings:
     )
     rig: Path | None = field(
         default=None,
-        metadata=_about("A rig.toml, or Kalibr's camchain.yaml, in place of the recording's own calibration."),
+        metadata=_about("A rig.toml, or a calibration by Kalibr, ROS or Autoware, in place of the recording's own."),
     )
     vehicle: str | None = field(default=None, metadata=_about("Name of the vehicle that made these recordings."))
     weather: str | None = field(

@@ -13,7 +13,7 @@ from auditor.recordings.rigs.discovery import (
     check_rig_file,
     find_rigs,
     given_rig,
-    rig_of_camchain,
+    rig_of_yaml,
     search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
@@ -66,7 +66,7 @@ __all__ = [
     "read_poses",
     "read_rig",
     "rewrite",
-    "rig_of_camchain",
+    "rig_of_yaml",
     "rig_places",
     "rigs_in_force",
     "rigs_unless_changed",

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self, get_args
+from typing import Any, Literal, Protocol, Self, get_args, runtime_checkable
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
@@ -155,6 +155,14 @@ class Recording(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close it."""
+
+
+@runtime_checkable
+class CarriesCalibrations(Protocol):
+    """A recording that may hold calibrations apart from its messages."""
+
+    def calibrations(self) -> Mapping[str, str]:
+        """Texts that may be calibrations, by name; see decoding.calibration_texts."""
 
 
 class Reader(Protocol):

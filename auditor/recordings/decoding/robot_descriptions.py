@@ -47,7 +47,7 @@ def _joints(robot: ElementTree.Element) -> Iterator[Transform]:
         if joint.get("type") != "fixed" or parent is None or child is None:
             continue
         xyz_m, angles = ("0 0 0", "0 0 0") if origin is None else (origin.get(key, "0 0 0") for key in ("xyz", "rpy"))
-        place = motion(_rotation(*_three(angles)), _three(xyz_m))
+        place = motion(rotation_of(*_three(angles)), _three(xyz_m))
         yield Transform(parent.get("link", "").lstrip("/"), child.get("link", "").lstrip("/"), place)
 
 
@@ -58,7 +58,7 @@ def _three(text: str) -> Matrix:
     return numbers
 
 
-def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
+def rotation_of(roll: float, pitch: float, yaw: float) -> Matrix:
     """(3, 3): about the fixed x, then y, then z axis."""
     (a, b, c), (d, e, f) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     about_x = np.array([[1, 0, 0], [0, a, -d], [0, d, a]])

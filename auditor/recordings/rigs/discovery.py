@@ -11,11 +11,12 @@ from auditor.errors import RigError
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import Camera, Lidar, Rig
+from auditor.recordings.decoding.calibration_texts import Calibrations
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.cameras import View, find_views, sensor_name
 from auditor.recordings.rigs.extrinsics import aligned, apart
-from auditor.recordings.rigs.files import read_camchain, read_rig
+from auditor.recordings.rigs.files import chained_cameras, read_calibrations, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.lidar_choice import best_lidar
 from auditor.recordings.rigs.ordering import (
@@ -27,6 +28,7 @@ from auditor.recordings.rigs.ordering import (
     grouped_alike,
     place,
 )
+from auditor.recordings.synchronisation.given_calibrations import completed
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
@@ -185,8 +187,8 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
 
 
 def given_rig(path: Path, survey: Survey) -> Rig:
-    """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
-    rig = _with_depths(rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path), survey)
+    """The rig of a file: a rig.toml, or calibrations in YAML. Raises RigError where it does not fit the recording."""
+    rig = _with_depths(rig_of_yaml(path, survey) if _is_yaml(path) else read_rig(path), survey)
     check_rig(rig, survey)
     return rig
 
@@ -200,23 +202,38 @@ def _with_depths(rig: Rig, survey: Survey) -> Rig:
 
 def check_rig_file(path: Path) -> None:
     """Raises RigError where a rig file cannot be read, whatever the recordings."""
-    if _is_camchain(path):
-        read_camchain(path)
+    if _is_yaml(path):
+        read_calibrations(path)
     else:
         read_rig(path)
 
 
-def _is_camchain(path: Path) -> bool:
+def _is_yaml(path: Path) -> bool:
     return path.suffix in {".yaml", ".yml"}
 
 
-def rig_of_camchain(path: Path, survey: Survey) -> Rig:
+def rig_of_yaml(path: Path, survey: Survey) -> Rig:
+    """The rig of Kalibr's camchain.yaml, or that of the most sensors by the recording and other calibrations in YAML.
+
+    Raises RigError where the file has none, or gives no rig.
+    """
+    found = read_calibrations(path)
+    if any(camera.info.header.frame_id for camera in found.cameras):
+        return _rig_of_camchain(path, found, survey)
+    infos, transforms = completed(found, survey.images, survey.camera_infos, survey.transforms, replacing=True)
+    rigs = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
+    if not rigs.rigs:
+        raise RigError("no rig by these calibrations: " + "; ".join(rigs.reasons), where=path)
+    return rigs.rigs[0]
+
+
+def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
     """The rig of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of its cameras.
 
-    Raises RigError where the file is not a camchain, or its cameras form no rig.
+    Raises RigError where its cameras form no rig.
     """
     reasons: list[str] = []
-    cameras = read_camchain(path)
+    cameras = chained_cameras(found, path)
     _check_count(len(cameras))
     lidar = _lidar_beside(cameras, survey)
     aside, turn = aligned(cameras, reasons)

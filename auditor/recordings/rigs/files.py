@@ -1,23 +1,17 @@
-"""Files that describe a rig: rig.toml, exact and to be corrected by hand, and Kalibr's camchain.yaml.
-
-Format of the latter: Kalibr's wiki, "yaml formats": cam0, cam1, ... with camera_model, intrinsics (fu fv pu pv),
-distortion_model, distortion_coeffs, resolution, rostopic and, from cam1 on, T_cn_cnm1 (4 x 4, points of the camera
-before into this one).
-"""
+"""Files that describe a rig: rig.toml, exact and to be corrected by hand, and calibrations in YAML."""
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from auditor.errors import RigError
-from auditor.model.optics.geometry import Matrix
-from auditor.model.optics.lenses import DOUBLE_SPHERE, NO_LENS, OMNIDIRECTIONAL, PINHOLE, POLYNOMIAL, Lens, of_camera
+from auditor.errors import DecodingError, RigError
+from auditor.model.optics.geometry import Matrix, invert
+from auditor.model.optics.lenses import NO_LENS, of_camera
 from auditor.model.rig import Camera, Lidar, Rig
+from auditor.recordings.decoding.calibration_texts import MAX_CALIBRATION_BYTES, Calibrations, calibrations_of
 from auditor.recordings.rigs.cameras import sensor_name
 
 _HEAD = """\
@@ -34,10 +28,7 @@ _HEAD = """\
 """
 
 _REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
-_MAX_BYTES = 2**20
-_CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
-_CAMERA_MODELS = {"pinhole": ("", 0), "ds": (DOUBLE_SPHERE, 2), "omni": (OMNIDIRECTIONAL, 1)}
-"""By Kalibr's name of a camera model the lens that it is, and its own intrinsics before the focal lengths."""
+_YAML_REMEDY = "give a rig.toml, Kalibr's camchain.yaml, a camera_info.yaml or Autoware's sensors_calibration.yaml"
 
 
 def read_rig(path: Path) -> Rig:
@@ -111,67 +102,31 @@ def _matrix(matrix: Matrix) -> str:
     return "[\n" + "\n".join(rows) + "\n]"
 
 
-def read_camchain(path: Path) -> list[Camera]:
-    """The cameras of a camchain.yaml in the frame of cam0, not numbered. Raises RigError where it is not a camchain."""
+def read_calibrations(path: Path) -> Calibrations:
+    """The calibrations of a file of YAML. Raises RigError where it has none."""
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise RigError(f"it has more than {_MAX_BYTES} bytes", where=path, remedy=_CAMCHAIN_REMEDY)
-        chain = YAML(typ="safe", pure=True).load(path.read_text("utf-8"))
+        if path.stat().st_size > MAX_CALIBRATION_BYTES:
+            raise RigError(f"it has more than {MAX_CALIBRATION_BYTES} bytes", where=path, remedy=_YAML_REMEDY)
+        return calibrations_of(path.read_text("utf-8"))
     except OSError as error:
-        raise RigError(f"the camera chain cannot be read ({error.strerror})", where=path) from error
-    except (YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise RigError(f"it is not YAML ({type(error).__name__})", where=path, remedy=_CAMCHAIN_REMEDY) from error
-    if not isinstance(chain, Mapping) or "cam0" not in chain:
-        raise RigError("it describes no cam0", where=path, remedy=_CAMCHAIN_REMEDY)
+        raise RigError(f"the calibration cannot be read ({error.strerror})", where=path) from error
+    except UnicodeDecodeError as error:
+        raise RigError(f"it is not YAML ({type(error).__name__})", where=path, remedy=_YAML_REMEDY) from error
+    except DecodingError as error:
+        raise RigError(error.what, where=path, remedy=_YAML_REMEDY) from error
+
+
+def chained_cameras(found: Calibrations, path: Path) -> list[Camera]:
+    """The cameras of Kalibr's camchain in the frame of cam0, not numbered. Raises RigError."""
     cameras: list[Camera] = []
     cam_SE3_cam0 = np.eye(4)
-    while (name := f"cam{len(cameras)}") in chain:
+    for number, (topic, info) in enumerate(found.cameras):
+        if number:
+            cam_SE3_cam0 = invert(found.transforms[number - 1].parent_SE3_child) @ cam_SE3_cam0
         try:
-            if cameras:
-                cam_SE3_cam0 = _motion(chain[name]["T_cn_cnm1"]) @ cam_SE3_cam0
-            cameras.append(_camera(chain[name], cam_SE3_cam0))
-        except (KeyError, TypeError, ValueError) as error:
-            what = f"lacks {error}" if isinstance(error, KeyError) else f"is ill-formed ({error})"
-            raise RigError(f"{name} {what}", where=path, remedy=_CAMCHAIN_REMEDY) from error
+            lens, K = of_camera(info.distortion_model, info.distortion, info.intrinsics)
         except RigError as error:
-            raise RigError(f"{name}: {error.what}", where=path, remedy=error.remedy) from error
+            raise RigError(f"cam{number}: {error.what}", where=path, remedy=error.remedy) from error
+        size, name = (info.width_px, info.height_px), sensor_name(topic)
+        cameras.append(Camera(0, name, topic, *size, K @ cam_SE3_cam0[:3], rectified=False, lens=lens))
     return cameras
-
-
-def _camera(described: Mapping[str, object], cam_SE3_cam0: Matrix) -> Camera:
-    camera_model = str(described["camera_model"])
-    if camera_model not in _CAMERA_MODELS:
-        raise RigError(f"the camera model {camera_model!r} is not known", remedy=f"use {', '.join(_CAMERA_MODELS)}")
-    model, own = _CAMERA_MODELS[camera_model]
-    *before, fu, fv, pu, pv = _numbers(described["intrinsics"], own + 4)
-    width_px, height_px = (int(size) for size in _numbers(described["resolution"], 2))
-    if min(fu, fv, width_px, height_px) <= 0:
-        raise ValueError("a size or focal length is not positive")
-    distortion = str(described["distortion_model"])
-    coefficients = () if distortion == PINHOLE else _numbers(described["distortion_coeffs"], 4)
-    if model == DOUBLE_SPHERE and any(coefficients):
-        raise RigError(f"the distortion model {distortion!r} of a double sphere is not known")
-    if model == OMNIDIRECTIONAL and Lens(distortion, coefficients).model not in {PINHOLE, POLYNOMIAL}:
-        raise RigError(f"the distortion model {distortion!r} of an omnidirectional camera is not known")
-    topic = str(described["rostopic"])
-    given = tuple(before) if model == DOUBLE_SPHERE else (*before, *(coefficients or (0.0,) * (4 if before else 0)))
-    lens, K = of_camera(model or distortion, given, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1.0]]))
-    return Camera(0, sensor_name(topic), topic, width_px, height_px, K @ cam_SE3_cam0[:3], rectified=False, lens=lens)
-
-
-def _motion(rows: object) -> Matrix:
-    if not isinstance(rows, list) or len(rows) != 4:
-        raise ValueError("T_cn_cnm1 must be 4 x 4")
-    matrix = np.array([_numbers(row, 4) for row in rows])
-    if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3):
-        raise ValueError("the rotation of T_cn_cnm1 is ill-formed")
-    return matrix
-
-
-def _numbers(values: object, count: int) -> tuple[float, ...]:
-    """A flat list of exactly `count` finite numbers: lists of YAML may contain themselves."""
-    if not isinstance(values, list) or len(values) != count or not all(isinstance(v, int | float) for v in values):
-        raise ValueError(f"{count} numbers are needed")
-    if not np.isfinite(values).all():
-        raise ValueError("a number is not finite")
-    return tuple(float(value) for value in values)

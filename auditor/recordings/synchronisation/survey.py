@@ -29,6 +29,7 @@ from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
+from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
 from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
 
@@ -189,20 +190,25 @@ class _Surveyor:
         sensors = [sensor for _, sensor in sorted(self._sensors.items())]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
+        pictures = [
+            ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
+            for t, f, size in images
+        ]
+        places = (*self._mountings.all(), *self._beyond_tf())
+        infos, transforms, notes = completed_by_texts(self._recording, pictures, self._infos, places)
+        for note in notes:
+            self._note(note)
         unseen = self._note_unseen()
         self._note_undecodable()
         return Survey(
             topics=self._recording.topics(),
-            images=tuple(
-                ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
-                for t, f, size in images
-            ),
+            images=tuple(pictures),
             clouds=tuple(
                 CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name), self._some_of(t.name))
                 for t, f, points in clouds
             ),
-            camera_infos=dict(sorted(self._infos.items())),
-            transforms=(*self._mountings.all(), *self._beyond_tf()),
+            camera_infos=dict(sorted(infos.items())),
+            transforms=transforms,
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),

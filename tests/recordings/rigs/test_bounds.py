@@ -9,7 +9,7 @@ import pytest
 from auditor.errors import RigError
 from auditor.model.optics.geometry import motion
 from auditor.model.rig import Camera, Rig
-from auditor.recordings import check_rig, find_rigs, rig_of_camchain, search_rigs
+from auditor.recordings import check_rig, find_rigs, rig_of_yaml, search_rigs
 from auditor.recordings.decoding import Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs import discovery, extrinsics
@@ -128,4 +128,4 @@ def test_a_camchain_of_too_many_cameras_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "camchain.yaml"
     path.write_text(camchain(make_rig(10)))
     with pytest.raises(RigError, match="10 cameras"):
-        rig_of_camchain(path, in_a_row(3))
+        rig_of_yaml(path, in_a_row(3))

@@ -7,7 +7,7 @@ from auditor.errors import RigError
 from auditor.model.optics.geometry import invert, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
-from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
+from auditor.recordings import open_recording, rig_of_yaml, survey, write_mcap
 from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
 
@@ -50,7 +50,7 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, le
     write_mcap(tmp_path / "a.mcap", rig, make_frames(rig, 3))
     with open_recording(tmp_path / "a.mcap") as recording:
         surveyed = survey(recording)
-    again = rig_of_camchain(tmp_path / "camchain.yaml", surveyed)
+    again = rig_of_yaml(tmp_path / "camchain.yaml", surveyed)
     assert [camera.topic for camera in again.cameras] == [camera.topic for camera in rig.cameras]
     assert [camera.lens for camera in again.cameras] == list(lenses)
     assert rig.lidar
@@ -83,4 +83,4 @@ def test_an_ill_formed_camchain_is_an_error(tmp_path: Path, rig: Rig, old: str, 
         open_recording(tmp_path / "a.mcap") as recording,
         pytest.raises(RigError, match=rf"camchain\.yaml: .*({problem})"),
     ):
-        rig_of_camchain(path, survey(recording))
+        rig_of_yaml(path, survey(recording))

@@ -42,6 +42,10 @@ _MAX_METADATA_BYTES = 2**20
 _MOST_NOTED = 2**10
 """Attachments and metadata whose places are kept; of a file that has more they are looked for again."""
 
+_PLACE = struct.Struct("<QQ")
+"""Offset and length of a record, with which its index begins."""
+
+_INDEXES = {Opcode.ATTACHMENT_INDEX: Opcode.ATTACHMENT, Opcode.METADATA_INDEX: Opcode.METADATA}
 _ATTACHED = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
 
 
@@ -228,6 +232,17 @@ class McapRead(FileRead):
         name = schema_name(schema.name)
         self._schemas[schema.id] = name
         self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
+
+
+def attached_in_summary(summary: bytes) -> list[Record]:
+    """Where a summary says that attachments and metadata lie."""
+    found: list[Record] = []
+    for opcode, body, _ in summary_records(summary):
+        if opcode in _INDEXES and len(body) >= _PLACE.size and len(found) < _MOST_NOTED:
+            offset, length = _PLACE.unpack_from(body)
+            if length >= HEAD.size:
+                found.append(Record(_INDEXES[opcode], offset, length - HEAD.size))
+    return sorted(found, key=lambda record: record.offset)
 
 
 def attached_to(source: Source, noted: Sequence[Record] | None = None) -> Iterator[Attachment | Metadata]:

@@ -9,7 +9,7 @@ from mcap.records import Metadata
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FilesRecording, Streams
-from auditor.recordings.formats.mcap.reader import McapRead, attached_to
+from auditor.recordings.formats.mcap.reader import McapRead, attached_in_summary, attached_to
 from auditor.recordings.formats.mcap.records import MAGIC, Record, read_ending
 from auditor.recordings.formats.unpacking import Source
 from auditor.recordings.recording import LABELS_NAME, METADATA_NAME, labels_from_json
@@ -33,6 +33,7 @@ class McapRecording(FilesRecording):
     def __init__(self, path: Path, streams: Streams) -> None:
         super().__init__(path, streams)
         self._attached: dict[Source, Sequence[Record]] = {}
+        self._listed: dict[Source, Sequence[Record]] = {}
         for source in self._sources:
             with source.open() as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
@@ -50,6 +51,7 @@ class McapRecording(FilesRecording):
                 ending = read_ending(stream, source.size)
             if ending:
                 McapRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
+                self._listed[source] = attached_in_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 
@@ -60,6 +62,18 @@ class McapRecording(FilesRecording):
     def metadata(self) -> Mapping[str, str]:
         """The metadata record named 'auditor'."""
         return self._extras[1]
+
+    def calibrations(self) -> Mapping[str, str]:
+        """Attachments of YAML, and values of metadata of several lines, that the summaries of its files list."""
+        found: dict[str, str] = {}
+        for source in self._sources:
+            for attached in attached_to(source, self._listed.get(source, ())):
+                if isinstance(attached, Metadata):
+                    texts = {f"{attached.name} {key}": text for key, text in attached.metadata.items() if "\n" in text}
+                    found.update(texts)
+                elif attached.name.lower().endswith((".yaml", ".yml")):
+                    found[attached.name] = attached.data.decode("utf-8", "replace")
+        return found
 
     @cached_property
     def _extras(self) -> tuple[tuple[AttackLabel, ...], Mapping[str, str]]:

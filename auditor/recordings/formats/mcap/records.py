@@ -43,7 +43,9 @@ class Opcode:
     MESSAGE = 0x05
     CHUNK = 0x06
     ATTACHMENT = 0x09
+    ATTACHMENT_INDEX = 0x0A
     METADATA = 0x0C
+    METADATA_INDEX = 0x0D
     DATA_END = 0x0F
     CHUNK_INDEX = 0x08
     STATISTICS = 0x0B
