@@ -35,6 +35,10 @@ class Fields:
         """A whole number, required; 640.0 is one."""
         return self._get(key, "a whole number", _whole)
 
+    def positive(self, key: str) -> float:
+        """A finite number above 0, required."""
+        return self._get(key, "a number above 0", _positive)
+
     def numbers(self, key: str) -> tuple[float, ...]:
         """A list of numbers, required."""
         return self._get(key, "a list of finite numbers", _numbers)
@@ -69,6 +73,11 @@ def _whole(value: object) -> int | None:
     if isinstance(value, bool) or not isinstance(value, int | float) or value % 1 != 0:
         return None
     return int(value)
+
+
+def _positive(value: object) -> float | None:
+    number = None if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+    return number if number is not None and np.isfinite(number) and number > 0 else None
 
 
 def _numbers(value: object) -> tuple[float, ...] | None:

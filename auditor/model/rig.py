@@ -96,7 +96,8 @@ class Sweep:
 class Lidar:
     """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera.
 
-    `sweep` says how its clouds are put together; None where each is a whole sweep.
+    `sweep` says how its clouds are put together; None where each is a whole sweep. `unit_m` is how many metres the unit
+    of its points is; None where they are metres, as their type says.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Lidar:
     rig_SE3_lidar: Matrix
     offset_ns: int | None = None
     sweep: Sweep | None = None
+    unit_m: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,11 @@ class Rig:
         if rectified and any(right <= left for right, left in pairwise(positions)):
             order = ", ".join(f"{c.name} at x = {x:+.3f} m" for c, x in zip(self.cameras, positions, strict=True))
             raise RigError(f"cameras must be ordered from right to left, but are {order}", where="rig")
+
+    @property
+    def units_m(self) -> dict[str, float]:
+        """By topic the unit of the points of a LiDAR that are in no metres."""
+        return {self.lidar.topic: self.lidar.unit_m} if self.lidar and self.lidar.unit_m is not None else {}
 
     @property
     def n(self) -> int:
@@ -261,7 +268,7 @@ class Rig:
                 "name": self.lidar.name,
                 "topic": self.lidar.topic,
                 "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
-                **_offset_to_dict(self.lidar.offset_ns),
+                **_given(offset_ns=self.lidar.offset_ns, unit_m=self.lidar.unit_m),
                 **_sweep_to_dict(self.lidar.sweep),
             }
         return {
@@ -276,8 +283,7 @@ class Rig:
                     "rectified": camera.rectified,
                     "projection": camera.projection.tolist(),
                     **_lens_to_dict(camera.lens),
-                    **_offset_to_dict(camera.offset_ns),
-                    **_depth_to_dict(camera.depth_bits),
+                    **_given(offset_ns=camera.offset_ns, depth_bits=camera.depth_bits),
                 }
                 for camera in self.cameras
             ],
@@ -321,6 +327,7 @@ def _lidar(fields: Fields) -> Lidar:
         rig_SE3_lidar=fields.matrix("rig_SE3_lidar", 4, 4),
         offset_ns=_offset(fields),
         sweep=_sweep(fields.table("sweep", "the LiDAR's sweep")) if "sweep" in fields else None,
+        unit_m=fields.positive("unit_m") if "unit_m" in fields else None,
     )
 
 
@@ -376,14 +383,9 @@ def _depth(fields: Fields) -> int | None:
     return bits
 
 
-def _depth_to_dict(depth_bits: int | None) -> dict[str, Any]:
-    """Empty where values have 8 bits, so that the ids of such rigs do not depend on it."""
-    return {} if depth_bits is None else {"depth_bits": depth_bits}
-
-
-def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
-    """Empty where the offset is to be estimated, so that the ids of such rigs do not depend on it."""
-    return {} if offset_ns is None else {"offset_ns": offset_ns}
+def _given(**values: float | None) -> dict[str, Any]:
+    """The values that are there, so that the ids of rigs without them do not depend on them."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _sweep_to_dict(sweep: Sweep | None) -> dict[str, Any]:

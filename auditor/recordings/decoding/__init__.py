@@ -1,6 +1,6 @@
 """Decoders of messages by schema name: headers, pixels, points, calibrations and transforms."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from itertools import chain
 
@@ -81,9 +81,15 @@ def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
 
 
 class Decoders:
-    """The decoders of one recording, given a function that finds its definitions."""
+    """The decoders of one recording, given a function that finds its definitions.
 
-    def __init__(self, definition: Callable[[str], Definition | None]) -> None:
+    `units_m` are by topic those of points which are in no metres.
+    """
+
+    def __init__(
+        self, definition: Callable[[str], Definition | None], units_m: Mapping[str, float] | None = None
+    ) -> None:
+        self._units_m = units_m or {}
         self.types = RosTypes(definition)
         self._made: dict[tuple[str, str], Decoder | None] = {}
 
@@ -92,7 +98,10 @@ class Decoders:
         key = (schema, encoding)
         if key not in self._made:
             encodings, factory = decoder_table().get(schema, (frozenset(), None))
-            self._made[key] = factory(self.types) if factory and encoding in encodings else None
+            made = factory(self.types) if factory and encoding in encodings else None
+            if isinstance(made, PointCloudDecoder):
+                made.units_m = self._units_m
+            self._made[key] = made
         return self._made[key]
 
     def in_any_encoding(self, schema: str) -> Decoder | None:

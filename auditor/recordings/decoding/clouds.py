@@ -1,5 +1,6 @@
 """sensor_msgs/PointCloud2, and sensor_msgs/PointCloud, which came before it."""
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -25,6 +26,7 @@ class PointCloudDecoder:
     def __init__(self, types: RosTypes) -> None:
         self._types = types
         self.repairs: dict[str, None] = {}
+        self.units_m: Mapping[str, float] = {}
 
     def header(self, message: Message) -> Header:
         """The header, without decoding the rest."""
@@ -33,7 +35,8 @@ class PointCloudDecoder:
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
         cloud = self.decoded(message)
-        layout = layout_of(cloud)
+        unit_m = self.units_m.get(message.topic)
+        layout = layout_of(cloud, of_any_unit=unit_m is not None)
         points = points_of(cloud, layout)
         repairs = layout.repairs
         if not hold_distances(points):
@@ -42,7 +45,7 @@ class PointCloudDecoder:
                 raise DecodingError("its fields x, y and z hold no distances: their datatype or byte order is wrong")
         for repair in repairs:
             self.repairs[f"{message.topic}: {repair}"] = None
-        return finite(xyz_of(points))
+        return finite(xyz_of(points) if unit_m is None else xyz_of(points) * np.float32(unit_m))
 
     def decoded(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the definition
         """The cloud as an object with the fields of sensor_msgs/PointCloud2. Raises DecodingError."""

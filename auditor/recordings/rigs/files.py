@@ -24,6 +24,7 @@ _HEAD = """\
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
 # lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis, where sweeps begin, from part to
 # part, and of the part that has the sweep's time; whether it turns from x to y (1) or back (-1); parts a sweep.
+# unit_m, of a LiDAR whose points are in no metres (centimetres: 0.01): how many metres the unit of its x, y and z is.
 # depth_bits, of a camera that writes more than 8 bits a value: how many; without it its first pictures show it.
 """
 
@@ -64,6 +65,8 @@ def _lines(rig: Rig) -> Iterator[str]:
         yield f"name = {_text(rig.lidar.name)}"
         yield f"topic = {_text(rig.lidar.topic)}"
         yield from _offset(rig.lidar)
+        if rig.lidar.unit_m is not None:
+            yield f"unit_m = {rig.lidar.unit_m!r}"
         yield f"rig_SE3_lidar = {_matrix(rig.lidar.rig_SE3_lidar)}"
         if sweep := rig.lidar.sweep:
             yield "[lidar.sweep]"

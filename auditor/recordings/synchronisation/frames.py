@@ -64,7 +64,7 @@ class FrameStream:
         self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
-        self._decoders = Decoders(recording.definition)
+        self._decoders = Decoders(recording.definition, rig.units_m)
         self._listeners: tuple[Listener, ...] = ()
         self.clock_jumps = 0
 
@@ -105,7 +105,7 @@ class FrameStream:
         """What makes the frames of a new read, of which nothing is counted yet."""
         self._counts = counts_of(self._rig.sensors, self.timing)
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
-        self._decoders = Decoders(self._recording.definition)
+        self._decoders = Decoders(self._recording.definition, self._rig.units_m)
         return _FrameMaker(self._rig, self._decoders, self._counts, self._time, colour=self._colour)
 
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:

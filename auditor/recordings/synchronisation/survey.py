@@ -1,6 +1,6 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -149,19 +149,19 @@ class Survey:
         return next((cloud.sectors for cloud in self.clouds if cloud.topic.name == topic), ())
 
 
-def survey(recording: Recording) -> Survey:
-    """Survey the beginning; the recording can be read from its start afterwards.
+def survey(recording: Recording, units_m: Mapping[str, float] | None = None) -> Survey:
+    """Survey the beginning; the recording can be read from its start afterwards. `units_m`: see Decoders.
 
     It ends as soon as every sensor topic known has given enough stamps and a calibration was seen, at the latest after
     FIRST_LOOK.most_bytes of sensor data. A message that cannot be decoded is a problem, not an error.
     """
-    return _Surveyor(recording).run()
+    return _Surveyor(recording, units_m).run()
 
 
 class _Surveyor:
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, units_m: Mapping[str, float] | None) -> None:
         self._recording = recording
-        self._decoders = Decoders(recording.definition)
+        self._decoders = Decoders(recording.definition, units_m)
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}

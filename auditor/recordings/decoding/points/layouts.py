@@ -46,9 +46,12 @@ class _Coordinate(NamedTuple):
     ignores_count: bool
 
 
-def layout_of(cloud: Any) -> Layout:  # noqa: ANN401  # the class is generated from the recording's definition
-    """The layout of a cloud's x, y and z. Raises DecodingError where they cannot be read for sure."""
-    found = [_coordinate(cloud, axis) for axis in _AXES]
+def layout_of(cloud: Any, *, of_any_unit: bool = False) -> Layout:  # noqa: ANN401  # the class is generated
+    """The layout of a cloud's x, y and z, which may be whole numbers where their unit is known.
+
+    Raises DecodingError where they cannot be read for sure.
+    """
+    found = [_coordinate(cloud, axis, of_any_unit=of_any_unit) for axis in _AXES]
     axes = [one for one in found if one is not None]
     if len(axes) != len(_AXES):
         raise DecodingError(f"the cloud has no fields x, y and z in points of {cloud.point_step} bytes")
@@ -71,7 +74,7 @@ def layout_of(cloud: Any) -> Layout:  # noqa: ANN401  # the class is generated f
     return Layout(rows, dtype, (*repairs, *filter(None, [repair])))
 
 
-def _coordinate(cloud: Any, axis: str) -> _Coordinate | None:  # noqa: ANN401
+def _coordinate(cloud: Any, axis: str, *, of_any_unit: bool) -> _Coordinate | None:  # noqa: ANN401
     """Where a coordinate lies; None where there is no such field, or where it is one of several numbers."""
     named = [field for field in cloud.fields if field.name == axis and field.datatype in DATATYPES]
     field = next(iter(named or [one for one in cloud.fields if one.name.strip().lower() == axis]), None)
@@ -82,10 +85,10 @@ def _coordinate(cloud: Any, axis: str) -> _Coordinate | None:  # noqa: ANN401
     fits = field.offset + field.count * int(datatype[1]) <= behind
     if field.count > 1 and fits:
         return None
-    if field.datatype not in _FLOATS:
+    if field.datatype not in _FLOATS and not of_any_unit:
         raise DecodingError(
             f"its field {field.name!r} holds whole numbers ({np.dtype(datatype).name}), and the message does not say "
-            "of which unit; convert x, y and z to float32 metres"
+            "of which unit; convert x, y and z to float32 metres, or give a rig.toml whose lidar has unit_m"
         )
     return _Coordinate(field.offset, datatype, ignores_count=field.count > 1)
 
