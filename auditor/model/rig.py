@@ -96,8 +96,7 @@ class Sweep:
 class Lidar:
     """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera.
 
-    `sweep` says how its clouds are put together; None where each is a whole sweep. `unit_m` is how many metres the unit
-    of its points is; None where they are metres, as their type says.
+    `sweep` says how its clouds are put together; None: each is whole. `unit_m` is that of its points; None: metres.
     """
 
     name: str
@@ -398,5 +397,4 @@ def _sweep_to_dict(sweep: Sweep | None) -> dict[str, Any]:
 
 def _lens_to_dict(lens: Lens) -> dict[str, Any]:
     """Empty where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
-    bent = {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
-    return {} if lens.model == PINHOLE else bent
+    return {"distortion_model": lens.model, "distortion": list(lens.coefficients)} if lens.model != PINHOLE else {}
