@@ -39,7 +39,7 @@ HOMES = {
     "onnxruntime": ("measurement/disparity/matchers/onnx_models.py",),
     "cv2": ("measurement/", "recordings/", "lab/evaluation/object_baseline/detectors/"),
     "duckdb": ("store/",),
-    "pyarrow": ("store/",),
+    "pyarrow": ("store/", "recordings/formats/datasets/argoverse.py"),
     "mcap": ("recordings/",),
     "rosbags": ("recordings/",),
     "jinja2": ("reporting/",),

@@ -9,6 +9,11 @@ from functools import cache
 from pathlib import Path
 
 from auditor.errors import RecordingError
+from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
+from auditor.recordings.formats.datasets.dgp import DgpReader
+from auditor.recordings.formats.datasets.nuscenes import NuscenesReader
+from auditor.recordings.formats.datasets.pandaset import PandaSetReader
+from auditor.recordings.formats.kitti.kitti_360 import Kitti360Reader
 from auditor.recordings.formats.kitti.odometry import KittiOdometryReader
 from auditor.recordings.formats.kitti.raw import KittiReader
 from auditor.recordings.formats.mcap.recording import McapReader
@@ -28,6 +33,11 @@ READERS: tuple[tuple[str, Reader], ...] = (
     ("rosbag2", Ros2Reader()),
     ("kitti", KittiReader()),
     ("kitti_odometry", KittiOdometryReader()),
+    ("kitti_360", Kitti360Reader()),
+    ("dgp", DgpReader()),
+    ("argoverse", ArgoverseReader()),
+    ("nuscenes", NuscenesReader()),
+    ("pandaset", PandaSetReader()),
 )
 """Built-in readers, each with its name; those of the entry points group `auditor.readers` are tried after them."""
 
@@ -37,7 +47,9 @@ _ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
 _TEXT_BYTES = 4096
 """So much of a file's beginning says whether it is text."""
 
-KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
+KINDS = (
+    "an .mcap, .bag or .db3 file, a rosbag2 folder, or the folder of a drive of KITTI, DDAD, Argoverse 2 or nuScenes"
+)
 
 
 @cache

@@ -12,12 +12,12 @@ from auditor.errors import DecodingError, RecordingError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.picture_heads import inspect_picture
+from auditor.recordings.formats.folders import Stream
 from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_matrices, read_small_text
 from auditor.recordings.formats.kitti.raw import (
     PERIOD_NS,
     SCAN_TOPIC,
     KittiRecording,
-    Stream,
     numbered_files,
     picture_topic,
 )
