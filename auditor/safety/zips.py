@@ -107,7 +107,7 @@ def _odd(member: ZipInfo) -> str:
         "leads out of its folder": any(part.rstrip(". ") == "" for part in parts),
         "is a link or a device": kind not in (0, stat.S_IFREG, stat.S_IFDIR),
         "is a folder and a file at once": (
-            folder != member.is_dir() or (folder and (member.file_size > 0 or kind == stat.S_IFREG))
+            folder != name.endswith("/") or (folder and (member.file_size > 0 or kind == stat.S_IFREG))
         ),
         "is encrypted": bool(member.flag_bits & _ENCRYPTED),
         "is neither stored nor deflated": member.compress_type not in (ZIP_STORED, ZIP_DEFLATED),

@@ -14,22 +14,33 @@ import sys
 import tempfile
 import traceback
 from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter, process_time
 
 import cv2
 
+from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
+from auditor.recordings.decoding.calibration_texts import calibrations_of
+from auditor.recordings.decoding.pictures import decode_picture
+from auditor.recordings.formats.datasets.argoverse import table_of
+from auditor.recordings.formats.datasets.dgp import points_of_npz
 from auditor.recordings.recording import Definition
+from tests.making.camchains import camchain
+from tests.making.datasets import write_argoverse, write_dgp
 from tests.making.forms import CONTAINERS
-from tests.making.message_forms import FORMS, drive
+from tests.making.message_forms import FORMS, drive, file_of
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
+from tests.making.velodyne import velodyne_scan
 from tests.making.videos import ENCODERS, VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
@@ -44,6 +55,7 @@ INTERESTING = (
     b"\x00" * 64,
 )
 INTERESTING += tuple((1 << power).to_bytes(8, "little") for power in (16, 24, 31, 32, 40, 60, 63))
+PART_SHARE = 0.1
 CONTAINER_SHARE = 0.3
 DEFINITION_SHARE = 0.03
 _PATIENCE = 12  # a busy machine may let anything wait; what waits for ever is a hang all the same
@@ -91,6 +103,7 @@ class Seeds:
     def __init__(self, folder: Path) -> None:
         rig, self.files = make_rig(2), {}
         self.payloads: dict[str, tuple[Message, Definition | None, Decoders]] = {}
+        self.parts: dict[str, tuple[bytes, Callable[[bytes], object], type[Exception]]] = {}
         for number, container in enumerate(CONTAINERS):
             for form in ("raw", "png", "jpeg") if number in {2, 9, 11, 12} else ("raw",):
                 place = folder / f"{number}{form}"
@@ -112,6 +125,28 @@ class Seeds:
             for number, message in enumerate(video_messages(packets, format=form)):
                 self.payloads[f"{VIDEO} {form} {number}"] = (message, None, Decoders(lambda _: None))
 
+    def add_packets(self) -> None:
+        """A scan of a Velodyne, where the extra `lidar` is installed."""
+        if find_spec("velodyne_decoder") is not None:
+            self.payloads["velodyne"] = (velodyne_scan(4), None, Decoders(lambda _: None))
+
+    def add_parts(self, folder: Path) -> None:
+        """Files of data sets and texts of calibrations, each with what reads it and what that may raise."""
+        rig = plane_rig((0.6, 0.3, 0.0))
+        frames = drive(rig, 1)
+        npz = next(write_dgp(folder / "dgp", rig, frames).rglob("*.npz")).read_bytes()
+        feather = next(write_argoverse(folder / "argoverse", rig, frames).rglob("lidar/*.feather")).read_bytes()
+        self.parts = {
+            "npz": (npz, points_of_npz, ValueError),
+            "feather": (feather, table_of, ValueError),
+            "camchain": (camchain(make_rig()).encode(), _calibrations, DecodingError),
+            "avif file": (file_of(moving_picture(3), "avif"), _picture, DecodingError),
+        }
+        for form in ENCODERS if find_spec("av") is not None else ():
+            first, second = encoded([moving_picture(number) for number in range(2)], form=form)
+            self.parts[f"{form} key"] = (first, partial(_pictures, form, b""), DecodingError)
+            self.parts[f"{form} next"] = (second, partial(_pictures, form, first), DecodingError)
+
     def add_forms(self, folder: Path) -> None:
         """A picture and a cloud of every form that recorders and drivers write."""
         rig = plane_rig((0.6, 0.3, 0.0))
@@ -129,6 +164,12 @@ class Seeds:
                     if decoder is not None and decoder.kind in {"image", "cloud"}:
                         self.payloads.setdefault(f"{form.name}: {message.schema}", (message, definition, decoders))
 
+    def keep(self, words: Sequence[str]) -> None:
+        """Leave out what has none of these words in its name."""
+        for known in (self.files, self.payloads, self.parts):
+            for name in [name for name in known if not any(word in name for word in words)]:
+                del known[name]
+
     def _messages(self, container: str, path: Path) -> None:
         with open_recording(path) as recording:
             for message in recording.messages():
@@ -139,10 +180,30 @@ class Seeds:
                     self.payloads.setdefault(key, (message, definition, decoders))
 
 
+def _picture(data: bytes) -> object:
+    return decode_picture(memoryview(data), colour=True, size_px=None)
+
+
+def _pictures(form: str, before: bytes, data: bytes) -> object:
+    """The picture of a packet behind a whole one."""
+    decoder = Decoders(lambda _: None).image(VIDEO, "protobuf")
+    return [decoder.pixels(one, colour=False) for one in video_messages([before, data], format=form)]
+
+
+def _calibrations(data: bytes) -> object:
+    return calibrations_of(data.decode("utf-8", "replace"))
+
+
 def one(seed: int, seeds: Seeds, folder: Path) -> str:
     """One iteration; what it was done to."""
     rng = random.Random(seed)
-    if rng.random() < CONTAINER_SHARE:
+    if seeds.parts and (rng.random() < PART_SHARE or not seeds.payloads):
+        name = rng.choice(list(seeds.parts))
+        data, read, may_raise = seeds.parts[name]
+        with suppress(may_raise):
+            read(mutate(data, rng))
+        return name
+    if rng.random() < CONTAINER_SHARE and seeds.files:
         name = rng.choice(list(seeds.files))
         suffix, content, log = seeds.files[name]
         path, log_path = folder / f"a{suffix}", folder / f"a{suffix}-wal"
@@ -162,8 +223,8 @@ def one(seed: int, seeds: Seeds, folder: Path) -> str:
     return name
 
 
-def run(first: int, count: int, limit_s: float) -> bool:
-    """Run and print; True where nothing was found."""
+def run(first: int, count: int, limit_s: float, only: str = "") -> bool:
+    """Run on what has one of the words in its name, and print; True where nothing was found."""
     found, slowest, touched = 0, (0.0, 0), Counter[str]()
     signal.signal(signal.SIGPROF, _hang)
     signal.signal(signal.SIGALRM, _hang)
@@ -171,7 +232,11 @@ def run(first: int, count: int, limit_s: float) -> bool:
         (Path(name) / "seeds").mkdir()
         seeds = Seeds(Path(name) / "seeds")
         seeds.add_videos()
+        seeds.add_packets()
+        seeds.add_parts(Path(name))
         seeds.add_forms(Path(name) / "seeds")
+        if only:
+            seeds.keep(only.split(","))
         idle_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         started = perf_counter()
         for seed in range(first, first + count):
@@ -179,7 +244,7 @@ def run(first: int, count: int, limit_s: float) -> bool:
             signal.setitimer(signal.ITIMER_PROF, limit_s)
             signal.setitimer(signal.ITIMER_REAL, _PATIENCE * limit_s)
             try:
-                touched[one(seed, seeds, Path(name)).split()[0]] += 1
+                touched[" ".join(one(seed, seeds, Path(name)).split()[: 3 if only else 1])] += 1
             except Exception:  # noqa: BLE001 - a foreign exception is what this looks for
                 found += 1
                 print(f"seed {seed}:\n{traceback.format_exc()}", flush=True)
@@ -207,9 +272,10 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0, help="number of the first iteration")
     parser.add_argument("--limit", type=float, default=5.0, help="seconds of computing that one iteration may take")
+    parser.add_argument("--only", default="", help="words, with commas, of which names have one: av1,draco")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    sys.exit(0 if run(options.seed, options.iterations, options.limit) else 1)
+    sys.exit(0 if run(options.seed, options.iterations, options.limit, options.only) else 1)
 
 
 if __name__ == "__main__":

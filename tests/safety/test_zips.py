@@ -55,3 +55,13 @@ def test_a_member_that_holds_more_than_it_declares_is_read_to_its_declared_size(
 def test_what_is_no_zip_is_told_so(content: bytes) -> None:
     with pytest.raises(UnsafeZipError, match="it is no whole zip"):
         check_file(io.BytesIO(content), SMALL)
+
+
+def test_a_member_without_a_name_is_told() -> None:
+    file = io.BytesIO()
+    with ZipFile(file, "w") as archive:
+        archive.writestr("a", b"1")
+    content = bytearray(file.getvalue())
+    content[content.rindex(b"PK\1\2") + 46] = 0  # the name ends at a zero
+    with pytest.raises(UnsafeZipError, match=r"its member .* (leads out of its folder|different ways)"):
+        check_file(io.BytesIO(bytes(content)), SMALL)

@@ -24,6 +24,7 @@ from auditor.recordings import open_recording, schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
 from auditor.recordings.decoding.standard_types import known_types
 from auditor.recordings.recording import Definition
+from tests.making.velodyne import header, velodyne_scan
 
 XYZ = np.random.default_rng(3).normal(0, 10, (31, 3)).astype(np.float32)
 PACK: dict[str, Callable[[bytes], bytes]] = {
@@ -40,12 +41,6 @@ def decoder_of(schema: str, encoding: str, text: bytes | None = None) -> CloudDe
     found = Decoders(lambda _: definition).cloud(schema, encoding)
     assert found is not None
     return found
-
-
-def header(store: object, frame_id: str, *, ros1: bool) -> object:
-    types = store.types
-    stamp = types["builtin_interfaces/msg/Time"](sec=7, nanosec=9)
-    return types["std_msgs/msg/Header"](**({"seq": 0} if ros1 else {}), stamp=stamp, frame_id=frame_id)
 
 
 def livox(schema: str, encoding: str, xyz: np.ndarray = XYZ, frame_id: str = "livox", **given: object) -> Message:
@@ -174,25 +169,6 @@ def test_a_cloud_of_draco_with_more_points_than_its_message_says_is_refused(coun
     struct.pack_into("<i", data, 11, count)
     with pytest.raises(DecodingError, match="at most 31 points"):
         decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", bytes(data)))
-
-
-def velodyne_scan(count: int = 76, model: int = 0x22, encoding: str = "cdr", data: bytes | None = None) -> Message:
-    """A revolution of a VLP-16 whose returns all lie at 10 m; bytes as in its manual, section 9."""
-    store = known_types(encoding)
-    packets = []
-    for number in range(count):
-        blocks = b"".join(
-            struct.pack("<HH", 0xEEFF, (480 * number + 40 * block) % 36_000) + struct.pack("<HB", 5000, 100) * 32
-            for block in range(12)
-        )
-        packet = data or blocks + struct.pack("<IBB", 1000, 0x37, model)
-        stamp = store.types["builtin_interfaces/msg/Time"](sec=7, nanosec=number)
-        packets.append(
-            store.types["velodyne_msgs/msg/VelodynePacket"](stamp=stamp, data=np.frombuffer(packet, np.uint8))
-        )
-    scan = store.types[schemas.VELODYNE](header=header(store, "top", ros1=encoding == "ros1"), packets=packets)
-    serialise = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
-    return Message("/packets", schemas.VELODYNE, encoding, 5, bytes(serialise(scan, schemas.VELODYNE)))
 
 
 @velodyne

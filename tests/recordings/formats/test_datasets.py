@@ -21,7 +21,7 @@ from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.recordings import find_recordings, find_rigs, open_recording, survey, synchronise
-from auditor.recordings.formats.datasets.argoverse import _table
+from auditor.recordings.formats.datasets.argoverse import table_of
 from auditor.recordings.formats.datasets.dgp import points_of_npz
 from auditor.recordings.writers.convert import convert
 from tests.making.datasets import WriteFolder, write_argoverse, write_dgp, write_kitti_360, write_nuscenes
@@ -210,7 +210,7 @@ def test_arrays_that_are_no_clouds_are_refused(data: bytes) -> None:
 def test_noise_in_files_of_clouds_raises_one_kind_of_error(data: st.DataObject) -> None:
     points = np.random.default_rng(1).normal(0, 9, (40, 4)).astype(np.float32)
     whole = bytearray(npz(points) if data.draw(st.booleans()) else FEATHER)
-    read = points_of_npz if whole[:2] == b"PK" else _table
+    read = points_of_npz if whole[:2] == b"PK" else table_of
     for _ in range(data.draw(st.integers(1, 5))):
         whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
     with suppress(ValueError):

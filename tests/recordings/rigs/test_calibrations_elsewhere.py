@@ -14,9 +14,10 @@ from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_yaml, schemas, search_rigs, survey, write_mcap
 from auditor.recordings.decoding.calibration_texts import calibrations_of
 from auditor.recordings.synchronisation.survey import Survey
+from tests.making.camchains import camchain
 from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
-from tests.recordings.rigs.test_camchain import LENSES, camchain
+from tests.recordings.rigs.test_camchain import LENSES
 
 RIG = perturbed(make_rig(), LENSES, seed=3)
 

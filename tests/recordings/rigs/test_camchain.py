@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.optics.geometry import invert, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_yaml, survey, write_mcap
+from tests.making.camchains import camchain
 from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
 
@@ -17,25 +17,6 @@ WIDE = (
     Lens("omni", (0.9, -0.1, 0.02, 0.001, 0.0)),
     Lens("omni", (0.7,) + 4 * (0.0,)),
 )
-CAMERA_MODELS = {"double_sphere": "ds", "omnidirectional": "omni"}
-
-
-def camchain(rig: Rig) -> str:
-    """As Kalibr writes it: cam0 is the leftmost camera here."""
-    lines, before = [], None
-    for number, camera in enumerate(reversed(rig.cameras)):
-        place, kind = motion(camera.rotation.T, camera.centre_m), CAMERA_MODELS.get(camera.lens.model, "pinhole")
-        D, K = camera.lens.as_published(camera.intrinsics)
-        own = {"ds": 2, "omni": 1, "pinhole": 0}[kind]
-        model = "radtan" if camera.lens.model in {"plumb_bob", "omnidirectional"} else camera.lens.model
-        lines += [f"cam{number}:", "  cam_overlaps: []", f"  camera_model: {kind}"]
-        lines += [f"  distortion_coeffs: {list(D[own:])}", f"  distortion_model: {'none' if kind == 'ds' else model}"]
-        lines += [f"  intrinsics: {[*D[:own], float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]}"]
-        lines += [f"  resolution: [{camera.width_px}, {camera.height_px}]", f"  rostopic: {camera.topic}"]
-        if before is not None:
-            lines += ["  T_cn_cnm1:", *(f"  - {row}" for row in (invert(place) @ before).tolist())]
-        before = place
-    return "\n".join(lines) + "\n"
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ def _motion(row: Mapping[str, Any]) -> Matrix:
 
 
 def _points(data: bytes, lidar_SE3_vehicle: Matrix) -> NDArray[np.float32]:
-    table = _table(data)
+    table = table_of(data)
     columns = [np.asarray(table.column(name).to_numpy(), np.float32) for name in ("x", "y", "z", "intensity")]
     points = np.column_stack(columns)
     points[:, :3] = points[:, :3] @ lidar_SE3_vehicle[:3, :3].T + lidar_SE3_vehicle[:3, 3]
@@ -77,14 +77,14 @@ def _points(data: bytes, lidar_SE3_vehicle: Matrix) -> NDArray[np.float32]:
 
 
 def _rows(data: bytes) -> list[dict[str, Any]]:
-    table = _table(data)
+    table = table_of(data)
     if table.num_rows > _MOST_ROWS:
         raise ValueError(f"{table.num_rows} sensors are not accepted")
     rows: list[dict[str, Any]] = table.to_pylist()
     return rows
 
 
-def _table(data: bytes) -> Any:  # noqa: ANN401  # a library without types
+def table_of(data: bytes) -> Any:  # noqa: ANN401  # a library without types
     """The table of a feather file. Raises ValueError."""
     import pyarrow  # noqa: PLC0415  # of what is read elsewhere nothing needs it
     import pyarrow.feather  # noqa: PLC0415
