@@ -272,7 +272,7 @@ def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no
 def _topics(
     recording: Recording, rigs: tuple[Rig, ...], coverage: tuple[TopicCoverage, ...]
 ) -> Iterator[dict[str, Any]]:
-    """Every topic, with its sensor, its state and, where it is not read, why."""
+    """Every topic, with its sensor, its state and, where it is not read, why, and what to do."""
     sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
     covered = {(one.topic, one.schema): one for one in coverage}
     traffic = recording.traffic
@@ -287,6 +287,7 @@ def _topics(
             "sensor": sensor,
             "state": _state(sensor, one, messages),
             "why": one.reason if one is not None and sensor is None else "",
+            "remedy": one.remedy if one is not None and sensor is None else "",
         }
 
 

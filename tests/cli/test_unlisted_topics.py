@@ -237,6 +237,11 @@ def test_a_video_that_is_not_decoded_is_named(tmp_path: Path, clean: Path, capfd
     data = maker.compressed_image(bytes(range(200)), "theora", START_NS, "other")
     definition = Definition("ros2msg", maker.definition(schemas.COMPRESSED_IMAGE).encode())
     extra = Extra(Topic("/other", schemas.COMPRESSED_IMAGE, "cdr"), ((START_NS, data),), definition)
-    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, [extra]), clean, capfd)
+    path = rewritten(clean, tmp_path / "drive.mcap", same, [extra])
+    code, said = codes(path, clean, capfd)
     assert code == 3
     assert "/other (camera): the video 'theora' is Theora, which is not decoded" in said
+    of_topic = topics_of(path, capfd)["/other", schemas.COMPRESSED_IMAGE]
+    assert of_topic["state"] == "unreadable"
+    assert "Theora" in str(of_topic["why"])
+    assert str(of_topic["remedy"]).startswith("record JPEG")
