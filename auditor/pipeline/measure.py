@@ -174,17 +174,13 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     if rig_file is None:
         return settled_rigs(recording, surveyed)
     rig = given_rig(rig_file, surveyed)
-    return RigsInForce((RigInForce(rig, _in_units_of(rig, recording, surveyed)),))
+    return RigsInForce((RigInForce(rig, survey(recording, rig.units_m) if rig.units_m else surveyed),))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
     """When one of a recording's own rigs is in force; any other rig always is."""
-    return in_force_by_any(recording, surveyed, rig.rig_id) or RigInForce(rig, _in_units_of(rig, recording, surveyed))
-
-
-def _in_units_of(rig: Rig, recording: Recording, surveyed: Survey) -> Survey:
-    """The survey; where a rig says the unit of points, another one by which they are read."""
-    return survey(recording, rig.units_m) if rig.units_m else surveyed
+    of_rig = survey(recording, rig.units_m) if rig.units_m else surveyed
+    return in_force_by_any(recording, surveyed, rig.rig_id) or RigInForce(rig, of_rig)
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
