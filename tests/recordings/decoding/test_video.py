@@ -188,6 +188,13 @@ def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pyt
             read(message)
 
 
+def test_a_damaged_video_is_said_with_the_name_of_its_form() -> None:
+    data = b"".join(b"\0\0\0\1" + bytes([kind << 1, 1]) + bytes(range(1, 60)) for kind in (32, 33, 34, 19))
+    (message,) = video_messages([data], format="h265")
+    with pytest.raises(DecodingError, match=r"the H\.265 video's parameters make no sense"):
+        decoder().size_px(message)
+
+
 def test_a_name_from_before_does_not_hide_h265() -> None:
     assert form_of("h264", PACKETS["h265"][0]).name == "H.265"
 

@@ -80,7 +80,8 @@ class Videos:
         """The size that a key picture's parameters declare. Raises DecodingError for other messages."""
         _av()  # without the extra a size is of no use
         video = self._data(message)
-        sizes_px = _form(video).heads().head(video.data).sizes_px
+        form = _form(video)
+        sizes_px = _head(form, form.heads(), video.data).sizes_px
         if not sizes_px:
             raise DecodingError("the video's parameters come with a later message", where=message.topic)
         return sizes_px[0]
@@ -141,6 +142,14 @@ def _form(video: VideoData) -> VideoForm:
     return form
 
 
+def _head(form: VideoForm, heads: Heads, data: bytes) -> Head:
+    """The head of a message. Raises DecodingError, with the name of the form, for a damaged one."""
+    try:
+        return heads.head(data)
+    except DecodingError as error:
+        raise DecodingError(error.what.replace("the video", f"the {form.name} video", 1)) from error
+
+
 def _follows(track: _Track, video: VideoData, size_px: SizePx | None) -> bool:
     """True where this message can be decoded: a key picture, or the one after the last decoded. Raises DecodingError.
 
@@ -151,7 +160,7 @@ def _follows(track: _Track, video: VideoData, size_px: SizePx | None) -> bool:
         track.forget()
         track.form = form
     track.heads = track.heads or form.heads()
-    head = track.heads.head(video.data)
+    head = _head(form, track.heads, video.data)
     for declared in head.sizes_px:
         check_size(declared, size_px)
         track.size_px = declared
