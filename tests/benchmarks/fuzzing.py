@@ -26,17 +26,19 @@ import cv2
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings import open_recording
+from auditor.recordings import open_recording, schemas
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.calibration_texts import calibrations_of
 from auditor.recordings.decoding.pictures import decode_picture
+from auditor.recordings.decoding.points.compressed import of_draco
 from auditor.recordings.formats.datasets.argoverse import table_of
 from auditor.recordings.formats.datasets.dgp import points_of_npz
 from auditor.recordings.recording import Definition
+from auditor.recordings.writers.messages import MessageMaker
 from tests.making.camchains import camchain
 from tests.making.datasets import write_argoverse, write_dgp
 from tests.making.forms import CONTAINERS
-from tests.making.message_forms import FORMS, drive, file_of
+from tests.making.message_forms import FORMS, draco_cloud, drive, file_of
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
@@ -142,6 +144,11 @@ class Seeds:
             "camchain": (camchain(make_rig()).encode(), _calibrations, DecodingError),
             "avif file": (file_of(moving_picture(3), "avif"), _picture, DecodingError),
         }
+        if find_spec("DracoPy") is not None:
+            maker = MessageMaker("cdr")
+            _, data = draco_cloud(maker, frames[0].cloud.xyz_m[:50], 5)
+            packed = bytes(maker.store.deserialize_cdr(data, schemas.COMPRESSED_CLOUD).compressed_data)
+            self.parts["draco bare"] = (packed, partial(of_draco, most_points=10**6, topic=""), DecodingError)
         for form in ENCODERS if find_spec("av") is not None else ():
             first, second = encoded([moving_picture(number) for number in range(2)], form=form)
             self.parts[f"{form} key"] = (first, partial(_pictures, form, b""), DecodingError)

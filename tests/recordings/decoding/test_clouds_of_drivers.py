@@ -171,6 +171,18 @@ def test_a_cloud_of_draco_with_more_points_than_its_message_says_is_refused(coun
         decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", bytes(data)))
 
 
+@draco
+def test_a_cloud_of_draco_with_more_bytes_a_point_than_it_may_is_refused_before_it_is_decoded() -> None:
+    data = bytearray(by_draco())
+    assert data[19] == 3  # components of its only attribute
+    data[18], data[19] = 10, 255
+    struct.pack_into("<i", data, 11, 10**6)
+    with pytest.raises(DecodingError, match="Draco data hold points that"):
+        decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", bytes(data), width=10**6))
+    with pytest.raises(DecodingError, match="no cloud of at most"):
+        decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("draco", b"DRACO\2\2" + bytes([1] * 30)))
+
+
 @velodyne
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 def test_packets_of_a_velodyne_are_read(encoding: str) -> None:

@@ -12,7 +12,7 @@ def seeds(tmp_path_factory: pytest.TempPathFactory) -> Seeds:
     made = Seeds(tmp_path_factory.mktemp("seeds"))
     made.add_packets()
     made.add_parts(tmp_path_factory.mktemp("parts"))
-    made.keep(("key", "next", "avif file", "npz", "feather", "camchain", "velodyne"))
+    made.keep(("key", "next", "avif file", "npz", "feather", "camchain", "velodyne", "draco bare"))
     return made
 
 

@@ -3,6 +3,7 @@
 import json
 import pickle
 import struct
+import tracemalloc
 import zipfile
 from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
@@ -11,6 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyarrow
+import pyarrow.feather
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -205,6 +208,19 @@ def test_arrays_that_are_no_clouds_are_refused(data: bytes) -> None:
         points_of_npz(data)
 
 
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_table_that_would_unpack_to_too_much_is_refused_before(compression: str) -> None:
+    out = BytesIO()
+    values = np.zeros(40_000_000, np.uint8)
+    table = pyarrow.table(dict.fromkeys(("x", "y", "z", "intensity"), values))
+    pyarrow.feather.write_feather(table, out, compression=compression, chunksize=10_000_000)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="unpack"):
+        table_of(out.getvalue())
+    assert tracemalloc.get_traced_memory()[1] < 2 * 10**6
+    tracemalloc.stop()
+
+
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.data())
 def test_noise_in_files_of_clouds_raises_one_kind_of_error(data: st.DataObject) -> None:
@@ -218,8 +234,6 @@ def test_noise_in_files_of_clouds_raises_one_kind_of_error(data: st.DataObject) 
 
 
 def _feather() -> bytes:
-    import pyarrow.feather  # noqa: PLC0415
-
     out = BytesIO()
     values = np.arange(40, dtype=np.float32)
     pyarrow.feather.write_feather(pyarrow.table({"x": values, "y": values, "z": values, "intensity": values}), out)

@@ -17,7 +17,7 @@ import zstandard
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import PointCloudDecoder
-from auditor.safety.budget import CHUNKS, MAX_POINTS, OverBudgetError, Spending, at_most
+from auditor.safety.budget import CHUNKS, MAX_POINTS, OverBudgetError, Spending
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _LZ4_FRAME = b"\x04\x22\x4d\x18"
@@ -28,12 +28,12 @@ _ANY_ZLIB_HEAD = 47
 
 _NAMED = {b"CLOUDINI": "cloudini"}
 _DRACO = b"DRACO"
-_DRACO_HEAD = struct.Struct("<5x2xBxHi")
-"""What it encodes, flags, and the number of points."""
+_DRACO_HEAD = struct.Struct("<5xBxBBHi")
+"""The major version, what it encodes, how, flags, and the number of points."""
 
 _DRACO_FLOAT_BYTES = 12
-_DRACO_MOST_BYTES = 512 * 2**20
-"""So much more memory it may take, which the kernel holds it to; ten million points take 120 MB."""
+_DRACO_SIZES = (0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8, 1)
+"""Bytes of a value by Draco's data types, none of an invalid one."""
 
 
 class CompressedCloudDecoder(PointCloudDecoder):
@@ -44,7 +44,7 @@ class CompressedCloudDecoder(PointCloudDecoder):
         cloud = self._types.decode(message)
         packed = bytes(cloud.compressed_data)
         if packed.startswith(_DRACO):
-            return _of_draco(packed, cloud.height * cloud.width, message.topic)
+            return of_draco(packed, cloud.height * cloud.width, message.topic)
         size = cloud.height * max(cloud.row_step, cloud.width * cloud.point_step)
         try:
             Spending(CHUNKS).allow(len(packed), size)
@@ -57,18 +57,23 @@ class CompressedCloudDecoder(PointCloudDecoder):
         return SimpleNamespace(**fields, is_bigendian=cloud.is_bigendian, data=np.frombuffer(data, np.uint8))
 
 
-def _of_draco(packed: bytes, most_points: int, topic: str) -> Any:  # noqa: ANN401
+def of_draco(packed: bytes, most_points: int, topic: str) -> Any:  # noqa: ANN401
     """The points, without their other fields; draco_point_cloud_transport may have left out some that are alike."""
     try:
         import DracoPy  # noqa: PLC0415  # an extra
     except ImportError as error:
         raise DecodingError("points compressed by Draco need the package DracoPy: install auditor[lidar]") from error
-    encoded, flags, count = _DRACO_HEAD.unpack_from(packed) if len(packed) >= _DRACO_HEAD.size else (1, 0, 0)
-    if encoded or flags or not 0 <= count <= min(most_points, MAX_POINTS):
-        raise DecodingError(f"its Draco data are no cloud of at most {most_points} points", where=topic)
     try:
-        with at_most(_DRACO_MOST_BYTES):
-            xyz = np.asarray(DracoPy.decode(packed).points)
+        version, encoded, method, flags, count = _DRACO_HEAD.unpack_from(packed)
+        if (version, encoded, flags) != (2, 0, 0) or not 0 <= count <= min(most_points, MAX_POINTS):
+            raise DecodingError(f"its Draco data are no cloud of at most {most_points} points", where=topic)
+        Spending(CHUNKS).allow(len(packed), count * _draco_point_bytes(packed, sequential=method == 0))
+    except (struct.error, ValueError, IndexError) as error:
+        raise DecodingError("its Draco data are damaged in their head", where=topic) from error
+    except OverBudgetError as error:
+        raise DecodingError(f"its Draco data hold points that {error}", where=topic) from error
+    try:
+        xyz = np.asarray(DracoPy.decode(packed).points)
     except (DracoPy.FileTypeException, ValueError, AttributeError, RuntimeError, MemoryError) as error:
         raise DecodingError(f"its Draco data are damaged ({type(error).__name__})", where=topic) from error
     if xyz.dtype.kind != "f" or xyz.shape != (count, 3):
@@ -77,6 +82,33 @@ def _of_draco(packed: bytes, most_points: int, topic: str) -> Any:  # noqa: ANN4
     rows = {"height": 1, "width": count, "point_step": _DRACO_FLOAT_BYTES, "row_step": _DRACO_FLOAT_BYTES * count}
     data = np.ascontiguousarray(xyz, "<f4").reshape(-1).view(np.uint8)
     return SimpleNamespace(**rows, fields=fields, is_bigendian=False, data=data)
+
+
+def _draco_point_bytes(packed: bytes, *, sequential: bool) -> int:
+    """The bytes of a point by the attributes that the head declares (Draco Bitstream Specification, 5.4)."""
+    position = _DRACO_HEAD.size
+
+    def number() -> int:
+        nonlocal position
+        value = shift = 0
+        while shift < 32:
+            byte = packed[position]
+            position, value, shift = position + 1, value | (byte & 0x7F) << shift, shift + 7
+            if byte < 0x80:
+                break
+        return value
+
+    size, decoders = 0, packed[position]
+    position += 1
+    for _ in range(decoders):
+        attributes = number()
+        for _ in range(attributes):
+            _, kind, components, _ = packed[position : position + 4]
+            position += 4
+            number()
+            size += _DRACO_SIZES[kind] * components
+        position += attributes if sequential else 0
+    return size
 
 
 def _unpacked(packed: bytes, size: int, form: str) -> bytes:

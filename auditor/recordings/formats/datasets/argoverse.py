@@ -6,6 +6,7 @@ sensors/cameras/NAME/STAMP.jpg, and sensors/lidar/STAMP.feather with points in t
 back into that of the upper LiDAR. Stamps are ns of an epoch that is not said.
 """
 
+import re
 from collections.abc import Mapping
 from functools import partial
 from io import BytesIO
@@ -26,11 +27,14 @@ from auditor.recordings.formats.datasets.dataset import (
     numbered_by_stamp,
     quaternion_of,
 )
-from auditor.safety.budget import CHUNKS, MAX_BYTES, at_most
+from auditor.safety.budget import CHUNKS, OverBudgetError, Spending
 
 _PLACES, _INTRINSICS = "calibration/egovehicle_SE3_sensor.feather", "calibration/intrinsics.feather"
 _LIDAR = "up_lidar"
-_MOST_MORE_BYTES = 512 * 2**20
+_FRAMES = re.compile(rb"\x28\xb5\x2f\xfd|\x04\x22\x4d\x18[\x40-\x7f][\x40\x50\x60\x70]")
+_ALIGNED = 8
+"""A buffer of Arrow begins at a multiple of so many bytes, with its unpacked size, and a frame of zstd or lz4."""
+
 _MOST_ROWS = 100
 
 
@@ -89,12 +93,14 @@ def table_of(data: bytes) -> Any:  # noqa: ANN401  # a library without types
     import pyarrow  # noqa: PLC0415  # of what is read elsewhere nothing needs it
     import pyarrow.feather  # noqa: PLC0415
 
-    if len(data) > CHUNKS.most_bytes:
-        raise ValueError(f"it has more than {MAX_BYTES} bytes")
+    begins = [frame.start() for frame in _FRAMES.finditer(data) if frame.start() % _ALIGNED == 0]
+    sizes = [int.from_bytes(data[max(at - _ALIGNED, 0) : at], "little", signed=True) for at in begins]
     try:
-        with at_most(_MOST_MORE_BYTES):
-            table = pyarrow.feather.read_table(BytesIO(data))
-            table.validate(full=True)
+        Spending(CHUNKS).allow(len(data), len(data) + sum(size for size in sizes if size > 0))
+        table = pyarrow.feather.read_table(BytesIO(data))
+        table.validate(full=True)
+    except OverBudgetError as error:
+        raise ValueError(f"it {error}") from error
     except (pyarrow.ArrowException, OSError, MemoryError, KeyError) as error:
         raise ValueError(f"it is no feather file ({type(error).__name__})") from error
     return table
