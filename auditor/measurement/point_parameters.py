@@ -98,8 +98,8 @@ class FalseRanges:
     nearest_m: float = parameter(6.0, unit="m, nearest of a cluster", source="docs/method.md, rain: drops lie nearer")
     above_road_m: float = parameter(0.25, unit="m above the road, at least", source=BY_HAND)
     half_size_m: tuple[float, float] = parameter((1.1, 0.8), unit="m across and down: a car's back", source=_CLUSTERS)
-    around_m: tuple[float, float] = parameter(
-        (0.5, 1.0), unit="m beside and above it, in which what cameras confirm counts", source=_CLUSTERS
+    over_m: float = parameter(
+        1.0, unit="m above and below it, in which what cameras confirm counts", source=f"{_CLUSTERS}, docs/ablations.md"
     )
     as_far: float = parameter(0.1, unit="of the natural logarithm of the range, either way", source=_CLUSTERS)
     undecided: float = parameter(0.07, unit="of a confirmed point, that an undecided one counts", source=_CLUSTERS)

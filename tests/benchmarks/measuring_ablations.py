@@ -89,7 +89,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("false: clearly less", numbers(false, clearly_less=-2.0))
     yield Rule("false: not nearby", numbers(false, nearest_m=0.0))
     yield Rule("false: above the road", numbers(false, above_road_m=-INF))
-    yield Rule("false: what is around counts", numbers(false, around_m=(0.0, 0.0)))
+    yield Rule("false: what is above counts", numbers(false, over_m=0.0))
     yield Rule("false: what is undecided counts", numbers(false, undecided=0.0))
     yield Rule("false: half of a clean surface", numbers(false, clean_share=0.5))
     yield Rule("false: 8 clusters", numbers(false, most_clusters=8))

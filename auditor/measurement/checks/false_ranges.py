@@ -117,17 +117,18 @@ def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], floa
 def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
     """(pairs, clusters) how many points around some contradicted ones each pair contradicts, and how much is against.
 
-    A cluster is what lies within half a car's width and height, at its range; what is against it may lie a bit beside.
+    A cluster is what lies within half a car's width and height, at its range; what is against it may lie a bit above,
+    or below.
     """
     middles = np.concatenate([pair.place[:, pair.contradicted] for pair in pairs], axis=1)
     middles = middles[:, :: max(-(-middles.shape[1] // FALSE_RANGES.most_clusters), 1)]
     range_m = np.exp(middles[2])
     across, down = (np.float32(size) / range_m for size in FALSE_RANGES.half_size_m)
-    beside, over = (np.float32(size) / range_m for size in FALSE_RANGES.around_m)
+    over = np.float32(FALSE_RANGES.over_m) / range_m
     contradicted, against = np.zeros((2, len(pairs), middles.shape[1]))
     for number, pair in enumerate(pairs):
-        first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across - beside, across + beside))
-        for cluster, (right, down_at, far) in enumerate(middles.T):
+        first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across, across))
+        for cluster, (_, down_at, far) in enumerate(middles.T):
             some = slice(first[cluster], end[cluster])
             off = np.abs(pair.place[1, some] - down_at)
             surface = (off <= down[cluster] + over[cluster]) & (
@@ -135,7 +136,6 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            surface &= np.abs(pair.place[0, some] - right) <= across[cluster]
             extent = pair.place[:2, some][:, surface].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
             contradicted[number, cluster] = np.count_nonzero(surface) if extent.min() > pair.patch else 0
     return contradicted, against
