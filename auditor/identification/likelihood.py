@@ -46,12 +46,12 @@ class Explained(NamedTuple):
 def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int]) -> list[AttackSet]:
     """No attack, each sensor alone, and sets of `suspects`: of sensors that are there, as many as can be told apart.
 
-    Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. A lone
-    camera is looked at by nobody: there the LiDAR is the one sensor that can be told.
+    Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. Of a
+    lone camera and a LiDAR each is told by the other and by the camera's past.
     """
     present = [sensor for sensor in system.sensors if sensor not in absent]
     if system.by_time:
-        return [(), (LIDAR,)] if LIDAR in present else [()]
+        return [(), *((sensor,) for sensor in present)] if LIDAR in present else [()]
     most = min(len(present) - FEWEST_COMPARED, MOST_LEFT_OUT + 1)
     if most < 1:
         return [()]

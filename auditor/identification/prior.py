@@ -50,6 +50,7 @@ _OF_ANY = {
     Check.FALSE_RANGES: CHECK_PRIORS.false_ranges,
     Check.ROUGH_RANGES: CHECK_PRIORS.rough_ranges,
     Check.PARALLAX_CONFLICT: CHECK_PRIORS.parallax_conflict,
+    Check.STILL_LIGHT: CHECK_PRIORS.still_light,
 }
 """By check the prior, however many cameras take part."""
 

@@ -12,10 +12,16 @@ from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
+from auditor.measurement.checks.still_light import Glimpse, StillLight, still_light
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_views
-from auditor.measurement.time_parameters import PARALLAX_CONFLICT
+from auditor.measurement.time_parameters import PARALLAX_CONFLICT, STILL_LIGHT
 from auditor.model.measurement import Counts
+
+NANOSECONDS = 10**9
+
+_BEGINNING = Motion(np.eye(3), np.zeros(3)), 0.0
+"""Where a camera is whose way begins."""
 
 
 class OwnPast:
@@ -29,24 +35,29 @@ class OwnPast:
         self._held: deque[Moment] = deque(maxlen=PARALLAX_CONFLICT.most_held)
         self._speed_m_s = nan
         self._last: tuple[Motion, float] | None = None
+        self._way = _Way()
 
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
         """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept."""
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
         found: dict[int, VerifiedConflicts] = {}
+        lights: dict[int, StillLight] = {}
         for k, view in lidar.items():
             now = Moment(frame.stamp_ns, prepared.greys[k], view)
-            found[k] = self._compared(now)
+            found[k], light = self._compared(now)
+            if light is not None:
+                lights[k] = light
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
+            still_light=lights,
             parallax_conflicts={(k, k): cells_of_points(points, lidar[k]) for k, points in found.items()},
             verified_conflicts={(k, k): points for k, points in found.items()},
         )
         comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
-    def _compared(self, now: Moment) -> VerifiedConflicts:
+    def _compared(self, now: Moment) -> tuple[VerifiedConflicts, StillLight | None]:
         recent = [one for one in self._held if now.follows(one)]
         before = self._chosen(now, recent)
         points, moved_m, motion = parallax_conflicts(now, before, self._expected(now, before))
@@ -58,7 +69,7 @@ class OwnPast:
             self._last = motion, now.after_s(before)
         self._speed_m_s = moved_m / now.after_s(before) if before else nan
         self._held.append(now)
-        return points
+        return points, self._way.looked_back(now, before, motion)
 
     def _expected(self, now: Moment, before: Moment | None) -> Motion | None:
         """How the camera moved since another moment if it goes on as it moved last."""
@@ -74,6 +85,43 @@ class OwnPast:
         """
         far = [one for one in recent if not self._speed_m_s * now.after_s(one) < PARALLAX_CONFLICT.enough_m]
         return far[-1] if far else recent[0] if recent else None
+
+
+class _Way:
+    """The way that a camera went, and pictures of it that still light is seen by."""
+
+    def __init__(self) -> None:
+        self._placed: dict[int, tuple[Motion, float]] = {}
+        self._glimpses: deque[Glimpse] = deque(maxlen=STILL_LIGHT.most_held)
+
+    def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> StillLight | None:
+        """What the next moment shows, whose camera moved so since the one `before`; None where that is not known."""
+        if before is None or motion is None:
+            return None
+        if before.stamp_ns not in self._placed:
+            self._glimpses.clear()
+            self._placed = {before.stamp_ns: _BEGINNING}
+            self._glimpses.append(_glimpse(before, _BEGINNING))
+        placed = _further(self._placed[before.stamp_ns], motion)
+        self._placed = {**dict(list(self._placed.items())[-PARALLAX_CONFLICT.most_held :]), now.stamp_ns: placed}
+        while self._glimpses and now.stamp_ns - self._glimpses[0].stamp_ns > STILL_LIGHT.most_s * NANOSECONDS:
+            self._glimpses.popleft()
+        glimpse = _glimpse(now, placed)
+        light = still_light(glimpse, now.point_m, self._glimpses)
+        if not self._glimpses or glimpse.way_m - self._glimpses[-1].way_m >= STILL_LIGHT.apart_m:
+            self._glimpses.append(glimpse)
+        return light
+
+
+def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, float]:
+    """Where a camera is, and how far it went, that has moved on from where it was."""
+    there, way_m = placed
+    moved = Motion(there.rotation @ motion.rotation, there.rotation @ motion.translation_m + there.translation_m)
+    return moved, way_m + float(np.linalg.norm(motion.translation_m))
+
+
+def _glimpse(moment: Moment, placed: tuple[Motion, float]) -> Glimpse:
+    return Glimpse.of(moment.stamp_ns, moment.half, moment.camera.intrinsics, moment.point_m, placed)
 
 
 def _comparison(points: VerifiedConflicts) -> Comparison:

@@ -16,7 +16,7 @@ from auditor.measurement.point_parameters import (
     POINT_DROPOUT,
     ROUGH_RANGES,
 )
-from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT
+from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT
 from auditor.model.parameter import BY_HAND, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 from auditor.model.rig_kind import ComparedTo
@@ -344,6 +344,7 @@ _OF_ANY_RIG = (
     LIDAR_PROJECTION,
     PATCH_CORRELATION,
     SATURATION,
+    TONE_CURVE,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,
@@ -361,7 +362,6 @@ _OF_PAIRS = (
     MATCHER_RANGE,
     DISPARITY_ERROR,
     PHOTOMETRIC_CONSISTENCY,
-    TONE_CURVE,
     CHROMA,
     LIGHT,
     COLOURED_LIGHT,
@@ -371,7 +371,7 @@ _OF_PAIRS = (
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,
 )
-_OF_THE_PAST = (EGO_MOTION, PARALLAX_CONFLICT)
+_OF_THE_PAST = (EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT)
 
 MEASURED_BY: Mapping[ComparedTo, tuple["DataclassInstance", ...]] = {
     ComparedTo.CAMERAS: (*_OF_ANY_RIG, *_OF_PAIRS),

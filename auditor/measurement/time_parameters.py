@@ -78,5 +78,38 @@ class ParallaxConflict:
     )
 
 
+_FACULAS = "KITTI drives 0009, 0001 and odometry 04, each camera alone, and 24 streets: chosen on them (docs/decisions.md)"
+
+
+@dataclass(frozen=True)
+class StillLight:
+    """Light that stays at its place in the picture while the scene moves; sizes are shares of the picture's width."""
+
+    ways_m: tuple[float, ...] = parameter(
+        (1.0, 3.2, 5.4), unit="m that the camera moved since the pictures that are compared", source=_FACULAS
+    )
+    apart_m: float = parameter(0.5, unit="m of way between pictures that are held, at least", source=BY_HAND)
+    most_held: int = parameter(14, unit="pictures that are held", source="bounds the memory: 7 m of way")
+    most_s: float = parameter(2.0, unit="s that a picture is held", source=BY_HAND)
+    most_points: int = parameter(6000, unit="points", source="bounds the work; no experiment recorded")
+    fewest_points: int = parameter(200, unit="points that two pictures show", source=BY_HAND)
+    nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
+    least_px: float = parameter(1.0, unit="quarter px that a point moved", source=BY_HAND)
+    hidden_share: float = parameter(
+        0.93, unit="share of a point's depth, within which something nearer hides it", source=BY_HAND
+    )
+    mean_px: int = parameter(3, unit="quarter px over which levels are means", source="as the light of two cameras")
+    nearby_px: int = parameter(3, unit="quarter px in which levels and depths are nearby", source=BY_HAND)
+    level: float = parameter(30.0, unit="grey levels of a residual of 1, and", source=_FACULAS)
+    share: float = parameter(0.25, unit="share of the prediction that is added to them", source=_FACULAS)
+    cell: float = parameter(0.02, unit="of the width: cells over which points are means", source=BY_HAND)
+    full_points: int = parameter(4, unit="points of a cell that weighs 1", source=BY_HAND)
+    sizes: tuple[float, ...] = parameter((0.05, 0.09, 0.16), unit="of the width: sigma of lights", source=_FACULAS)
+    apart: float = parameter(0.8, unit="sigma between the middles of lights that are tried", source=BY_HAND)
+    strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
+    unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
+
+
 EGO_MOTION = EgoMotion()
 PARALLAX_CONFLICT = ParallaxConflict()
+STILL_LIGHT = StillLight()

@@ -16,7 +16,7 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are twelve.
+    """One kind of statistic of a sensor; there are thirteen.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
@@ -26,6 +26,7 @@ class Check(StrEnum):
     light in some rows that the other cameras do not have. FALSE_RANGES: pairs of cameras contradict a cluster of LiDAR
     points, or see a sector of them nearer or farther away. ROUGH_RANGES: neighbouring ranges of a sector differ.
     PARALLAX_CONFLICT: a camera's pictures of two moments agree with each other and not with the LiDAR.
+    STILL_LIGHT: light stays at its place in a camera's picture while the scene moves, as the LiDAR has it.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -40,6 +41,7 @@ class Check(StrEnum):
     FALSE_RANGES = "false_ranges"
     ROUGH_RANGES = "rough_ranges"
     PARALLAX_CONFLICT = "parallax_conflict"
+    STILL_LIGHT = "still_light"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS, Check.ROUGH_RANGES})
@@ -61,10 +63,11 @@ ADDED_LATER = (
     Check.FALSE_RANGES,
     Check.ROUGH_RANGES,
     Check.PARALLAX_CONFLICT,
+    Check.STILL_LIGHT,
 )
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT, Check.FALSE_RANGES}
+SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT, Check.FALSE_RANGES, Check.STILL_LIGHT}
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
 SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
@@ -82,7 +85,7 @@ class SensorCheck(NamedTuple):
 
     Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
     DIRECTION_CHECKS and FALSE_RANGES all cameras of the pairs that are compared with the LiDAR, of PARALLAX_CONFLICT
-    the one whose past is; of LIDAR_CHECKS the one camera whose view the points are in.
+    the one whose past is; of LIDAR_CHECKS the one camera whose view the points are in. STILL_LIGHT is by the LiDAR.
     """
 
     check: Check
@@ -183,6 +186,7 @@ def sensor_checks_of(
         ),
         *(SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)) for k in views),
         *(SensorCheck(Check.PARALLAX_CONFLICT, LIDAR, (k,)) for k in pasts),
+        *(SensorCheck(Check.STILL_LIGHT, k, (LIDAR,)) for k in pasts),
     )
 
 

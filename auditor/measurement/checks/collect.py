@@ -35,6 +35,7 @@ from auditor.measurement.checks.point_distribution import (
     point_dropout,
     rough_ranges,
 )
+from auditor.measurement.checks.still_light import StillLight
 from auditor.measurement.checks.striped_light import Rows
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
@@ -63,6 +64,7 @@ class FrameChecks:
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
     both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
     `parallax_conflicts`: counts of LiDAR points with which a camera and its own past (k, k) disagree.
+    `still_light`: by camera, what its own past says of light that stays in its picture.
     `striped_light`: what the source, and what the reference, has of light in rows that the other has not.
     `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
     are isolated. `ranges`: what pairs say of the LiDAR's ranges; `rough_ranges`: how rough those of a sector are, None
@@ -83,6 +85,7 @@ class FrameChecks:
     consistencies: Mapping[Pair, PairConsistency]
     lights: Mapping[Pair, LightDifference]
     parallax_conflicts: Mapping[Pair, Cells] = field(default_factory=dict)
+    still_light: Mapping[int, StillLight] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
@@ -114,7 +117,8 @@ class FrameChecks:
             for camera, other, share in ((i, k, of_source), (k, i, of_reference))
         }
         rough = {SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)): share for k, share in self.rough_ranges.items()}
-        others = isolated_points | of_light | rough
+        still = {SensorCheck(Check.STILL_LIGHT, k, (LIDAR,)): one.statistic for k, one in self.still_light.items()}
+        others = isolated_points | of_light | rough | still
         return (
             dropout
             | shares_of_ranges(self.ranges)

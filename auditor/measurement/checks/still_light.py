@@ -1,0 +1,234 @@
+"""Still light: light that stays at its place in a camera's picture while the scene moves through it.
+
+A point of the scene has the same radiance now and a moment ago. Where it lies in both pictures follows from the LiDAR's
+range and from how the camera moved. So after the tone curve of the two pictures the difference of its levels is light
+that was added where it is now, less light that was added where it was then. Round lights are tried all over the
+picture: of each, points that moved into it have to be brighter, and those that moved out of it darker.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.tone_curve import saturation_level, tone_curve
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.ego_motion import Motion, pixels_of
+from auditor.measurement.parameters import HALF
+from auditor.measurement.time_parameters import STILL_LIGHT
+from auditor.model.arrays import Floats, Floats32, Image, Mask
+from auditor.model.optics.geometry import Matrix
+
+_STEP = HALF * HALF
+_MIDDLE = (1 / _STEP - 1) / 2
+_QUARTERED = np.array([[1 / _STEP, 0, _MIDDLE], [0, 1 / _STEP, _MIDDLE], [0, 0, 1]])
+"""From pixels to quarter px."""
+_NEARBY = np.ones((STILL_LIGHT.nearby_px, STILL_LIGHT.nearby_px), dtype=np.uint8)
+_WHITE = 255
+
+
+@dataclass(frozen=True, eq=False)
+class Glimpse:
+    """What is kept of a frame to see light by: its picture at quarter resolution, (h, w) means of levels.
+
+    `intrinsics` (3, 3) are those of such a picture, `nearest_m` (h, w) the depth of the nearest LiDAR point around each
+    pixel, inf where there is none. `world_SE3_camera` is where the camera was, after `way_m`; `stamp_ns` when.
+    """
+
+    stamp_ns: int
+    levels: Image
+    saturation: int
+    intrinsics: Matrix
+    nearest_m: Floats32
+    world_SE3_camera: Motion
+    way_m: float
+
+    @classmethod
+    def of(
+        cls, stamp_ns: int, half: Image, intrinsics: Matrix, point_m: Matrix, placed: tuple[Motion, float]
+    ) -> "Glimpse":
+        """Of a half-resolution grey picture, the camera's intrinsics and its LiDAR points (M, 3) in its own frame."""
+        quarter = halve(half)
+        K = _QUARTERED @ intrinsics
+        nearest = np.full(quarter.shape, np.inf, dtype=np.float32)
+        place = np.rint(pixels_of(K, point_m)).astype(np.intp)
+        inside = ((place >= 0) & (place < quarter.shape[::-1])).all(axis=1)
+        column, row = place[inside].T
+        np.minimum.at(nearest, (row, column), point_m[inside, 2].astype(np.float32))
+        blurred = np.asarray(cv2.blur(quarter, (STILL_LIGHT.mean_px, STILL_LIGHT.mean_px)), dtype=np.uint8)
+        return cls(stamp_ns, blurred, saturation_level(quarter), K, _least(nearest), *placed)
+
+    @cached_property
+    def highest(self) -> Image:
+        """(h, w) the highest level nearby."""
+        return np.asarray(cv2.dilate(self.levels, _NEARBY), dtype=np.uint8)
+
+    @cached_property
+    def lowest(self) -> Image:
+        """(h, w) the lowest level nearby."""
+        return np.asarray(cv2.erode(self.levels, _NEARBY), dtype=np.uint8)
+
+    def since(self, before: "Glimpse") -> Motion:
+        """How the camera moved: from its frame now to its frame before."""
+        back = before.world_SE3_camera.rotation.T
+        turned = back @ self.world_SE3_camera.rotation
+        return Motion(turned, back @ (self.world_SE3_camera.translation_m - before.world_SE3_camera.translation_m))
+
+
+class StillLight(NamedTuple):
+    """The statistic of a frame, 0 to 1, and the share of the camera's picture that was compared for it."""
+
+    statistic: float
+    looked_share: float
+
+
+class _Seen(NamedTuple):
+    """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
+
+    `before` (C, 2) is where they lay a moment ago.
+    """
+
+    weight: Floats
+    residual: Floats
+    now: Floats
+    before: Floats
+
+
+def still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> StillLight | None:
+    """What the LiDAR's points (M, 3), in the camera's frame, say of light in its picture by earlier ones.
+
+    None where none of those that are `held`, oldest first, is far enough away, or too few points moved.
+    """
+    chosen = _chosen(now, held)
+    point_m = point_m[:: max(-(-len(point_m) // STILL_LIGHT.most_points), 1)]
+    seen = [one for before in chosen if (one := _compared(now, before, point_m)) is not None]
+    if not seen:
+        return None
+    cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
+    return StillLight(_largest(now.levels.shape, _cell_px(now), seen), min(cells / now.levels.size, 1.0))
+
+
+def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
+    """The last pictures since which the camera moved far enough, for each of the ways that are asked for."""
+    ways = [now.way_m - one.way_m for one in held]
+    found: dict[int, Glimpse] = {}
+    for asked in STILL_LIGHT.ways_m:
+        far = [place for place, way in enumerate(ways) if way >= asked]
+        if far:
+            found[far[-1]] = held[far[-1]]
+    return list(found.values())
+
+
+def _cell_px(now: Glimpse) -> int:
+    return max(round(now.levels.shape[1] * STILL_LIGHT.cell), 1)
+
+
+def _least(depth_m: Floats32) -> Floats32:
+    return np.asarray(cv2.erode(depth_m, _NEARBY), dtype=np.float32)
+
+
+def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
+    """What points show in two pictures, by cells of the one now; None where too few of them are seen in both."""
+    motion = now.since(before)
+    there_m = point_m @ motion.rotation.T + motion.translation_m
+    ahead = there_m[:, 2] > STILL_LIGHT.nearest_m
+    point_m, there_m = point_m[ahead], there_m[ahead]
+    here, there = pixels_of(now.intrinsics, point_m), pixels_of(before.intrinsics, there_m)
+    size = np.array(now.levels.shape[::-1])
+    inside = ((here >= 0) & (here <= size - 1) & (there >= 0) & (there <= size - 1)).all(axis=1)
+    inside &= np.hypot(*(here - there).T) >= STILL_LIGHT.least_px
+    here, there, depth_m = here[inside], there[inside], there_m[inside, 2]
+    column, row = np.rint(there).astype(np.intp).T
+    hidden = before.nearest_m[row, column] < depth_m * STILL_LIGHT.hidden_share
+    here, there = here[~hidden], there[~hidden]
+    residual, usable = _residual(now, before, here, there)
+    if np.count_nonzero(usable) < STILL_LIGHT.fewest_points:
+        return None
+    return _by_cells(now, here[usable], there[usable], residual[usable])
+
+
+def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask]:
+    """(P,) by what share points are brighter than all that is predicted nearby, or darker; and which can be told.
+
+    What was saturated may be brighter by any amount, and what is saturated is not darker.
+    """
+    level, was = _at(now.levels, here), _at(before.levels, there)
+    highest, lowest = _at(before.highest, there), _at(before.lowest, there)
+    saturated, was_saturated = level >= now.saturation, was >= before.saturation
+    fitted = ~saturated & ~was_saturated
+    curve = tone_curve(was[fitted], level[fitted]).astype(np.float32)
+    upper = np.where(highest >= before.saturation, np.float32(_WHITE), curve[highest])
+    lower = np.where(saturated, np.float32(0), curve[lowest])
+    value = level.astype(np.float32)
+    nearest = np.minimum(np.maximum(value, lower), np.maximum(upper, lower))
+    residual = (value - nearest) / (np.float32(STILL_LIGHT.level) + np.float32(STILL_LIGHT.share) * nearest)
+    return np.clip(residual, -1, 1), ~(saturated & was_saturated)
+
+
+def _at(image: Image, place: Floats) -> Image:
+    """(P,) levels of an image at places (P, 2): the nearest pixel's, as they are means of many already."""
+    column, row = np.rint(place).astype(np.intp).T
+    return np.asarray(image[row, column], dtype=np.uint8)
+
+
+def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32) -> _Seen:
+    cell_px = _cell_px(now)
+    columns = -(-now.levels.shape[1] // cell_px)
+    column, row = (here / cell_px).astype(np.intp).T
+    place = row * columns + column
+    count = np.bincount(place)
+    held = np.flatnonzero(count)
+
+    def mean(values: Floats | Floats32) -> Floats:
+        return np.asarray(np.bincount(place, weights=values)[held] / count[held])
+
+    weight = np.minimum(count[held] / STILL_LIGHT.full_points, 1.0)
+    where, was = (np.stack([mean(one[:, 0]), mean(one[:, 1])], axis=1) for one in (here, there))
+    return _Seen(weight, mean(residual), where, was)
+
+
+def _largest(shape: tuple[int, ...], cell_px: int, seen: Sequence[_Seen]) -> float:
+    """The largest, over all round lights, of the mean of what its two sides show.
+
+    A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
+    the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
+    which a corner alone is in view needs more.
+    """
+    best = 0.0
+    for sigma_px, across, down in _lights(*shape[:2]):
+        nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
+        sides = np.zeros((4, down.size * across.size))
+        for one in seen:
+            added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
+            changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
+            shown = (one.weight * one.residual).astype(np.float32)
+            weight = one.weight.astype(np.float32)
+            for place, side in enumerate((np.maximum(changes, 0), np.minimum(changes, 0))):
+                sides[2 * place] += side @ shown
+                sides[2 * place + 1] += np.square(side) @ weight
+        into, of_into, out, of_out = sides
+        best = max(best, float(((into / (of_into + nothing) + out / (of_out + nothing)) / 2).max()))
+    return min(best, 1.0)
+
+
+def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:
+    """(lights, C) how bright each light of one size is at places (C, 2), 1 in its middle."""
+    columns, rows = (
+        np.exp(-np.square(middles[:, None] - at) / (2 * sigma_px**2)).astype(np.float32)
+        for middles, at in ((across, place[:, 0]), (down, place[:, 1]))
+    )
+    return (rows[:, None] * columns[None]).reshape(-1, len(place))
+
+
+@lru_cache(maxsize=8)
+def _lights(height: int, width: int) -> list[tuple[float, Floats, Floats]]:
+    """The sizes of lights that are tried, and the columns and rows of their middles."""
+    found = []
+    for share in STILL_LIGHT.sizes:
+        sigma_px = share * width
+        step = STILL_LIGHT.apart * sigma_px
+        found.append((sigma_px, np.arange(0, width + step / 2, step), np.arange(0, height + step / 2, step)))
+    return found
