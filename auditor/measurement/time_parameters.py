@@ -78,7 +78,9 @@ class ParallaxConflict:
     )
 
 
-_FACULAS = "KITTI drives 0009, 0001 and odometry 04, each camera alone, and 24 streets: chosen on them (docs/decisions.md)"
+_FACULAS = (
+    "KITTI drives 0009, 0001 and odometry 04, each camera alone, and 24 streets: chosen on them (docs/decisions.md)"
+)
 
 
 @dataclass(frozen=True)

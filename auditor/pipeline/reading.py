@@ -84,7 +84,7 @@ def views_not_compared(rig: Rig, min_view: float) -> Iterator[str]:
     """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`."""
     for number, share in compared_shares(rig).items():
         if rig.by_time and share < min_view:
-            yield f"S_{number} {rig.name(number)} is not looked at for light: no other camera sees what it sees"
+            yield f"S_{number} {rig.name(number)} is looked at for light by its own past alone: no other camera sees it"
         elif share < min_view:
             yield (
                 f"S_{number} {rig.name(number)}: {100 * share:.0f} % of its picture is compared with another "

@@ -24,6 +24,7 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
         WHEN 'false_ranges' THEN 'the LiDAR has points where the cameras see nothing'
         WHEN 'rough_ranges' THEN 'the LiDAR''s ranges are noisy in a part' || coalesce(' of the view of S_' || k, '')
         WHEN 'parallax_conflict' THEN 'the camera and its own past disagree with the LiDAR'
+        WHEN 'still_light' THEN 'S_' || i || ' has light that stays in its picture while the scene moves'
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 

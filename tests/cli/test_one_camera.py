@@ -15,7 +15,7 @@ from tests.making.foxglove_messages import ddad, nuscenes, write_protobuf
 
 FRAMES, ATTACKED = 18, range(6, 16)
 WALL = BogusWall(range_m=7.0, lateral_m=-1.5, seed=3)
-LIGHT = "is not looked at for light: no other camera sees what it sees"
+LIGHT = "is looked at for light by its own past alone: no other camera sees it"
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_inspect_says_what_one_camera_can_and_cannot(
         "LiDAR + 1 camera 1242x375",
     )
     assert [sensor.get("compared_share") for sensor in rig["sensors"]] == [None, 0.0]
-    assert "S_0 is named" in rig["capabilities"][0]
+    assert "name S_0" in rig["capabilities"][0]
     assert LIGHT in " ".join(rig["reading"])
     assert not any("could the LiDAR be compared" in line for line in rig["reading"])
 

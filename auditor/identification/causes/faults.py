@@ -51,6 +51,11 @@ MIN_FRAMES = FROZEN.least_repeats
 FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
+_OF_LIGHT = frozenset(
+    {Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.STILL_LIGHT}
+)
+"""Checks that darkness does not make fire."""
+
 
 TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
 """Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
@@ -363,7 +368,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT})
+        return checks.isdisjoint(_OF_LIGHT)
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:

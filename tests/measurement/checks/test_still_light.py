@@ -1,0 +1,74 @@
+"""Light that stays at its place in a camera's picture while the scene moves."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.lab.attacks.paper import Facula
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement import measure_stream
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import Check, SensorCheck
+from auditor.model.frames import CameraImage, Frame
+from auditor.model.measurement import Measurement
+
+DRIVE = make_drive(2, 10, n_cameras=1)
+FRAMES = [one for one in DRIVE.frames() if isinstance(one, Frame)]
+STILL = SensorCheck(Check.STILL_LIGHT, 1, (0,))
+WIDTH, HEIGHT = DRIVE.rig.cameras[0].width_px, DRIVE.rig.cameras[0].height_px
+ASIDE = Facula(255.0, 0.2 * WIDTH, 0.7 * WIDTH, 0.7 * HEIGHT)
+
+
+def measured(frames: list[Frame]) -> list[Measurement]:
+    return [one[0] for one in measure_stream(frames, DRIVE.rig, find_matcher("sgbm")) if isinstance(one, tuple)]
+
+
+def statistics(change: Callable[[CameraImage], CameraImage], since: int = 0) -> list[float | None]:
+    """By frame, where the pictures from one on are changed."""
+    frames = [
+        replace(one, images={1: change(one.images[1])}) if place >= since else one for place, one in enumerate(FRAMES)
+    ]
+    return [one.shares.get(STILL) for one in measured(frames)]
+
+
+@pytest.fixture(scope="module")
+def clean() -> list[float | None]:
+    return statistics(lambda image: image)
+
+
+def test_a_clean_drive_has_hardly_any_and_says_how_much_of_the_picture_was_looked_at(clean: list[float | None]) -> None:
+    assert clean[0] is None, "there is no past yet"
+    assert max(one for one in clean if one is not None) < 0.2
+    last = measured(FRAMES)[-1].coverage[1]
+    assert last.compared_share is not None
+    assert 0.3 < last.compared_share < 1
+    assert last.compared_by_two_share == 0
+
+
+def test_light_that_was_there_all_along_shows_once_the_vehicle_has_moved(clean: list[float | None]) -> None:
+    lit = statistics(ASIDE.apply)
+    assert min(one for one in lit[5:] if one is not None) > 2 * max(one for one in clean if one is not None)
+
+
+def test_light_that_begins_shows_at_once(clean: list[float | None]) -> None:
+    lit = statistics(ASIDE.apply, since=6)
+    assert lit[:6] == clean[:6]
+    assert min(one for one in lit[6:] if one is not None) > 2 * max(one for one in clean if one is not None)
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.3])
+def test_an_exposure_that_changes_is_none(gain: float, clean: list[float | None]) -> None:
+    def brighter(image: CameraImage) -> CameraImage:
+        return replace(image, pixels=np.clip(np.rint(image.pixels * gain), 0, 255).astype(np.uint8))
+
+    lit = statistics(brighter, since=6)
+    assert max(one for one in lit if one is not None) < 0.2
+
+
+def test_where_the_vehicle_stands_nothing_is_looked_at() -> None:
+    standing = [replace(FRAMES[0], number=number, stamp_ns=FRAMES[0].stamp_ns + number * 10**8) for number in range(4)]
+    found = measured(standing)
+    assert [one.shares.get(STILL) for one in found] == [None] * 4
+    assert found[-1].coverage[1].compared_share == 0
