@@ -110,6 +110,9 @@ class StillLight:
     apart: float = parameter(0.8, unit="sigma between the middles of lights that are tried", source=BY_HAND)
     strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
     unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
+    brighter_by: float = parameter(
+        50.0, unit="grey levels by which the middle of a light is brighter than the picture's median", source=_FACULAS
+    )
 
 
 EGO_MOTION = EgoMotion()

@@ -43,7 +43,7 @@ FACULAS = {
 SECOND = 10
 REACH = 9
 """Frames around an attack that may look back on it, or that it may look back on."""
-EVERY = 7
+EVERY = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def stretches(count: int) -> Iterator[tuple[str, range]]:
     yield "all", range(count)
     for start in range(3, count - SECOND + 1, EVERY):
         yield "a second", range(start, start + SECOND)
-    for start in range(3, count, 2 * EVERY):
+    for start in range(3, count, 3 * EVERY):
         yield "one frame", range(start, start + 1)
 
 

@@ -108,7 +108,7 @@ def still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> Still
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
-    return StillLight(_largest(now.levels.shape, _cell_px(now), seen), min(cells / now.levels.size, 1.0))
+    return StillLight(_largest(now, seen), min(cells / now.levels.size, 1.0))
 
 
 def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
@@ -190,15 +190,16 @@ def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32) -> 
     return _Seen(weight, mean(residual), where, was)
 
 
-def _largest(shape: tuple[int, ...], cell_px: int, seen: Sequence[_Seen]) -> float:
-    """The largest, over all round lights, of the mean of what its two sides show.
+def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
+    """The largest, over all round lights, of the mean of what its two sides show, and its middle is bright enough for.
 
     A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
     which a corner alone is in view needs more.
     """
-    best = 0.0
-    for sigma_px, across, down in _lights(*shape[:2]):
+    best, cell_px = 0.0, _cell_px(now)
+    height, width = now.levels.shape
+    for sigma_px, across, down in _lights(height, width):
         nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         sides = np.zeros((4, down.size * across.size))
         for one in seen:
@@ -210,8 +211,22 @@ def _largest(shape: tuple[int, ...], cell_px: int, seen: Sequence[_Seen]) -> flo
                 sides[2 * place] += side @ shown
                 sides[2 * place + 1] += np.square(side) @ weight
         into, of_into, out, of_out = sides
-        best = max(best, float(((into / (of_into + nothing) + out / (of_out + nothing)) / 2).max()))
+        shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
+        best = max(best, float((shown_by * _brightness(now, sigma_px, across, down)).max()))
     return min(best, 1.0)
+
+
+def _brightness(now: Glimpse, sigma_px: float, across: Floats, down: Floats) -> Floats:
+    """(lights,) 1 where the middle of a light is brighter than the picture as lights are, 0 where it is not brighter.
+
+    Dirt on a lens stays at its place as well, and is dark.
+    """
+    wide = 2 * round(sigma_px) + 1
+    middles = np.asarray(cv2.blur(now.levels, (wide, wide), borderType=cv2.BORDER_REPLICATE))
+    height, width = now.levels.shape
+    rows, columns = (np.minimum(one, size - 1).astype(np.intp) for one, size in ((down, height), (across, width)))
+    above = middles[rows[:, None], columns[None]].astype(np.float64) - float(np.median(now.levels))
+    return np.asarray(np.clip(above / STILL_LIGHT.brighter_by, 0, 1)).ravel()
 
 
 def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:
