@@ -209,7 +209,8 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
         posterior=best,
         log10_ratio=found.ratio,
     )
-    doubt = "" if system.by_time and found.attacked else _doubt(found, len(system.sensors) - len(absent))
+    by_time = system.by_time and found.attacked
+    doubt = _undecided(found) if by_time else _doubt(found, len(system.sensors) - len(absent))
     if not doubt:
         shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in found.attacked)
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, evidence=shown)
@@ -245,6 +246,11 @@ def _doubt(found: _Explained, N: int) -> str:
             return f"{listed(sorted(rest))} do not see the same, and no third camera tells which of them is wrong"
         shown = sorted({*found.attacked, *rest})
         return f"checks of {listed(shown)} exceed the limit, and at most {most} of {N} sensors can be told apart"
+    return _undecided(found)
+
+
+def _undecided(found: _Explained) -> str:
+    """Why none of the attack sets is likely enough; empty where one is."""
     attacks = [(one, chance) for one, chance in found.likely if one]  # r alone says how sure it is that there is one
     whole = sum(chance for _, chance in attacks)
     if attacks[0][1] / whole < NAMING.least_probability:

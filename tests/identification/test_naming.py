@@ -326,11 +326,19 @@ def test_where_only_two_cameras_are_left_what_they_say_is_a_score_of_both():
 LONE = System(sensor_checks_of((), (), (), (1,)), triples_of(1, lidar=True), (0, 1))
 
 
-def test_of_a_lone_camera_and_a_lidar_the_lidar_is_named():
-    found = one({lambda check: True: 6.0}, system=LONE)
-    assert (found.kind, found.attacked, found.e, found.named) == (VerdictKind.ATTACKED, (0,), "1", None)
-    assert [entry.check_name for entry in found.evidence] == [Check.PARALLAX_CONFLICT]
-    assert [other.attacked for other in found.alternatives] == [()]
+def test_of_a_lone_camera_and_a_lidar_either_is_named_by_its_own_check():
+    for sensor, shows in ((0, Check.PARALLAX_CONFLICT), (1, Check.STILL_LIGHT)):
+        found = one({lambda check, shows=shows: check.check is shows: 6.0}, system=LONE)
+        assert (found.kind, found.attacked, found.e, found.named) == (VerdictKind.ATTACKED, (sensor,), "1", None)
+        assert [entry.check_name for entry in found.evidence] == [shows]
+        assert [other.attacked for other in found.alternatives] == [(), (1 - sensor,)]
+
+
+def test_where_a_lone_camera_and_a_lidar_both_show_a_little_neither_is_named():
+    found = one({lambda check: True: 3.2}, system=LONE)
+    assert (found.kind, found.attacked, found.e) == (VerdictKind.UNIDENTIFIED, (), "1")
+    assert "S_0" in found.reason
+    assert "S_1" in found.reason
 
 
 def test_a_lone_camera_s_frame_is_clean_below_the_limit_and_not_auditable_where_nothing_was_compared():

@@ -123,7 +123,7 @@ def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
 
 
 def _cell_px(now: Glimpse) -> int:
-    return max(round(now.levels.shape[1] * STILL_LIGHT.cell), 1)
+    return max(int(round(now.levels.shape[1] * STILL_LIGHT.cell)), 1)
 
 
 def _least(depth_m: Floats32) -> Floats32:
