@@ -3,6 +3,7 @@
     python -m tests.benchmarks.lone_light --into FOLDER --drives DATA --camera 4 [--places 4]
     python -m tests.benchmarks.lone_light --into FOLDER --streets 12 --first 2000 [--frames 20] [--clean]
     python -m tests.benchmarks.lone_light --judge FOLDER...
+    python -m tests.benchmarks.lone_light --cost DATA
 
 The first two measure: faculas at drawn places for one frame, a second and all the drive, walls of 2.5 m at 10 m for a
 second, and faults of one camera that are no attack. `--judge` judges them, each real drive by the others' clean frames
@@ -17,12 +18,19 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
+from time import process_time
 
 import numpy as np
 
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
+from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
+from auditor.measurement.checks.still_light import StillLight
+from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.measurement.ego_motion import Motion
+from auditor.measurement.own_past import _Way
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
@@ -30,7 +38,7 @@ from tests.benchmarks.benign import faults
 from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
 from tests.benchmarks.incident_series import MEASURED_HZ, Drive, drives_of
 from tests.benchmarks.lasting_faults import on
-from tests.benchmarks.lone_cameras import R, frames_of
+from tests.benchmarks.lone_cameras import R, frames_of, moments
 from tests.benchmarks.scenes import Case, Scene
 
 FACULAS = {
@@ -176,11 +184,34 @@ def told(drives: Sequence[tuple[Drive, Sequence[Series]]]) -> Iterator[str]:
     yield from (f"  {kind}, {lasts}: {count}" for (kind, lasts), count in sorted(counts.items()))
 
 
+def cost(rig: Rig, frames: Sequence[Frame]) -> float:
+    """The median ratio of what still light takes of a frame's CPU time to that of SGBM on two of its pictures."""
+    ratios, way, took = [], _Way(), [0.0]
+
+    def timed(now: Moment, before: Moment | None, motion: Motion | None) -> StillLight | None:
+        begin = process_time()
+        found = way.looked_back(now, before, motion)
+        took.append(process_time() - begin)
+        return found
+
+    before = None
+    for now in moments(frames, rig):
+        motion = None if before is None else parallax_conflicts(now, before).motion
+        timed(now, before, motion)
+        if before is not None:
+            begin = process_time()
+            stereo_map(MATCHER, now.grey, before.grey, textured(now.half), textured(before.half))
+            ratios.append(took[-1] / (process_time() - begin))
+        before = now
+    return median(ratios)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--into", type=Path)
     parser.add_argument("--judge", type=Path, nargs="*")
     parser.add_argument("--drives", type=Path, help="the folder of the test data")
+    parser.add_argument("--cost", type=Path, metavar="DATA", help="print what it takes on the drives of the test data")
     parser.add_argument("--camera", type=int, default=1, help="of the drives")
     parser.add_argument("--places", type=int, default=4)
     parser.add_argument("--streets", type=int, default=0)
@@ -189,6 +220,10 @@ def main() -> None:
     parser.add_argument("--clean", action="store_true", help="without attacks and faults")
     options = parser.parse_args()
     use_one_thread()
+    if options.cost:
+        for name, path in DRIVES.items():
+            print(f"{name}: {cost(*frames_of(Recorded(options.cost / path), options.camera)):.2f} SGBM calls a frame")
+        return
     if options.judge:
         judge(options.judge)
         return

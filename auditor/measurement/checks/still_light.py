@@ -123,7 +123,8 @@ def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
 
 
 def _cell_px(now: Glimpse) -> int:
-    return max(int(round(now.levels.shape[1] * STILL_LIGHT.cell)), 1)
+    width: int = now.levels.shape[1]
+    return max(round(width * STILL_LIGHT.cell), 1)
 
 
 def _least(depth_m: Floats32) -> Floats32:
