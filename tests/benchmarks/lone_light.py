@@ -186,7 +186,8 @@ def told(drives: Sequence[tuple[Drive, Sequence[Series]]]) -> Iterator[str]:
 
 def cost(rig: Rig, frames: Sequence[Frame]) -> float:
     """The median ratio of what still light takes of a frame's CPU time to that of SGBM on two of its pictures."""
-    ratios, way, took = [], _Way(), [0.0]
+    ratios: list[float] = []
+    way, took = _Way(), [0.0]
 
     def timed(now: Moment, before: Moment | None, motion: Motion | None) -> StillLight | None:
         begin = process_time()
@@ -194,7 +195,7 @@ def cost(rig: Rig, frames: Sequence[Frame]) -> float:
         took.append(process_time() - begin)
         return found
 
-    before = None
+    before: Moment | None = None
     for now in moments(frames, rig):
         motion = None if before is None else parallax_conflicts(now, before).motion
         timed(now, before, motion)
@@ -203,7 +204,7 @@ def cost(rig: Rig, frames: Sequence[Frame]) -> float:
             stereo_map(MATCHER, now.grey, before.grey, textured(now.half), textured(before.half))
             ratios.append(took[-1] / (process_time() - begin))
         before = now
-    return median(ratios)
+    return float(median(ratios))
 
 
 def main() -> None:
