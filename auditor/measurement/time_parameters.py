@@ -111,7 +111,9 @@ class StillLight:
     strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
     unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
     brighter_by: float = parameter(
-        50.0, unit="grey levels by which the middle of a light is brighter than the picture's median", source=_FACULAS
+        100.0,
+        unit="grey levels by which the middle of a light is brighter than the picture's median",
+        source="faculas and mud on drives 0009 and 04: 50, 100 and 150 tried (docs/decisions.md)",
     )
 
 
