@@ -110,10 +110,10 @@ class StillLight:
     apart: float = parameter(0.8, unit="sigma between the middles of lights that are tried", source=BY_HAND)
     strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
     unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
-    brighter_by: float = parameter(
-        100.0,
-        unit="grey levels by which the middle of a light is brighter than the picture's median",
-        source="faculas and mud on drives 0009 and 04: 50, 100 and 150 tried (docs/decisions.md)",
+    saturated_share: float = parameter(
+        0.04,
+        unit="share of the points that moved into a light that saturate, at least",
+        source="faculas and mud on drives 0009, 0001 and 04: 0.02 and 0.04 tried (docs/decisions.md)",
     )
 
 

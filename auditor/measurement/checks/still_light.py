@@ -3,7 +3,8 @@
 A point of the scene has the same radiance now and a moment ago. Where it lies in both pictures follows from the LiDAR's
 range and from how the camera moved. So after the tone curve of the two pictures the difference of its levels is light
 that was added where it is now, less light that was added where it was then. Round lights are tried all over the
-picture: of each, points that moved into it have to be brighter, and those that moved out of it darker.
+picture: of each, points that moved into it have to be brighter, and those that moved out of it darker, and some of
+those in it have to saturate. Between drops of mud it is brighter too, as the scene itself is there.
 """
 
 from collections.abc import Sequence
@@ -88,11 +89,14 @@ class StillLight(NamedTuple):
 class _Seen(NamedTuple):
     """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
 
-    `before` (C, 2) is where they lay a moment ago.
+    They have so many `points` (C,), of which so many are `saturated` (C,) now. `before` (C, 2) is where they lay a
+    moment ago.
     """
 
     weight: Floats
     residual: Floats
+    points: Floats
+    saturated: Floats
     now: Floats
     before: Floats
 
@@ -148,7 +152,8 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
     residual, usable = _residual(now, before, here, there)
     if np.count_nonzero(usable) < STILL_LIGHT.fewest_points:
         return None
-    return _by_cells(now, here[usable], there[usable], residual[usable])
+    here = here[usable]
+    return _by_cells(now, here, there[usable], residual[usable], _at(now.levels, here) >= now.saturation)
 
 
 def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask]:
@@ -175,7 +180,7 @@ def _at(image: Image, place: Floats) -> Image:
     return np.asarray(image[row, column], dtype=np.uint8)
 
 
-def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32) -> _Seen:
+def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask) -> _Seen:
     cell_px = _cell_px(now)
     columns = -(-now.levels.shape[1] // cell_px)
     column, row = (here / cell_px).astype(np.intp).T
@@ -183,16 +188,17 @@ def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32) -> 
     count = np.bincount(place)
     held = np.flatnonzero(count)
 
-    def mean(values: Floats | Floats32) -> Floats:
+    def mean(values: Floats | Floats32 | Mask) -> Floats:
         return np.asarray(np.bincount(place, weights=values)[held] / count[held])
 
     weight = np.minimum(count[held] / STILL_LIGHT.full_points, 1.0)
     where, was = (np.stack([mean(one[:, 0]), mean(one[:, 1])], axis=1) for one in (here, there))
-    return _Seen(weight, mean(residual), where, was)
+    of_points = count[held].astype(np.float64)
+    return _Seen(weight, mean(residual), of_points, mean(saturated) * of_points, where, was)
 
 
 def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
-    """The largest, over all round lights, of the mean of what its two sides show, and its middle is bright enough for.
+    """The largest, over all round lights that saturate, of the mean of what its two sides show.
 
     A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
@@ -202,7 +208,7 @@ def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
-        sides = np.zeros((4, down.size * across.size))
+        sides, points, saturated = np.zeros((4, down.size * across.size)), *np.zeros((2, down.size * across.size))
         for one in seen:
             added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
@@ -211,23 +217,14 @@ def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
             for place, side in enumerate((np.maximum(changes, 0), np.minimum(changes, 0))):
                 sides[2 * place] += side @ shown
                 sides[2 * place + 1] += np.square(side) @ weight
+            inside = np.maximum(changes, 0)
+            points += inside @ one.points.astype(np.float32)
+            saturated += inside @ one.saturated.astype(np.float32)
         into, of_into, out, of_out = sides
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
-        best = max(best, float((shown_by * _brightness(now, sigma_px, across, down)).max()))
+        outshines = np.minimum(saturated / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
+        best = max(best, float((shown_by * outshines).max()))
     return min(best, 1.0)
-
-
-def _brightness(now: Glimpse, sigma_px: float, across: Floats, down: Floats) -> Floats:
-    """(lights,) 1 where the middle of a light is brighter than the picture as lights are, 0 where it is not brighter.
-
-    Dirt on a lens stays at its place as well, and is dark.
-    """
-    wide = 2 * round(sigma_px) + 1
-    middles = np.asarray(cv2.blur(now.levels, (wide, wide), borderType=cv2.BORDER_REPLICATE))
-    height, width = now.levels.shape
-    rows, columns = (np.minimum(one, size - 1).astype(np.intp) for one, size in ((down, height), (across, width)))
-    above = middles[rows[:, None], columns[None]].astype(np.float64) - float(np.median(now.levels))
-    return np.asarray(np.clip(above / STILL_LIGHT.brighter_by, 0, 1)).ravel()
 
 
 def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:
