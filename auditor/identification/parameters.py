@@ -100,7 +100,7 @@ class CheckPriors:
     rough_ranges: tuple[float, ...] = parameter((-3.8, 0.7, 0.3, 1.45), unit=_OF_PRIOR, source=_RANGES)
     lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
     parallax_conflict: tuple[float, ...] = parameter((-2.8, 0.95, 0.2, 0.8), unit=_OF_PRIOR, source=_IN_TIME)
-    still_light: tuple[float, ...] = parameter((-2.8, 0.42, 0.2, 1.0), unit=_OF_PRIOR, source=_IN_TIME)
+    still_light: tuple[float, ...] = parameter((-3.6, 0.65, 0.3, 1.0), unit=_OF_PRIOR, source=_IN_TIME)
 
 
 @dataclass(frozen=True)

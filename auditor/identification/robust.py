@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.algorithm2 import FEWEST_SENSORS, sensors_where
 from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
@@ -237,14 +237,20 @@ class _Judge:
         return lasting_events(windows, self._series.runs, judge.accusing())
 
     def accusing(self) -> dict[int, tuple[Verdict, float]]:
-        """The verdicts that say attacked or unidentified, by place, where several sensors vote; with z over the limit.
+        """The verdicts that name one sensor, by place, where several sensors vote; with z over the limit.
 
-        What only two cameras say, that nobody else can vote on, is no evidence in time.
+        Where none can be named, those that find an attack. What only two cameras say, that nobody else can vote on, is
+        no evidence in time; and what is weak, constant and on several lenses is the sun.
         """
+        names_one = self._system.by_time or len(self._system.sensors) >= FEWEST_SENSORS
         beyond = sensor_scores(self._z, self._system, self._unused).max(axis=1) - self.thresholds.limit
         places = np.flatnonzero(beyond > 0).tolist()
         verdicts = self.verdicts(places)
-        return {place: (verdicts[place], float(beyond[place])) for place in places if verdicts[place].kind in _ACCUSING}
+        return {
+            place: (verdict, float(beyond[place]))
+            for place, verdict in verdicts.items()
+            if verdict.kind in _ACCUSING and (not names_one or len(verdict.attacked) == 1)
+        }
 
     def verdicts(self, places: Collection[int]) -> dict[int, Verdict]:
         """The verdicts on the frames at these places, each by itself."""
