@@ -89,7 +89,7 @@ class Stretches:
     seconds: float = parameter(1.2, unit="s of a window", source=_WINDOWS)
     fewest_frames: int = parameter(9, unit="frames of a window, however slow the camera", source=BY_HAND)
     within: float = parameter(0.6, unit="of a frame's deviation within drives", source=_WINDOWS)
-    tail: float = parameter(1.25, unit="times the deviation of a median", source=_WINDOWS)
+    tail: float = parameter(1.15, unit="times the deviation of a median", source=_WINDOWS)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,6 @@ def test_a_rig_is_measured_by_no_other_numbers_than_those_that_its_version_is_bo
     features = FaultFeatures()
     for _, arrays in measure_stream(made.frames(), made.rig, find_matcher("sgbm")):
         features.update(arrays)
-        localise(arrays, {LIDAR} if made.rig.by_time else {LIDAR, 1}, made.rig)
+        localise(arrays, {LIDAR, 1}, made.rig)
     assert read
     assert read - {type(group).__name__ for group in own} == set()

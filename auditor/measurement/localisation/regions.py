@@ -19,10 +19,12 @@ from auditor.model.rig import LIDAR, Rig
 def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[Region, ...]:
     """The regions of the `sensors` that may be attacked, in the pictures that people see: see `shown_rectification`.
 
-    Which of them is attacked is only known once a frame is judged with its neighbours. `rig` is the recording's.
+    Which of them is attacked is only known once a frame is judged with its neighbours. `rig` is the recording's. A
+    camera's region is what other cameras see otherwise: a lone camera has none.
     """
     shown = rig if rig.is_rectified else arrays.rig
-    regions = [_of_camera(arrays, camera, shown) for camera in sorted(arrays.views) if camera in sensors]
+    cameras = [camera for camera in sorted(arrays.views) if camera in sensors and rig.n > 1]
+    regions = [_of_camera(arrays, camera, shown) for camera in cameras]
     if LIDAR in sensors and arrays.lidar:
         regions.append(_of_lidar(arrays, shown))
     return tuple(region for region in regions if region)
