@@ -61,7 +61,7 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
 
 
 def test_a_network_without_a_file_of_weights_names_the_attacked_camera(tmp_path: Path) -> None:
-    clean = write_drive(tmp_path / "clean.mcap", 3, positions_m=THREE_CAMERAS)
+    clean = write_drive(tmp_path / "clean.mcap", 2, positions_m=THREE_CAMERAS)
     start_ns = START_NS + DAY_NS
     attacked = write_drive(
         tmp_path / "attacked.mcap", 2, positions_m=THREE_CAMERAS, seed=50, start_ns=start_ns, attacked={2: range(1, 2)}

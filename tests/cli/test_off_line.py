@@ -47,11 +47,10 @@ def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixt
     assert "WARNING" not in printed
     assert "left out" not in printed
     assert run(["calibrate", clean, "-r", "0.05", "--store", store]) == 0
-    assert run(["scan", tested, "-r", "0.05", "--store", store]) == 1
+    assert run(["scan", tested, "-r", "0.05", "--pictures", "none", "--store", store]) == 1
     capfd.readouterr()
     assert run(["query", "incidents", "--store", store, "--format", "json"]) == 0
     incidents = json.loads(capfd.readouterr().out)
-    print([(row["first_frame"], row["last_frame"], row["kind"], row["attacked"]) for row in incidents])
     named = [row for row in incidents if row["attacked"]]
     assert [row["attacked"] for row in named] == [[1], [2], [3], [LIDAR]]
     # The means over half a second take a frame to follow from one attack to the next, and where one ends.

@@ -20,7 +20,7 @@ LIGHT = "is looked at for light by its own past alone: no other camera sees it"
 
 @pytest.fixture(scope="module")
 def drive() -> SyntheticDrive:
-    return make_drive(2, FRAMES, n_cameras=1)
+    return make_drive(2, FRAMES, n_cameras=1, width_px=620, height_px=188)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def recordings(drive: SyntheticDrive, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def scanned(path: Path, store: Path, capfd: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
-    code = run(["scan", str(path), "--store", str(store), *options])
+    code = run(["scan", str(path), "--store", str(store), "--pictures", "none", *options])
     return code, capfd.readouterr().err
 
 
@@ -80,7 +80,7 @@ def test_inspect_says_what_one_camera_can_and_cannot(
     assert (rig["triples"], rig["max_attacked"], rig["kind"].split(" f=")[0]) == (
         [[0, 1, 1]],
         0,
-        "LiDAR + 1 camera 1242x375",
+        "LiDAR + 1 camera 620x188",
     )
     assert [sensor.get("compared_share") for sensor in rig["sensors"]] == [None, 0.0]
     assert "name S_0" in rig["capabilities"][0]

@@ -43,13 +43,12 @@ def test_a_recording_over_its_budget_is_one_line_and_leaves_nothing_half_done(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     store, long = tmp_path / "audit", write_drive(tmp_path / "long.mcap", count=40, positions_m=(0.6, 0.3, 0.0))
-    for options, says in ((["--time-limit", "0.4"], "took longer than 0.4 s"), (["--memory-limit", "20"], "20 MB")):
-        assert run(["scan", str(long), "--store", str(store), *options]) == 3
-        [line] = [line for line in capfd.readouterr().err.splitlines() if line.strip()]
-        assert says in line
-        assert "long.mcap" in line
-        of_rig = {"rigs", "triples", "sensor_checks", "inputs"}  # known before the first frame is measured
-        assert {path.parent.name for path in store.rglob("[0-9a-f]*.parquet")} <= of_rig
+    assert run(["scan", str(long), "--store", str(store), "--time-limit", "0.4"]) == 3
+    [line] = [line for line in capfd.readouterr().err.splitlines() if line.strip()]
+    assert "took longer than 0.4 s" in line
+    assert "long.mcap" in line
+    of_rig = {"rigs", "triples", "sensor_checks", "inputs"}  # known before the first frame is measured
+    assert {path.parent.name for path in store.rglob("[0-9a-f]*.parquet")} <= of_rig
     assert not list((store / "measurements").glob("*.parquet"))
     assert run(["scan", str(long), "--measure-only", "--store", str(store)]) == 3
     assert "40 frames measured" in capfd.readouterr().err

@@ -50,7 +50,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def verdicts(path: Path, store: Path) -> tuple[int, dict[str, list[str]]]:
     """The exit code of a scan, and by camera the kinds of its frames."""
-    code = run(["scan", str(path), "--store", str(store)])
+    code = run(["scan", str(path), "--store", str(store), "--pictures", "none"])
     rows = ask(
         store,
         "SELECT s.name, frame, kind, attacked FROM verdicts JOIN (SELECT DISTINCT measurement_id, name FROM sensors "

@@ -32,7 +32,7 @@ def test_a_question_is_a_query_a_view_or_sql(opened):
 
 
 def test_every_view_becomes_a_table_of_pandas_and_of_polars(opened):
-    for view in ("verdicts", "measurements", "rigs", "judgements", "summary", "incidents", "recordings"):
+    for view in ("verdicts", "rigs", "incidents"):
         frame, columns, arrow = opened.df(view), opened.pl(view), run_sql(opened.store, f"FROM {view}")
         assert isinstance(frame, pandas.DataFrame)
         assert isinstance(columns, polars.DataFrame)

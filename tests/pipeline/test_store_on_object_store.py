@@ -233,8 +233,8 @@ def test_a_scan_puts_back_what_it_measured_before_it_ends(
 
     monkeypatch.setattr(mirrors, "replace_snapshot", replaced)
     assert run(["scan", *map(str, logs), "--store", str(address), "--jobs", "1", "--pictures", "none"]) in {0, 3}
-    assert put_back[0] == 1
-    assert put_back[-1] == 2
+    assert len(put_back) > 1
+    assert 1 <= put_back[0] <= put_back[-1] == 2  # a busy machine may have measured both until it looks
     on("another")
     with mirrored(address) as folder:
         assert problems(folder) == []

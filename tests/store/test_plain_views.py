@@ -59,7 +59,7 @@ def told(tmp_path_factory):
     ids = [judged(store, recording, "cc112u") for recording in "ab"]
     script = views_script(store.folder)
     connection = plain(script)
-    before = {view: rows(connection, view) for view in VIEWS}
+    before = {view: rows(connection, view) for view in ("verdicts", "labels", "recordings", "incidents")}
     for number in (1, 2, 3):
         for measurement_id in ids:
             judge_again(store, measurement_id, "cc112u"[number:] + "cc112u"[:number], number)

@@ -218,12 +218,12 @@ def short_chunks(monkeypatch):
 
 
 def few_in_short_chunks(patched):
-    """A third of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
+    """A sixth of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
 
     def few(experiment):
         together = min(experiment.together, CHUNK)
         return replace(
-            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 3)
+            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 6)
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))
@@ -383,10 +383,9 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
     assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
 
 
-def test_the_command_measures_once_and_prints_the_summary(tmp_path):
-    drive = write_drive(tmp_path / "short.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
-    arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
-    arguments += ["--attack-every", "2"]
+def test_the_command_measures_nothing_again_and_prints_the_summary(shorter, evaluated, tmp_path):
+    shutil.copytree(evaluated[0], tmp_path / "audit")
+    arguments = ["evaluate", str(shorter), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
