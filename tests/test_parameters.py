@@ -174,7 +174,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/measurement.py": ((*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
-    "model/pictures.py": ((5,), "seconds between what is kept of usual frames, which decides nothing"),
+    "model/pictures.py": ((5, 9, 10), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
         (0.99, 0.5, 4096, 16),
         "defaults and ranges of settings, which users choose and docs/settings.md lists",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
-from auditor.model.pictures import SAMPLED_S, Pictures
+from auditor.model.pictures import Pictures, Sampling
 from auditor.model.rig import LIDAR, Triple
 
 _JPEG_QUALITY = 80
@@ -78,7 +78,7 @@ class PictureBook:
         self._pictures = pictures
         self._candidate: _Candidate | None = None
         self._kept: list[tuple[tuple[bool, float], int, Picture]] = []
-        self._sampled_s = -SAMPLED_S
+        self._sampling = Sampling()
 
     def offer(self, measurement: Measurement, arrays: FrameArrays, *, unusual: bool = True) -> None:
         """Consider a frame; `unusual` says that a statistic of it is. Frames come in the order of their stamps."""
@@ -104,10 +104,9 @@ class PictureBook:
         candidate, self._candidate = self._candidate, None
         if candidate is None:
             return
-        if not candidate.strength[0]:  # nothing in it is unusual
-            if abs(candidate.second - self._sampled_s) < SAMPLED_S:
-                return
-            self._sampled_s = candidate.second
+        unusual, _ = candidate.strength
+        if not unusual and not self._sampling.takes(candidate.second * _SECOND_NS):
+            return
         if len(self._kept) >= _MOST_PICTURES:
             weakest = min(self._kept, key=lambda kept: kept[0])
             if weakest[0] >= candidate.strength:

@@ -19,8 +19,21 @@ class Cells(StrEnum):
     ALL = "all"
 
 
-SAMPLED_S = 5
-"""Of frames in which nothing is unusual one in so many seconds is kept: its cells, and its picture."""
+_SAMPLED_NS = 5 * 10**9
+
+
+class Sampling:
+    """Takes one in five seconds of frames in which nothing is unusual, to keep its cells or its picture."""
+
+    def __init__(self) -> None:
+        self._last_ns = -_SAMPLED_NS
+
+    def takes(self, stamp_ns: int) -> bool:
+        """Whether the next frame is taken."""
+        if abs(stamp_ns - self._last_ns) < _SAMPLED_NS:
+            return False
+        self._last_ns = stamp_ns
+        return True
 
 
 class Content(StrEnum):

@@ -31,6 +31,7 @@ from auditor.recordings import (
     rigs_in_force,
     rigs_unless_changed,
     search_rigs,
+    survey,
     synchronise,
 )
 
@@ -95,6 +96,11 @@ def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigI
             if one.rig.rig_id == rig_id:
                 return one
     return None
+
+
+def always_in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
+    """A rig that no calibration of the recording ends, surveyed anew where its points have a unit of their own."""
+    return RigInForce(rig, survey(recording, rig.units_m) if rig.units_m else surveyed)
 
 
 def negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> str:

@@ -10,13 +10,14 @@ from pathlib import Path
 from auditor.identification.parameters import judging_digest
 from auditor.identification.sub_rigs import calibration_for
 from auditor.identification.thresholds import check_calibration
-from auditor.measurement.disparity.matchers import Matcher, find_matcher
+from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import Calibration
-from auditor.model.rig_kind import ComparedTo, Similarity
+from auditor.model.measurement import Procedure
+from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.model.verdict import Method
-from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedure_by
+from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedures_by
 from auditor.recordings import Location, Origin, located
 from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement
 from auditor.store.records import content_id, judgement_id
@@ -28,12 +29,11 @@ MOST_KNOWN = 50
 """So many recordings of one batch are each shown, though they may be known; of more only those that are new."""
 
 
-def stamp_of(where: Path | Location, matcher: Matcher, rig: Path | None) -> str | None:
+def stamp_of(where: Path | Location, procedures: Sequence[Procedure], rig: Path | None) -> str | None:
     """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""
-    ways = [list(vars(procedure_by(matcher, compared_to)).values()) for compared_to in ComparedTo]
     with suppress(OSError):
         rig_file = hashlib.sha256(rig.read_bytes()).hexdigest() if rig is not None else None
-        return content_id("files", located(where).identity, ways, rig_file)
+        return content_id("files", located(where).identity, [list(vars(one).values()) for one in procedures], rig_file)
     return None
 
 
@@ -56,7 +56,7 @@ class KnownFiles:
         if store is None or read_again:
             return
         self._store = store
-        self._matcher = find_matcher(tasks[0].matcher, tasks[0].network)
+        self._procedures = procedures_by(find_matcher(tasks[0].matcher, tasks[0].network))
         if len(tasks) > FEW:
             self._store.measurements()  # at once: that takes far less than one by one
         for record in self._store.recordings():
@@ -70,11 +70,11 @@ class KnownFiles:
             return None
         location = task.location
         if location.remote is not None:
-            stamp = stamp_of(location, self._matcher, task.rig)
+            stamp = stamp_of(location, self._procedures, task.rig)
             seen: Sequence[tuple[RecordingRecord, Sighting]] = self._seen.get(stamp or "", ())
         else:
             seen = self._seen.get(storable(location.place), ())
-            stamp = stamp_of(location, self._matcher, task.rig) if seen else None
+            stamp = stamp_of(location, self._procedures, task.rig) if seen else None
         for record, one in seen:
             if one.stamp is None or one.stamp != stamp or _tells_more(task.origin, record):
                 continue

@@ -26,21 +26,24 @@ from auditor.measurement import (
     measure_stream,
     use_one_thread,
 )
-from auditor.measurement.disparity.matchers import (
-    Matcher,
-    find_matcher,
-    libraries,
-    preflight,
-)
+from auditor.measurement.disparity.matchers import Matcher, find_matcher, libraries, preflight
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.coverage import with_repeats
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.geometry import in_force_by_any, negated, rigs_to_begin_with, settled_rigs
+from auditor.pipeline.geometry import always_in_force, in_force_by_any, negated, rigs_to_begin_with, settled_rigs
 from auditor.pipeline.known import sighted, stamp_of
-from auditor.pipeline.measured import CellsKept, Measured, MeasureTask, damage_of, measured_of, procedure_by
+from auditor.pipeline.measured import (
+    CellsKept,
+    Measured,
+    MeasureTask,
+    damage_of,
+    measured_of,
+    procedure_by,
+    procedures_by,
+)
 from auditor.recordings import (
     Changes,
     FrameStream,
@@ -89,7 +92,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
-    stamp = stamp_of(task.recording, matcher, task.rig)
+    procedures = procedures_by(matcher)
+    stamp = stamp_of(task.recording, procedures, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         surveyed = survey(recording)  # first: what it reads is hashed meanwhile
         entry.used("recording", recording.recording_id, storable(_shown(task, recording)))
@@ -98,7 +102,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         by_id, fresh = _Job(task, recording, store, matcher, progress).measure(surveyed)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
-        unchanged = stamp if stamp == stamp_of(task.recording, matcher, task.rig) else None
+        unchanged = stamp if stamp == stamp_of(task.recording, procedures, task.rig) else None
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
             kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
@@ -173,14 +177,12 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     """
     if rig_file is None:
         return settled_rigs(recording, surveyed)
-    rig = given_rig(rig_file, surveyed)
-    return RigsInForce((RigInForce(rig, survey(recording, rig.units_m) if rig.units_m else surveyed),))
+    return RigsInForce((always_in_force(recording, surveyed, given_rig(rig_file, surveyed)),))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
     """When one of a recording's own rigs is in force; any other rig always is."""
-    of_rig = survey(recording, rig.units_m) if rig.units_m else surveyed
-    return in_force_by_any(recording, surveyed, rig.rig_id) or RigInForce(rig, of_rig)
+    return in_force_by_any(recording, surveyed, rig.rig_id) or always_in_force(recording, surveyed, rig)
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
@@ -277,11 +279,8 @@ def _measure_frames(
                 counted, evidence = item
                 statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
                 unusual = standing_out(sensor_checks, statistics)
-                measurement = replace(
-                    counted,
-                    fault_features=fault_features.update(evidence),
-                    regions=localise(evidence, unusual.sensors, rig),
-                )
+                regions = localise(evidence, unusual.sensors, rig)
+                measurement = replace(counted, fault_features=fault_features.update(evidence), regions=regions)
                 kept = cells.of(counted.stamp_ns, unusual=unusual.cells)
                 writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted), with_cells=kept)
                 repeated.add(counted.fingerprints)

@@ -7,14 +7,13 @@ from pathlib import Path
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
-from auditor.model.pictures import SAMPLED_S, Cells, Pictures
+from auditor.model.pictures import Cells, Pictures, Sampling
 from auditor.model.rig_kind import ComparedTo
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
 
 _UNKNOWN = Origin()
-_SAMPLED_NS = SAMPLED_S * 10**9
 
 
 @dataclass(frozen=True)
@@ -91,15 +90,17 @@ def procedure_by(matcher: Matcher, compared_to: ComparedTo) -> Procedure:
     return procedure_of(matcher.name, matcher.settings, compared_to, measuring=measuring, synchronising=synchronising)
 
 
+def procedures_by(matcher: Matcher) -> tuple[Procedure, ...]:
+    """How this auditor measures with a matcher, whatever a rig compares."""
+    return tuple(procedure_by(matcher, compared_to) for compared_to in ComparedTo)
+
+
 class CellsKept:
     """Chooses, among the frames of a recording in the order of their stamps, those whose cells are kept."""
 
     def __init__(self, cells: Cells) -> None:
-        self._cells, self._sampled_ns = cells, -_SAMPLED_NS
+        self._cells, self._sampling = cells, Sampling()
 
     def of(self, stamp_ns: int, *, unusual: bool) -> bool:
         """Whether the next frame's are; `unusual` says that a statistic of it is unusually large."""
-        sampled = abs(stamp_ns - self._sampled_ns) >= _SAMPLED_NS
-        if sampled:
-            self._sampled_ns = stamp_ns
-        return sampled or unusual or self._cells is Cells.ALL
+        return self._sampling.takes(stamp_ns) or unusual or self._cells is Cells.ALL

@@ -23,6 +23,7 @@ from mcap.writer import CompressionType, Writer
 
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.pipeline.known import stamp_of
+from auditor.pipeline.measured import procedures_by
 from auditor.recordings import write_mcap
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Sighting, Store
@@ -46,7 +47,7 @@ _LENGTH_NS, _APART_NS = 100 * 10**9, 1000 * 10**9
 def write_known(store: Store, logs: Path) -> None:
     """Write a small file for each recording of a store, and say in the store that it was read from there."""
     logs.mkdir()
-    matcher = find_matcher("sgbm")
+    procedures = procedures_by(find_matcher("sgbm"))
     maker = MessageMaker("cdr")
     schemas = {name: maker.definition(name).encode() for name in TOPICS.values()}
     measured = {one.recording_id: one.measurement_id for one in store.measurements()}
@@ -55,7 +56,7 @@ def write_known(store: Store, logs: Path) -> None:
             path = logs / record.name
             begin_ns = START_NS + number // VEHICLES * _APART_NS + number % VEHICLES * 10**9
             write_blank(path, begin_ns, schemas)
-            stamp = stamp_of(path, matcher, None)
+            stamp = stamp_of(path, procedures, None)
             seen = Sighting(record.name, str(path), datetime.now(UTC), stamp, (measured[record.recording_id],))
             store.write_recording(replace(record, sightings=(seen,)))
     pack(store)

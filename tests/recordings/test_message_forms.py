@@ -13,10 +13,10 @@ from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.frames import Frame, SensorState
 from auditor.model.measurement import Counts, Statistic
-from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import FORMS, FOXGLOVE_FORMS, MessageForm, drive, through_container
 from tests.making.scenes import plane_rig
+from tests.making.whole_reads import frames_of
 
 MOST_OFF = 0.04  # equalising before matching moves a level by one where its share changes a little
 RIG = plane_rig((0.6, 0.3, 0.0))
@@ -31,14 +31,8 @@ ROWS = (
 
 def counts_of(path: Path) -> tuple[list[Frame], list[tuple[Counts | None, ...]]]:
     """The frames of a recording and what is counted in them; all it read is accounted for."""
-    with open_recording(path) as recording:
-        known = survey(recording)
-        [rig] = find_rigs(known)
-        stream = synchronise(recording, rig, known)
-        frames = list(stream)
-        assert recording.damage == ()
-        assert all(topic.adds_up for topic in stream.balance)
-        assert {topic.read for topic in stream.balance if topic.sensor is not None} == {len(FRAMES)}
+    rig, frames, stream = frames_of(path)
+    assert {topic.read for topic in stream.balance if topic.sensor is not None} == {len(FRAMES)}
     return frames, [measure(frame, rig, MATCHER)[0].counts for frame in frames]
 
 

@@ -149,15 +149,14 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
     column, row = np.rint(there).astype(np.intp).T
     hidden = before.nearest_m[row, column] < depth_m * STILL_LIGHT.hidden_share
     here, there = here[~hidden], there[~hidden]
-    residual, usable = _residual(now, before, here, there)
+    residual, usable, saturated = _residual(now, before, here, there)
     if np.count_nonzero(usable) < STILL_LIGHT.fewest_points:
         return None
-    here = here[usable]
-    return _by_cells(now, here, there[usable], residual[usable], _at(now.levels, here) >= now.saturation)
+    return _by_cells(now, here[usable], there[usable], residual[usable], saturated[usable])
 
 
-def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask]:
-    """(P,) by what share points are brighter than all that is predicted nearby, or darker; and which can be told.
+def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask, Mask]:
+    """(P,) by what share points are brighter than all predicted nearby, or darker; which can be told; which saturate.
 
     What was saturated may be brighter by any amount, and what is saturated is not darker.
     """
@@ -171,7 +170,7 @@ def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tup
     value = level.astype(np.float32)
     nearest = np.minimum(np.maximum(value, lower), np.maximum(upper, lower))
     residual = (value - nearest) / (np.float32(STILL_LIGHT.level) + np.float32(STILL_LIGHT.share) * nearest)
-    return np.clip(residual, -1, 1), ~(saturated & was_saturated)
+    return np.clip(residual, -1, 1), ~(saturated & was_saturated), saturated
 
 
 def _at(image: Image, place: Floats) -> Image:
@@ -214,10 +213,10 @@ def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
             shown = (one.weight * one.residual).astype(np.float32)
             weight = one.weight.astype(np.float32)
-            for place, side in enumerate((np.maximum(changes, 0), np.minimum(changes, 0))):
+            inside = np.maximum(changes, 0)
+            for place, side in enumerate((inside, np.minimum(changes, 0))):
                 sides[2 * place] += side @ shown
                 sides[2 * place + 1] += np.square(side) @ weight
-            inside = np.maximum(changes, 0)
             points += inside @ one.points.astype(np.float32)
             saturated += inside @ one.saturated.astype(np.float32)
         into, of_into, out, of_out = sides

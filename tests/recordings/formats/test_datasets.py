@@ -31,6 +31,7 @@ from tests.making.datasets import WriteFolder, write_argoverse, write_dgp, write
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import drive
 from tests.making.scenes import plane_rig
+from tests.making.whole_reads import frames_of
 
 RIG = plane_rig((0.6, 0.3, 0.0))
 FRAMES = drive(RIG, 2)
@@ -40,13 +41,7 @@ WRITERS: dict[str, WriteFolder] = {**LOSSLESS, "argoverse": write_argoverse}
 
 def measured(path: Path):
     """The frames, and every E of them; all is accounted for."""
-    with open_recording(path) as recording:
-        known = survey(recording)
-        [rig] = find_rigs(known)
-        stream = synchronise(recording, rig, known)
-        frames = list(stream)
-        assert recording.damage == ()
-        assert all(topic.adds_up for topic in stream.balance)
+    rig, frames, _ = frames_of(path)
     matcher = find_matcher("sgbm", MatcherOptions())
     counts = [measure(frame, rig, matcher)[0].counts for frame in frames]
     return frames, [[c.disparity_error(s) for c in of_frame for s in Statistic if c] for of_frame in counts]
