@@ -1,6 +1,7 @@
 """What a recording holds, as `auditor inspect --format json` prints it: topics, health, rigs and what they identify."""
 
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,14 +14,15 @@ from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
-from auditor.pipeline.geometry import rigs_to_begin_with
-from auditor.pipeline.measure import FirstFrames, RigDoubts, first_frames_of, rigs_through
+from auditor.pipeline.geometry import FirstFrames, RigDoubts, first_frames_of, rigs_through, rigs_to_begin_with
 from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared
 from auditor.recordings import (
     Changes,
+    FarAheadError,
     Health,
     Location,
     Recording,
+    RigInForce,
     RigsInForce,
     Survey,
     check_health,
@@ -28,6 +30,7 @@ from auditor.recordings import (
     outside_topics,
     rig_places,
     search_rigs,
+    share_a_read,
     survey,
     synchronise,
     unused_lidars,
@@ -230,12 +233,18 @@ def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) 
 
 def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Looked:
     first = [first_frames_of(recording, one, found.withheld) for one in found.rigs]
-    streams = [synchronise(recording, one.rig, one.survey, stretches=one.stretches) for one in found.rigs]
-    if changes is not None:
-        streams[0].heard_by(changes)
-    return _Looked(
-        found, first, [check_health(stream, one.rig) for stream, one in zip(streams, found.rigs, strict=True)]
-    )
+    return _Looked(found, first, _health_of(recording, found.rigs, changes))
+
+
+def _health_of(recording: Recording, rigs: Sequence[RigInForce], changes: Changes | None) -> list[Health]:
+    """The health of each rig's sensors: by one read, where the rigs can share it."""
+    if len(rigs) == 1 or all(one.reads_along for one in rigs):
+        streams = [synchronise(recording, one.rig, one.survey, stretches=one.stretches) for one in rigs]
+        if rigs[0].survey.interleaved:
+            share_a_read(recording, streams, [] if changes is None else [changes])
+        with suppress(FarAheadError):
+            return check_health([(stream, one.rig) for stream, one in zip(streams, rigs, strict=True)])
+    return [health for one in rigs for health in _health_of(recording, [one], changes)]
 
 
 def _coverage(

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from auditor.errors import RecordingError
-from auditor.pipeline.measure import rigs_through
+from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import Location, Recording, RigInForce, open_recording, survey
 
 

@@ -1,25 +1,36 @@
 """Before any verdict: where a recording's calibrations contradict themselves, its images and points say which is right.
 
 Each way to read them gives a rig, and a few frames are measured with it. One that fits, where the others do not, is
-taken and said. Where none fits, no verdict is given.
+taken and said. Where none fits, no verdict is given. What the first frames, or all of them, have to say against a rig
+is said beside its verdicts.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.measurement import geometry_fit, measure, use_one_thread
+from auditor.measurement import (
+    CalibrationCheck,
+    FaultFeatures,
+    geometry_fit,
+    measure,
+    measure_stream,
+    use_one_thread,
+)
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Skipped
+from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
 from auditor.recordings import (
     Changes,
     Contradictions,
+    FrameStream,
     Positions,
     Recording,
     RigInForce,
@@ -27,6 +38,7 @@ from auditor.recordings import (
     Survey,
     contradictions,
     find_rigs,
+    given_rig,
     read_by,
     rigs_in_force,
     rigs_unless_changed,
@@ -36,6 +48,10 @@ from auditor.recordings import (
 )
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
+
+
+_CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
+_SUCCESSIVE_FRAMES = (0, 4, 1)  # of a lone camera: each is compared with the one before
 
 
 class _Candidate(NamedTuple):
@@ -85,7 +101,27 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     return rigs_unless_changed(recording, surveyed)
 
 
-def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigInForce | None:
+def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
+    """The rigs that a recording is audited with, and when each is in force; that of a rig file always is.
+
+    Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
+    """
+    if rig_file is None:
+        return settled_rigs(recording, surveyed)
+    return RigsInForce((_always_in_force(recording, surveyed, given_rig(rig_file, surveyed)),))
+
+
+def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
+    """When one of a recording's own rigs is in force; any other rig always is."""
+    return _in_force_by_any(recording, surveyed, rig.rig_id) or _always_in_force(recording, surveyed, rig)
+
+
+def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
+    """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
+    return find_rigs(surveyed) if rig_file is None else (given_rig(rig_file, surveyed),)
+
+
+def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigInForce | None:
     """When the rig of an id is in force, however the recording's calibrations are read; None where it never is."""
     for conventions in contradictions(surveyed).candidates:
         try:
@@ -98,12 +134,12 @@ def in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigI
     return None
 
 
-def always_in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
+def _always_in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
     """A rig that no calibration of the recording ends, surveyed anew where its points have a unit of their own."""
     return RigInForce(rig, survey(recording, rig.units_m) if rig.units_m else surveyed)
 
 
-def negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> str:
+def _negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> str:
     """Why no verdict may be given where the images of a rig fit by `pictures`: they fit its cameras in reverse order.
 
     Empty where they do not, or fit as they are.
@@ -121,6 +157,47 @@ def negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) -> 
                     f"the wrong sign; {_REPAIR}"
                 )
     return ""
+
+
+class RigDoubts(NamedTuple):
+    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
+
+    calibration_warnings: tuple[str, ...]
+    withheld: str
+
+
+class FirstFrames(NamedTuple):
+    """What some of a recording's first frames show: `measured` ones; in `compared` of them three sensors could be."""
+
+    doubts: RigDoubts
+    measured: int
+    compared: int
+
+
+def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -> FirstFrames:
+    """Measure some of the first frames of a recording with one rig; `withheld` is what is known already."""
+    use_one_thread()
+    matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
+    stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
+    frames = (frame for frame in stream if isinstance(frame, Frame))
+    measured = compared = 0
+    chosen = islice(frames, *(_SUCCESSIVE_FRAMES if rig.by_time else _CALIBRATION_FRAMES))
+    for item in measure_stream(chosen, rig, matcher):
+        assert not isinstance(item, Skipped)
+        found, evidence = item
+        check.add(evidence, FaultFeatures().update(evidence))
+        measured += 1
+        compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
+    return FirstFrames(doubts_of(recording, in_force, check, withheld, stream), measured, compared)
+
+
+def doubts_of(
+    recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
+) -> RigDoubts:
+    """What a check of some of a stream's frames, or of all, finds to say against their rig."""
+    warnings = (*check.warnings(), *stream.remarks)
+    withheld = withheld or stream.timing.withheld or check.withheld()
+    return RigDoubts(warnings, withheld or _negated(recording, in_force.survey, in_force.rig, check.pictures))
 
 
 def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:

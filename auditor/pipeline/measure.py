@@ -1,15 +1,13 @@
 """One recording, from its messages to finished measurements in a store: one for each of its rigs."""
 
 import platform
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
-from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
 
 from auditor import __version__
 from auditor.errors import RigError
@@ -30,10 +28,10 @@ from auditor.measurement.disparity.matchers import Matcher, find_matcher, librar
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.coverage import with_repeats
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Measurement, Statistic
+from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.geometry import always_in_force, in_force_by_any, negated, rigs_to_begin_with, settled_rigs
+from auditor.pipeline.geometry import doubts_of, rigs_through, rigs_to_begin_with
 from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import (
     CellsKept,
@@ -46,6 +44,7 @@ from auditor.pipeline.measured import (
 )
 from auditor.recordings import (
     Changes,
+    FarAheadError,
     FrameStream,
     FrameTimes,
     Origin,
@@ -54,12 +53,12 @@ from auditor.recordings import (
     RigInForce,
     RigsInForce,
     Survey,
-    find_rigs,
     format_of,
-    given_rig,
+    in_turn,
     located,
     open_recording,
     read_poses,
+    share_a_read,
     survey,
     synchronise,
 )
@@ -79,8 +78,6 @@ from auditor.store.maintenance.removal import remove_counted_earlier, remove_mea
 from auditor.store.records import content_id
 
 _PREFLIGHT_FRAMES = 3
-_CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
-_SUCCESSIVE_FRAMES = (0, 4, 1)  # of a lone camera: each is compared with the one before
 _VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")
 
 
@@ -161,88 +158,109 @@ class _Job:
 
     def _measure_all(self, todo: Mapping[str, RigInForce], found: RigsInForce, changes: Changes | None = None) -> bool:
         """Measure with some rigs; False, and nothing is kept, where `changes` finds one in the first read."""
-        for known, one in todo.items():
-            if not _measure(self, one, found, changes):
+        try:
+            for rigs in self._together(todo.values()):
+                if not _measure(self, rigs, found, changes):
+                    return False
+                changes = None
+        except FarAheadError:
+            if changes is not None:
                 return False
-            changes = None
-            if self.task.again:
-                remove_counted_earlier(self.store, known)
+            for one in todo.values():
+                _measure(self, [one], found, None)
         return True
 
+    def _together(self, rigs: Collection[RigInForce]) -> list[list[RigInForce]]:
+        """The rigs in groups that are measured in one read: all, where each can read along with the others.
 
-def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
-    """The rigs that a recording is audited with, and when each is in force; that of a rig file always is.
+        A network takes the pairs of several frames at once, in a thread of its own: there each rig has a read.
+        """
+        together = all(one.reads_along for one in rigs) and not libraries(self.matcher)
+        return [list(rigs)] if together else [[one] for one in rigs]
 
-    Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
+
+def _measure(job: _Job, rigs: Sequence[RigInForce], found: RigsInForce, changes: Changes | None) -> bool:
+    """Measure a recording with some rigs in one read; False where `changes` finds that a calibration changes.
+
+    Then nothing is kept. Raises FarAheadError, and nothing is kept, where they cannot share a read.
     """
-    if rig_file is None:
-        return settled_rigs(recording, surveyed)
-    return RigsInForce((always_in_force(recording, surveyed, given_rig(rig_file, surveyed)),))
+    recording = job.recording
+    streams = [synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches) for one in rigs]
+    passed = PoseMessages(recording) if all(one.survey.interleaved for one in rigs) else None
+    if libraries(job.matcher):
+        for one, stream in zip(rigs, streams, strict=True):
+            _preflight(recording, one.rig, job.matcher, stream, job.progress)
+    if passed is not None:
+        share_a_read(recording, streams, [passed] if changes is None else [changes, passed])
+    done = [0] * len(rigs)
+    with ExitStack() as stack:
+        measured = [
+            stack.enter_context(closing(_measured_with(job, one, found, stream, passed)))
+            for one, stream in zip(rigs, streams, strict=True)
+        ]
+        for place, frames in in_turn([iter(one.__next__, None) for one in measured]):
+            done[place] = frames
+            job.progress(recording.path.name, sum(done))
+            if changes is not None and changes.any:
+                return False
+        if changes is not None and changes.any:
+            return False
+        for finished in measured:
+            next(finished, None)
+    return True
 
 
-def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
-    """When one of a recording's own rigs is in force; any other rig always is."""
-    return in_force_by_any(recording, surveyed, rig.rig_id) or always_in_force(recording, surveyed, rig)
-
-
-def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
-    """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
-    return find_rigs(surveyed) if rig_file is None else (given_rig(rig_file, surveyed),)
-
-
-def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Changes | None) -> bool:
+def _measured_with(
+    job: _Job, in_force: RigInForce, found: RigsInForce, stream: FrameStream, passed: PoseMessages | None
+) -> Generator[int | None]:
     """Measure a recording with one rig; what is kept becomes visible with the last write.
 
-    False where `changes` finds that a calibration changes: then nothing is kept.
+    Yields how many frames are done, and None behind the last one: until then nothing is kept.
 
     An earlier measurement goes with its judgements before the first table of the new one is put in its place: a store
     has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into force behind
     the last frame.
     """
-    started, rig = perf_counter(), in_force.rig
+    rig = in_force.rig
     recording, store, matcher, known = job.recording, job.store, job.matcher, job.measurement_id(rig)
     cells, thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
     check, repeated = CalibrationCheck(), RepeatedData()
     store.write_rig(rig)
-    stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
-    if libraries(matcher):
-        _preflight(recording, rig, matcher, stream, job.progress)
-    passed = PoseMessages(recording) if in_force.survey.interleaved else None
-    stream.heard_by(*(one for one in (changes, passed) if one is not None and one.topics))
     with (
         store.frames_writer(known, rig) as writer,
         closing(_measure_frames(stream, rig, matcher, writer, cells, thumbnails, check, repeated)) as measured,
     ):
-        done = 0
+        done, spent_s, since_s = 0, 0.0, perf_counter()
         for done in measured:
-            job.progress(recording.path.name, done)
-            if changes is not None and changes.any:
-                return False
-        if changes is not None and changes.any:
-            return False
+            spent_s += perf_counter() - since_s
+            yield done
+            since_s = perf_counter()
+        balance, coverage = stream.balance, with_repeats(stream.coverage, repeated.counts)
+        damage = tuple(str(piece) for piece in stream.damage)
+        yield None  # from here on others read the recording, too
         if done == 0 and in_force.stretches[0].from_ns is not None:
-            return True
+            return
         if writer.measured == 0:
             raise RigError(
                 "no frame with three overlapping sensors could be put together",
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
-        doubts = _doubts(recording, in_force, check, found.withheld, stream)
+        doubts = doubts_of(recording, in_force, check, found.withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
             procedure=procedure_by(matcher, rig.kind.compared_to),
-            balance=stream.balance,
+            balance=balance,
             versions=_versions(matcher),
             measured_at=datetime.now(UTC),
-            seconds=perf_counter() - started,
-            damage=tuple(str(piece) for piece in stream.damage),
+            seconds=spent_s,
+            damage=damage,
             calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
             withheld=doubts.withheld or None,
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
-            coverage=with_repeats(stream.coverage, repeated.counts),
+            coverage=coverage,
         )
         poses = read_poses(recording, FrameTimes(*writer.frames), passed)  # the recording's damage may be theirs
         recording.check_unchanged()
@@ -256,7 +274,8 @@ def _measure(job: _Job, in_force: RigInForce, found: RigsInForce, changes: Chang
             for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         ]
         writer.commit(replace(record, pose_topics=poses.topics), files)
-    return True
+        if job.task.again:
+            remove_counted_earlier(store, known)
 
 
 def _measure_frames(
@@ -307,46 +326,6 @@ def unmasked_statistics(
     found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
     of_check = dict(zip(others, found, strict=True))
     return tuple(of_check.get(one) for one in sensor_checks)
-
-
-class RigDoubts(NamedTuple):
-    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
-
-    calibration_warnings: tuple[str, ...]
-    withheld: str
-
-
-class FirstFrames(NamedTuple):
-    """What some of a recording's first frames show: `measured` ones; in `compared` of them three sensors could be."""
-
-    doubts: RigDoubts
-    measured: int
-    compared: int
-
-
-def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -> FirstFrames:
-    """Measure some of the first frames of a recording with one rig; `withheld` is what is known already."""
-    use_one_thread()
-    matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
-    stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
-    frames = (frame for frame in stream if isinstance(frame, Frame))
-    measured = compared = 0
-    chosen = islice(frames, *(_SUCCESSIVE_FRAMES if rig.by_time else _CALIBRATION_FRAMES))
-    for item in measure_stream(chosen, rig, matcher):
-        assert not isinstance(item, Skipped)
-        found, evidence = item
-        check.add(evidence, FaultFeatures().update(evidence))
-        measured += 1
-        compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
-    return FirstFrames(_doubts(recording, in_force, check, withheld, stream), measured, compared)
-
-
-def _doubts(
-    recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
-) -> RigDoubts:
-    warnings = (*check.warnings(), *stream.remarks)
-    withheld = withheld or stream.timing.withheld or check.withheld()
-    return RigDoubts(warnings, withheld or negated(recording, in_force.survey, in_force.rig, check.pictures))
 
 
 def _recording_record(

@@ -24,6 +24,7 @@ from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, PoseMessages, read_poses
+from auditor.recordings.synchronisation.shared_read import FarAheadError, Listener, in_turn, share_a_read
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
@@ -33,12 +34,14 @@ __all__ = [
     "Contradictions",
     "ConvertReport",
     "Damage",
+    "FarAheadError",
     "Found",
     "FoundRigs",
     "FramePoses",
     "FrameStream",
     "FrameTimes",
     "Health",
+    "Listener",
     "Location",
     "Origin",
     "PoseMessages",
@@ -58,6 +61,7 @@ __all__ = [
     "find_rigs",
     "format_of",
     "given_rig",
+    "in_turn",
     "located",
     "open_recording",
     "outside_topics",
@@ -71,6 +75,7 @@ __all__ = [
     "rigs_in_force",
     "rigs_unless_changed",
     "search_rigs",
+    "share_a_read",
     "survey",
     "synchronise",
     "unused_lidars",

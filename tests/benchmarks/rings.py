@@ -1,20 +1,24 @@
 """What a ring of cameras and a LiDAR find in time on rendered streets: clean frames that are raised, and walls.
 
-    python -m tests.benchmarks.rings [--fleet nuscenes] [--scale 0.5] [--first 100] [--streets 9] [--walls 3]
+    python -m tests.benchmarks.rings [--fleet nuscenes] [--scale 0.5] [--first 100] [--streets 9] [--walls 3] [--cost]
 
 Each street is driven for ten frames by a vehicle of a published fleet, its cameras smaller by a scale, and scanned with
 nothing learnt: printed are the frames that are raised and, behind the first, not audited, by camera. Then come streets
 with a wall in eight of 14 frames before each camera in turn, 8 m away, or 4 m where the camera looks aside: the frames
-that name S_0 by the rig of that camera and by others, and the incidents.
+that name S_0 by the rig of that camera and by others, and the incidents. With `--cost` only what measuring one street
+takes in one read for all cameras, beside a read for each.
 """
 
 import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -27,11 +31,15 @@ from auditor.lab.simulation.streets import STYLES
 from auditor.model.arrays import Image, Points
 from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
+from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import open_recording, search_rigs, survey
+from auditor.recordings.synchronisation import shared_read
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
 
 FRAMES, WALLED_FRAMES, ATTACKED = 10, 14, range(4, 12)
+COST_FRAMES = 24
 AHEAD_M, ASIDE_M = 8.0, 4.0
 SIDEWAYS_DEG = 30.0
 CAMERAS = "SELECT DISTINCT measurement_id, name FROM sensors WHERE sensor = (SELECT max(sensor) FROM sensors)"
@@ -95,6 +103,23 @@ def walled(folder: Path, rig: PublishedRig, seed: int) -> None:
         )
 
 
+def cost(folder: Path, rig: PublishedRig, seed: int) -> None:
+    """The CPU time of measuring a drive in one read and in a read for each camera, in turn, and their ratio."""
+    path = write_published(folder / "ring.mcap", rig, *seen(make_ring_drive(rig, seed, COST_FRAMES), COST_FRAMES))
+    whole, none = shared_read.FRAME_WINDOW, replace(shared_read.FRAME_WINDOW, most_bytes=0)
+    spent: dict[str, list[float]] = {"warm": [], "one read": [], "a read each": []}
+    for round_, how in enumerate(("warm", *("one read", "a read each") * 3)):
+        shared_read.FRAME_WINDOW = none if how == "a read each" else whole
+        began = process_time()
+        measure_recording(MeasureTask(path, folder / f"store {round_}"), lambda _, __: None)
+        spent[how].append(process_time() - began)
+    shared_read.FRAME_WINDOW = whole
+    one, each = median(spent["one read"]), median(spent["a read each"])
+    print(
+        f"{len(rig.cameras)} cameras, {COST_FRAMES} frames: {one:.2f} and {each:.2f} CPU s, a ratio of {one / each:.2f}"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--fleet", choices=PUBLISHED_RIGS, default="nuscenes")
@@ -102,9 +127,13 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--streets", type=int, default=9)
     parser.add_argument("--walls", type=int, nargs="*", default=[3], help="seeds of streets with walls")
+    parser.add_argument("--cost", action="store_true")
     options = parser.parse_args()
     rig = PUBLISHED_RIGS[options.fleet].smaller(options.scale)
     with TemporaryDirectory() as place:
+        if options.cost:
+            cost(Path(place), rig, options.first)
+            return
         total: Counter[str] = Counter()
         for seed in range(options.first, options.first + options.streets):
             total += clean(Path(place), rig, seed)

@@ -23,8 +23,12 @@ def write_published(
     rig: PublishedRig,
     pictures: Sequence[Mapping[str, Image]],
     clouds: Sequence[Mapping[str, Points]],
+    lasts: Mapping[str, int] | None = None,
 ) -> Path:
-    """An MCAP file of a rig with a picture of each camera and a cloud of each LiDAR a frame, by their names."""
+    """An MCAP file of a rig with a picture of each camera and a cloud of each LiDAR a frame, by their names.
+
+    A camera that `lasts` for some frames only has no messages behind them.
+    """
     maker = MessageMaker("cdr")
     with mcap_file(path, profile="ros2", compression="zstd") as file:
 
@@ -38,6 +42,8 @@ def write_published(
         for number, (seen, points) in enumerate(zip(pictures, clouds, strict=True)):
             stamp_ns = START_NS + number * PERIOD_NS
             for camera in rig.cameras:
+                if lasts and number >= lasts.get(camera.name, number + 1):
+                    continue
                 at = stamp_ns, camera.name
                 P = np.hstack([camera.intrinsics, np.zeros((3, 1))])
                 info = maker.camera_info(P, *camera.size_px, *at, camera.lens)

@@ -14,7 +14,7 @@ from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import VerdictKind
-from auditor.pipeline.measure import rigs_through
+from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import RigsInForce, open_recording, survey, write_mcap
 from auditor.recordings.writers import frames as writer
 from auditor.recordings.writers.messages import MessageMaker

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import RigError
 from auditor.model.frames import Frame
-from auditor.pipeline.measure import rigs_through
+from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import open_recording, schemas, survey, synchronise, write_rig
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.message_forms import drive, ros

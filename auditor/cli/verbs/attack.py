@@ -142,7 +142,7 @@ class _Wanted:
 def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> None:
     """Write the compromised copy."""
     from auditor.lab.attacks.schedule import Attacker  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.measure import rigs_of  # noqa: PLC0415
+    from auditor.pipeline.geometry import rigs_of  # noqa: PLC0415
     from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
 
     with open_recording(source) as recording:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Frame
-from auditor.pipeline.measure import in_force
+from auditor.pipeline.geometry import in_force
 from auditor.pipeline.remote.finding import remote_of
 from auditor.recordings import FrameStream, Location, Recording, find_recordings, open_recording, survey, synchronise
 from auditor.resources import is_address

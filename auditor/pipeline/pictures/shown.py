@@ -15,7 +15,7 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture
 from auditor.model.rig import Rig
-from auditor.pipeline.measure import rigs_through
+from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import Location, Recording, open_recording, survey, synchronise
 from auditor.store import Store, rows_of, run_sql
 

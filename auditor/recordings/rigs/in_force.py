@@ -35,6 +35,14 @@ class RigInForce:
     survey: Survey
     stretches: tuple[Stretch, ...] = WHOLE
 
+    @property
+    def reads_along(self) -> bool:
+        """Whether its frames can be made in a read for several rigs: it is in force from beginning to end.
+
+        A rig that comes into force later would take in all messages before while the others wait.
+        """
+        return self.survey.interleaved and len(self.stretches) == 1
+
 
 class RigsInForce(NamedTuple):
     """The rigs of a recording, those of its beginning first, and a sentence for each change or repair.

@@ -9,12 +9,9 @@ within the tolerance belongs to it. Waiting messages stay as recorded; pixels an
 complete.
 """
 
-from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import merge
-from itertools import chain
-from typing import Protocol
 
 import numpy as np
 
@@ -33,17 +30,6 @@ from auditor.recordings.synchronisation.stretches import WHOLE, Stretch, stretch
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.recordings.synchronisation.sweeps import Assembled, SweepAssembly
 from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Window
-
-
-class Listener(Protocol):
-    """Takes the messages of its `topics` in a read that is made for frames."""
-
-    @property
-    def topics(self) -> Collection[str]:
-        """The topics that it takes."""
-
-    def take(self, message: Message) -> None:
-        """Take one message, in the order of the recording."""
 
 
 class FrameStream:
@@ -65,16 +51,18 @@ class FrameStream:
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(recording.definition, rig.units_m)
-        self._listeners: tuple[Listener, ...] = ()
+        self._shared: Iterator[Message] | None = None
         self.clock_jumps = 0
 
-    def heard_by(self, *listeners: "Listener") -> None:
-        """Let others take the messages of their own topics in the read of the next iteration, the only one there is.
+    @property
+    def topics(self) -> frozenset[str]:
+        """The topics of the rig's sensors."""
+        return frozenset(self._rig.topic(sensor) for sensor in self._rig.sensors)
 
-        The topics must be interleaved: else each has a read of its own.
-        """
-        assert self._survey.interleaved or not listeners
-        self._listeners = listeners
+    def take_from(self, messages: Iterator[Message]) -> None:
+        """Take the messages of the next iteration, the only one there is, from a read that is somebody else's."""
+        assert self._survey.interleaved
+        self._shared = messages
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
         maker = self._begun()
@@ -128,28 +116,14 @@ class FrameStream:
 
     def _arrivals(self, by_topic: Mapping[str, int], decoders: Decoders) -> Iterator[tuple[int, Waiting]]:
         if self._survey.interleaved:
-            streams = [self._stamped(self._messages(by_topic.keys()), by_topic, decoders)]
+            messages = self._recording.messages(by_topic.keys()) if self._shared is None else self._shared
+            streams = [self._stamped(messages, by_topic, decoders)]
         else:
             # The topics lie one after the other in the file: each gets a read of its own, and the reads are merged.
             streams = [
                 self._stamped(self._recording.messages({topic}), by_topic, decoders) for topic in sorted(by_topic)
             ]
         return merge(*streams, key=lambda arrival: arrival[1].time_ns) if len(streams) > 1 else streams[0]
-
-    def _messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """The messages of some topics, in the order of the recording; the others' go to whoever listens."""
-        if not self._listeners:
-            yield from self._recording.messages(topics)
-            return
-        for message in self._recording.messages({*topics, *chain(*(one.topics for one in self._listeners))}):
-            for listener in self._listeners:
-                if message.topic in listener.topics:
-                    listener.take(message)
-            if message.topic in topics:
-                yield message
-        if self._recording.damage:
-            # Some of it may be of messages that no sensor of the rig has: what is damaged of its own is read again.
-            deque(self._recording.messages(topics), maxlen=0)
 
     def _stamped(
         self, messages: Iterator[Message], by_topic: Mapping[str, int], decoders: Decoders

@@ -9,7 +9,7 @@ from mcap.writer import Writer
 from auditor.errors import RigError
 from auditor.model.frames import Frame, Message, PointCloud, SensorState, Skipped
 from auditor.model.rig import Rig
-from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.recordings import find_rigs, open_recording, share_a_read, survey, synchronise, write_mcap
 from auditor.recordings.formats.unpacking import ZSTD_MAGIC
 from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.recording import Topic
@@ -388,7 +388,7 @@ def test_others_hear_the_messages_of_the_read_that_makes_frames(tmp_path: Path) 
         topic = RIG.camera(1).topic
         info, image = Heard(topic.rpartition("/")[0] + "/camera_info"), Heard(topic)
         plain, stream = stream_of(recording, RIG), stream_of(recording, RIG)
-        stream.heard_by(info, image)
+        share_a_read(recording, [stream], [info, image])
         assert all(map(same_frame, split(plain)[0], split(stream)[0]))
         assert stream.balance == plain.balance
         for heard in (info, image):
@@ -410,7 +410,7 @@ def test_what_is_damaged_of_messages_that_others_hear_is_no_damage_of_the_sensor
     with open_recording(target) as recording:
         frames = stream_of(recording, RIG)
         heard = Heard(topic)
-        frames.heard_by(heard)
+        share_a_read(recording, [frames], [heard])
         assert len(split(frames)[0]) == 5
         assert 0 < len(heard.messages) < 5
         assert not frames.damage
