@@ -65,6 +65,11 @@ class ParallaxConflict:
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(0.2, unit="NCC elsewhere less that at the LiDAR's range", source=_DRIVES)
     agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
+    rows_within: float = parameter(
+        6 * 8 / 721,
+        unit="radians in which a conflict has another one above or below it: a window of the statistic",
+        source="clean frames and walls of KITTI's drives and of rings (docs/decisions.md)",
+    )
     nearby_px: tuple[int, int] = parameter(
         (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND
     )
@@ -100,8 +105,11 @@ class StillLight:
     hidden_share: float = parameter(
         0.93, unit="share of a point's depth, within which something nearer hides it", source=BY_HAND
     )
+    most_apart_px: int = parameter(
+        12, unit="quarter px to the LiDAR's next row, out to which something nearer hides it, at most", source=BY_HAND
+    )
     mean_px: int = parameter(3, unit="quarter px over which levels are means", source="as the light of two cameras")
-    nearby_px: int = parameter(3, unit="quarter px in which levels and depths are nearby", source=BY_HAND)
+    nearby_px: int = parameter(3, unit="quarter px in which levels and depths are nearby, at least", source=BY_HAND)
     level: float = parameter(30.0, unit="grey levels of a residual of 1, and", source=_FACULAS)
     share: float = parameter(0.25, unit="share of the prediction that is added to them", source=_FACULAS)
     cell: float = parameter(0.02, unit="of the width: cells over which points are means", source=BY_HAND)

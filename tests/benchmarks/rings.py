@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 
 from auditor.cli import run
-from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS, PublishedRig
 from auditor.lab.simulation.rings import RingDrive, make_ring_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.model.arrays import Image, Points
-from auditor.model.frames import PointCloud
+from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
@@ -40,6 +40,7 @@ from tests.making.published_recordings import write_published
 
 FRAMES, WALLED_FRAMES, ATTACKED = 10, 14, range(4, 12)
 COST_FRAMES = 24
+PAPER_RADIUS_SHARE = 280 / 1242
 AHEAD_M, ASIDE_M = 8.0, 4.0
 SIDEWAYS_DEG = 30.0
 CAMERAS = "SELECT DISTINCT measurement_id, name FROM sensors WHERE sensor = (SELECT max(sensor) FROM sensors)"
@@ -103,6 +104,27 @@ def walled(folder: Path, rig: PublishedRig, seed: int) -> None:
         )
 
 
+def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
+    """Streets with a facula of the paper's size on each camera in turn: frames that name it, and others."""
+    pictures, clouds = seen(make_ring_drive(rig, seed, WALLED_FRAMES), WALLED_FRAMES)
+    for camera in rig.cameras:
+        width, height = camera.size_px
+        draw = np.random.default_rng([seed, width, len(camera.name)]).uniform
+        place = (draw(0.25, 0.75) * width, draw(0.25, 0.75) * height)
+        light = Facula(255.0, PAPER_RADIUS_SHARE * width, *place)
+        attacked = [
+            {**one, camera.name: light.apply(CameraImage(1, n, one[camera.name])).pixels} if n in ATTACKED else one
+            for n, one in enumerate(pictures)
+        ]
+        rows, incidents = scanned(folder, rig, attacked, clouds)
+        named = Counter(row["camera"] for row in rows if row["attacked"] == [1] and row["frame"] in ATTACKED)
+        print(
+            f"{seed}: facula at {place[0]:.0f}, {place[1]:.0f} on {camera.name}: named in {named.pop(camera.name, 0)} "
+            f"of {len(ATTACKED)}, others {dict(named)}; {incidents} incidents",
+            flush=True,
+        )
+
+
 def cost(folder: Path, rig: PublishedRig, seed: int) -> None:
     """The CPU time of measuring a drive in one read and in a read for each camera, in turn, and their ratio."""
     path = write_published(folder / "ring.mcap", rig, *seen(make_ring_drive(rig, seed, COST_FRAMES), COST_FRAMES))
@@ -127,6 +149,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--streets", type=int, default=9)
     parser.add_argument("--walls", type=int, nargs="*", default=[3], help="seeds of streets with walls")
+    parser.add_argument("--lights", type=int, nargs="*", default=[3], help="seeds of streets with faculas")
     parser.add_argument("--cost", action="store_true")
     options = parser.parse_args()
     rig = PUBLISHED_RIGS[options.fleet].smaller(options.scale)
@@ -140,6 +163,8 @@ def main() -> None:
         print(dict(total))
         for seed in options.walls:
             walled(Path(place), rig, seed)
+        for seed in options.lights:
+            lit(Path(place), rig, seed)
 
 
 if __name__ == "__main__":

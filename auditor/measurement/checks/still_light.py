@@ -20,7 +20,7 @@ from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.ego_motion import Motion, pixels_of
 from auditor.measurement.parameters import HALF
 from auditor.measurement.time_parameters import STILL_LIGHT
-from auditor.model.arrays import Floats, Floats32, Image, Mask
+from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 
 _STEP = HALF * HALF
@@ -36,7 +36,8 @@ class Glimpse:
     """What is kept of a frame to see light by: its picture at quarter resolution, (h, w) means of levels.
 
     `intrinsics` (3, 3) are those of such a picture, `nearest_m` (h, w) the depth of the nearest LiDAR point around each
-    pixel, inf where there is none. `world_SE3_camera` is where the camera was, after `way_m`; `stamp_ns` when.
+    pixel, out to the LiDAR's next rows above and below; inf where there is none. `world_SE3_camera` is where the
+    camera was, after `way_m`; `stamp_ns` when.
     """
 
     stamp_ns: int
@@ -60,7 +61,9 @@ class Glimpse:
         column, row = place[inside].T
         np.minimum.at(nearest, (row, column), point_m[inside, 2].astype(np.float32))
         blurred = np.asarray(cv2.blur(quarter, (STILL_LIGHT.mean_px, STILL_LIGHT.mean_px)), dtype=np.uint8)
-        return cls(stamp_ns, blurred, saturation_level(quarter), K, _least(nearest), *placed)
+        rows = max(STILL_LIGHT.nearby_px, 2 * _rows_apart(row, column) + 1)
+        nearest = np.asarray(cv2.erode(nearest, np.ones((rows, STILL_LIGHT.nearby_px), dtype=np.uint8)))
+        return cls(stamp_ns, blurred, saturation_level(quarter), K, nearest, *placed)
 
     @cached_property
     def highest(self) -> Image:
@@ -131,8 +134,12 @@ def _cell_px(now: Glimpse) -> int:
     return max(round(width * STILL_LIGHT.cell), 1)
 
 
-def _least(depth_m: Floats32) -> Floats32:
-    return np.asarray(cv2.erode(depth_m, _NEARBY), dtype=np.float32)
+def _rows_apart(row: Indices, column: Indices) -> int:
+    """How many pixels lie between the LiDAR's rows: the median of its points (M,) one above the other."""
+    order = np.lexsort((row, column))
+    steps = np.diff(row[order])[np.diff(column[order]) == 0]
+    steps = steps[steps > 0]
+    return min(int(np.median(steps)), STILL_LIGHT.most_apart_px) if steps.size else 1
 
 
 def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:

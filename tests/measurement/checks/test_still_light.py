@@ -9,7 +9,9 @@ import pytest
 from auditor.lab.attacks.paper import Facula
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import measure_stream
+from auditor.measurement.checks.still_light import Glimpse
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.ego_motion import Motion
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Measurement
@@ -72,3 +74,19 @@ def test_where_the_vehicle_stands_nothing_is_looked_at() -> None:
     found = measured(standing)
     assert [one.shares.get(STILL) for one in found] == [None] * 4
     assert found[-1].coverage[1].compared_share == 0
+
+
+@pytest.mark.parametrize(("every", "reach"), [(1, 1), (4, 4), (9, 9), (30, 12)])
+def test_near_points_of_a_sparse_lidar_hide_what_lies_behind_out_to_its_next_rows(every: int, reach: int) -> None:
+    """At quarter resolution a LiDAR of 32 rings leaves several rows of pixels between two of them."""
+    row, column = (one.ravel() for one in np.mgrid[40:101:every, 20:60])
+    quarter = np.array([[160.0, 0, 159.5], [0, 160.0, 79.5], [0, 0, 1]])
+    point_m = 10.0 * np.stack([column, row, np.ones(row.size)], axis=1) @ np.linalg.inv(quarter).T
+    whole = np.array([[640.0, 0, 639.5], [0, 640.0, 319.5], [0, 0, 1]])
+    here = Motion(np.eye(3), np.zeros(3)), 0.0
+    nearest_m = Glimpse.of(0, np.zeros((320, 640), np.uint8), whole, point_m, here).nearest_m
+    known = nearest_m < 11
+    rows = np.flatnonzero(known[:, 40])
+    assert (rows[0], rows[-1]) == (40 - reach, row.max() + reach)
+    assert known[rows[0] : rows[-1] + 1, 25:55].all() == (every < 30), "the rows of a LiDAR leave no gap"
+    assert not known[:, 62:].any()
