@@ -51,8 +51,9 @@ def test_footprints_agree_however_they_are_turned() -> None:
 def test_only_objects_that_the_other_could_have_named_need_a_partner() -> None:
     car, tree = Detection(ImageBox(0, 0, 10, 10), label="Car"), Detection(ImageBox(40, 0, 50, 10))
     named = frozenset({"Car"})
-    assert best_partners([car], [tree], labels_of_first=named, labels_of_second=None) == (0.0,)
-    assert best_partners([car], [car, tree], labels_of_first=None, labels_of_second=None) == (1.0, 1.0, 0.0)
+    assert best_partners([car], [tree], labels_of_first=named, labels_of_second=None) == ((0.0, 1.0),)
+    found = best_partners([car], [car, tree], labels_of_first=None, labels_of_second=None)
+    assert [one.iou for one in found] == [1.0, 1.0, 0.0]
     assert best_partners([], [], labels_of_first=None, labels_of_second=None) == ()
 
 
@@ -180,7 +181,7 @@ def test_settings_identify_a_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "problem"),
     [
-        (["yolo"], "there is no detector 'yolo'; use geometric or onnx:FILE"),
+        (["yolo"], "there is no detector 'yolo'; use geometric, streets or onnx:FILE"),
         (["onnx:"], "there is no detector 'onnx:'"),
         (["onnx:none.onnx"], "no description beside the model"),
     ],

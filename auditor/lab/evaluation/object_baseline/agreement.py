@@ -13,7 +13,7 @@ from auditor.lab.evaluation.object_baseline.detectors.geometric import (
     lidar_points,
     stereo_points,
 )
-from auditor.lab.evaluation.object_baseline.detectors.overlap import best_partners
+from auditor.lab.evaluation.object_baseline.detectors.overlap import Partnered, best_partners
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _IN_FRONT_M = 0.5
@@ -31,9 +31,13 @@ class AttackedObjects:
         self._rig = attacked_frame.view_rig
         self._detectors = detectors
 
-    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[float, ...]:
+    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[Partnered, ...]:
         """For each object of one sensor the best intersection over union with an object of the other."""
-        return tuple(value for overlaps in self._overlaps(triple, attacks) for value in overlaps)
+        return tuple(one for partnered in self._partnered(triple, attacks) for one in partnered)
+
+    def has_scores(self, triple: Triple) -> bool:
+        """True where all objects that are compared are of detectors that say how sure they are."""
+        return self._detectors.camera is not None and (triple.i != LIDAR or self._detectors.cloud is not None)
 
     def in_image(self, camera: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The objects of the camera detector; none without a detector."""
@@ -61,7 +65,7 @@ class AttackedObjects:
             lambda: detector.detect(self._frame.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
         )
 
-    def _overlaps(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[float, ...]]:
+    def _partnered(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[Partnered, ...]]:
         """The overlaps of the objects of each two sides that are compared.
 
         With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each source camera

@@ -1,6 +1,7 @@
 """The agreement of boxes: intersection over union."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -36,13 +37,20 @@ def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) ->
     return _over_union(common, areas[0][:, None], areas[1][None, :])
 
 
+class Partnered(NamedTuple):
+    """An object's best overlap with one of the other side, and how sure its detector is of it."""
+
+    iou: float
+    score: float
+
+
 def best_partners(
     first: Sequence[Detection],
     second: Sequence[Detection],
     labels_of_first: frozenset[str] | None = None,
     labels_of_second: frozenset[str] | None = None,
     reach_px: float = 0.0,
-) -> tuple[float, ...]:
+) -> tuple[Partnered, ...]:
     """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
     Labels are what a detector can name, None where it finds objects of any kind; `reach_px` is the largest disparity
@@ -54,7 +62,9 @@ def best_partners(
         *zip(first, agreement.max(axis=1, initial=0.0), [labels_of_second] * len(first), strict=True),
         *zip(second, agreement.max(axis=0, initial=0.0), [labels_of_first] * len(second), strict=True),
     ]
-    return tuple(float(value) for one, value, known in best if known is None or one.label in known)
+    return tuple(
+        Partnered(float(value), one.score) for one, value, known in best if known is None or one.label in known
+    )
 
 
 def suppressed(scores: Floats, agreement: Floats, most: float) -> list[int]:
