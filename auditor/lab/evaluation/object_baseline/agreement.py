@@ -77,19 +77,24 @@ class AttackedObjects:
         named_in_images = camera.labels if camera else None
         if i == LIDAR:
             named_in_clouds = cloud.labels if cloud else None
+            size_px = self._size_px(k) if cloud else None
             if camera is None:
                 yield best_partners(self._by_lidar(k, attacks), self._by_stereo(j, k, attacks), named_in_clouds)
                 return
             for seen in (j, k):
                 objects = self._by_lidar(seen, attacks), self.in_image(seen, attacks)
-                yield best_partners(*objects, named_in_clouds, named_in_images)
+                yield best_partners(*objects, named_in_clouds, named_in_images, size_px=size_px)
         elif camera is None:
             yield best_partners(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
         elif self._rig.shares_view:
             for source in (i, j):
                 reach = self._rig.camera(k).focal_px * self._rig.baseline_m(source, k) / NEAREST_M
                 objects = self.in_image(k, attacks), self.in_image(source, attacks)
-                yield best_partners(*objects, named_in_images, named_in_images, reach)
+                yield best_partners(*objects, named_in_images, named_in_images, reach, self._size_px(k))
+
+    def _size_px(self, k: int) -> tuple[int, int]:
+        camera = self._rig.camera(k)
+        return camera.width_px, camera.height_px
 
     def _by_lidar(self, k: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The LiDAR's objects in the view of camera k."""
