@@ -42,25 +42,30 @@ from auditor.lab.training.street_detectors import (
 )
 from auditor.model.frames import Frame
 
+STEPS = {"clouds": 900, "images": 1500}
+"""Of the weights that come with auditor, as are the numbers of streets and frames below."""
+
+STREETS, FRAMES = 120, 6
 RECALLS = 40
 SURE = 0.5
 NEAR_M = 3.0
 
 
-def train(out: Path, streets: int, frames: int, how: Training, kinds: list[str]) -> None:
+def train(out: Path, streets: int, frames: int, seed: int, steps: dict[str, int]) -> None:
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(mode=True)
     started = time.process_time()
     made = [frame for street in training_streets(streets) for frame in street_frames(street, frames)]
     print(f"{len(made)} frames of {streets} streets: {time.process_time() - started:.0f} CPU s", flush=True)
-    train_on(out, made, how, kinds)
+    train_on(out, made, seed, steps)
 
 
-def train_on(out: Path, made: list[StreetFrame], how: Training, kinds: list[str]) -> None:
+def train_on(out: Path, made: list[StreetFrame], seed: int, steps: dict[str, int]) -> None:
     out.mkdir(parents=True, exist_ok=True)
-    for name in kinds:
+    for name, count in steps.items():
         started, losses = time.process_time(), []
-        for step, loss, now in trained({"images": IMAGES, "clouds": CLOUDS}[name], made, how):
+        kind, how = {"images": IMAGES, "clouds": CLOUDS}[name], Training(count, seed=seed)
+        for step, loss, now in trained(kind, made, how):
             losses.append(loss)
             network = now
             if step % 50 == 0:
@@ -68,8 +73,8 @@ def train_on(out: Path, made: list[StreetFrame], how: Training, kinds: list[str]
                 print(f"{name}: step {step}, loss {np.mean(losses[-50:]):.3f}, {spent:.0f} CPU s", flush=True)
         content = packed(network)
         (out / f"{name}_fp16.safetensors").write_bytes(content)
-        count = sum(values.numel() for values in network.parameters())
-        print(f"{name}: {count} parameters, {len(content)} bytes, sha256 {hashlib.sha256(content).hexdigest()}")
+        numbers = sum(values.numel() for values in network.parameters())
+        print(f"{name}: {numbers} parameters, {len(content)} bytes, sha256 {hashlib.sha256(content).hexdigest()}")
 
 
 def average_precision(frames: list[Scored]) -> float:
@@ -176,21 +181,15 @@ def main() -> None:
     parser.add_argument("recording", nargs="?", type=Path)
     parser.add_argument("--out", type=Path, default=Path("detectors"))
     parser.add_argument("--only", choices=["images", "clouds"])
-    parser.add_argument("--steps", type=int, default=Training.steps)
+    parser.add_argument("--steps", type=int, help="of each, in place of those of the weights that ship")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--streets", type=int)
     parser.add_argument("--frames", type=int)
     parser.add_argument("--first", type=int, default=1000, help="the first street that is scored")
     given = parser.parse_args()
     if given.what == "train":
-        how = Training(steps=given.steps, seed=given.seed)
-        train(
-            given.out,
-            given.streets or 240,
-            given.frames or 6,
-            how,
-            [given.only] if given.only else ["clouds", "images"],
-        )
+        steps = {name: given.steps or count for name, count in STEPS.items() if given.only in (None, name)}
+        train(given.out, given.streets or STREETS, given.frames or FRAMES, given.seed, steps)
     elif given.what == "score":
         score(given.first, given.streets or 36, given.frames or 4)
     elif given.what == "walls":

@@ -195,7 +195,7 @@ CLOUDS = Kind(clouds.new_network, drawn_cloud, _middles_on_ground, clouds.encode
 class Training:
     """A training run: `steps` batches; the rate rises over the first tenth of them and falls along a cosine."""
 
-    steps: int = 900
+    steps: int
     batch: int = 8
     rate: float = 3e-3
     seed: int = 0
