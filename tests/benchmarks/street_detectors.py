@@ -3,18 +3,24 @@
     python -m tests.benchmarks.street_detectors train --out FOLDER
     python -m tests.benchmarks.street_detectors score
     python -m tests.benchmarks.street_detectors walls [RECORDING]
+    python -m tests.benchmarks.street_detectors baseline [RECORDING...] [--known] --out STORE
     python -m tests.benchmarks.street_detectors show RECORDING --out FOLDER
 
 `train` renders streets and writes images_fp16.safetensors and clouds_fp16.safetensors, with their hashes. `score` has
-average precision of cars by family, of streets that were never trained on, some of other styles and conditions. `walls`
-puts the paper's bogus wall into clean clouds and counts those in which it is found as a car that was not there (the
-paper's PIXOR: 986 of 1,000). `show` draws what is found in the first frames of a recording.
+average precision of cars by family, of streets that were never trained on, some of other styles and conditions.
+`walls` puts the paper's bogus wall into clean clouds and counts those in which it is found as a car that was not there
+(the paper's PIXOR: 986 of 1,000). `baseline` is the object-level baseline and average precision under attack alone,
+without the method's own tables, which `auditor evaluate` has too: on streets, every second frame attacked, with
+`--known` on those of families trained on, or on recordings. `show` draws what is found in the first frames of a
+recording.
 """
 
 import argparse
 import hashlib
 import time
+from collections import Counter
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -23,6 +29,7 @@ import torch
 
 from auditor.lab.attacks.paper import draw_wall
 from auditor.lab.evaluation.experiments import WALL_WIDTHS_M
+from auditor.lab.evaluation.object_baseline import ObjectTask, evaluate_objects
 from auditor.lab.evaluation.object_baseline.agreement import in_view
 from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.lab.evaluation.object_baseline.detectors import CAR, SolidDetection
@@ -41,6 +48,7 @@ from auditor.lab.training.street_detectors import (
     training_streets,
 )
 from auditor.model.frames import Frame
+from auditor.store import Store, run_query
 
 STEPS = {"clouds": 900, "images": 1500}
 """Of the weights that come with auditor, as are the numbers of streets and frames below."""
@@ -148,6 +156,33 @@ def near(one: SolidDetection, at: np.ndarray) -> bool:
     return bool(np.hypot(one.box.x_m - at[0], one.box.z_m - at[2]) < NEAR_M)
 
 
+def baseline(sources: list[Source], out: Path) -> None:
+    for source in sources:
+        every = 2 if isinstance(source, Street) else 1
+        evaluate_objects(ObjectTask(source, out, detectors=("streets",), attack_every=every), lambda *_: None)
+    store = Store.open(out)
+    pooled: dict[tuple[object, ...], Counter[str]] = {}
+    for row in run_query(store, "evaluation_objects", {"r": "0.01,0.05"}).to_pylist():
+        if row["attacked"] is None:
+            key = tuple(str(row[name]) for name in ("left_out", "r", "scenario", "iou", "strength"))
+            counts = {name: row[name] for name in ("detected", "cases", "raised", "frames")}
+            pooled.setdefault(key, Counter()).update(counts)
+    for key, sums in sorted(pooled.items()):
+        rates = sums["detected"] / sums["cases"], sums["raised"] / sums["frames"]
+        print(*key, f"{rates[0]:.3f} of {sums['cases']}, clean {rates[1]:.3f} of {sums['frames']}")
+    for row in run_query(store, "evaluation_average_precision", {}).to_pylist():
+        print(
+            *(row[name] for name in ("sensor", "strength", "size", "cases", "truths")),
+            f"{row['average_precision']:.3f}",
+        )
+
+
+def evaluated_streets(first: int, count: int, frames: int, *, known: bool) -> list[Source]:
+    """The first so many streets, with `known` of the families that are trained on."""
+    streets = (Street(seed, frames) for seed in range(first, first + 10 * count))
+    return list(islice((one for one in streets if not known or families_trained_on(one)), count))
+
+
 def show(recording: Path, out: Path, frames: int) -> None:
     out.mkdir(parents=True, exist_ok=True)
     of_images, of_clouds = images.shipped_images(), clouds.shipped_clouds()
@@ -177,8 +212,9 @@ def _draw(canvas: np.ndarray, box: images.ImageBox, sure: float, colour: tuple[i
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["train", "score", "walls", "show"])
-    parser.add_argument("recording", nargs="?", type=Path)
+    parser.add_argument("what", choices=["train", "score", "walls", "baseline", "show"])
+    parser.add_argument("recordings", nargs="*", type=Path)
+    parser.add_argument("--known", action="store_true", help="streets of families that are trained on")
     parser.add_argument("--out", type=Path, default=Path("detectors"))
     parser.add_argument("--only", choices=["images", "clouds"])
     parser.add_argument("--steps", type=int, help="of each, in place of those of the weights that ship")
@@ -187,16 +223,19 @@ def main() -> None:
     parser.add_argument("--frames", type=int)
     parser.add_argument("--first", type=int, default=1000, help="the first street that is scored")
     given = parser.parse_args()
+    recorded: list[Source] = [Recorded(path) for path in given.recordings]
     if given.what == "train":
         steps = {name: given.steps or count for name, count in STEPS.items() if given.only in (None, name)}
         train(given.out, given.streets or STREETS, given.frames or FRAMES, given.seed, steps)
     elif given.what == "score":
         score(given.first, given.streets or 36, given.frames or 4)
     elif given.what == "walls":
-        made = [Street(seed, given.frames or 4) for seed in range(given.first, given.first + (given.streets or 36))]
-        walls([Recorded(given.recording)] if given.recording else list(made))
+        walls(recorded or evaluated_streets(given.first, given.streets or 36, given.frames or 4, known=given.known))
+    elif given.what == "baseline":
+        streets = evaluated_streets(given.first, given.streets or 36, given.frames or 6, known=given.known)
+        baseline(recorded or streets, given.out)
     else:
-        show(given.recording, given.out, given.frames or 4)
+        show(given.recordings[0], given.out, given.frames or 4)
 
 
 if __name__ == "__main__":
