@@ -1,4 +1,4 @@
--- How well object detectors do on attacked data: average precision by the width of a wall and by the radius of a facula, against KITTI's labels (the paper's Figs 11b and 12b).
+-- How well object detectors do on attacked data: average precision by the width of a wall and by the radius of a facula, against KITTI's labels or a street's own truth (the paper's Figs 11b and 12b).
 --
 -- Objects are matched as in KITTI's object benchmark at its moderate difficulty: in the image for a camera's detector, seen from above for a cloud's.
 --

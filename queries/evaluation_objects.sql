@@ -1,6 +1,6 @@
 -- How often objects that two sensors see do not match, by the sensors attacked: the object-level baseline of the paper's Table I, with the false alarms that it costs.
 --
--- A frame is a detection where the share of objects without a partner is above a threshold from clean frames, as in the method's own tables, or, where r is NULL, where any object has no partner: that rule learns nothing from clean frames.
+-- A frame is a detection where its mismatch is above a threshold from clean frames, as in the method's own tables. The mismatch is the score of the surest object without a partner or, of detectors that give no scores, the share of objects without one. Where r is NULL, any object without a partner raises a frame, of scores those above 0.5: that rule learns nothing from clean frames.
 --
 -- param iou RATE[] = 0.5, 0.7: Intersection over union from which two objects are partners.
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
@@ -39,7 +39,7 @@ least AS (
 leftmost AS (
     SELECT rig_id, position, i, j, k FROM paper_triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
-share AS MATERIALIZED (
+agreement AS MATERIALIZED (
     SELECT
         setup,
         detector,
@@ -53,17 +53,20 @@ share AS MATERIALIZED (
         j,
         k,
         iou,
-        unmatched(best_iou[position], iou) AS share
+        if(scores[position] IS NULL, 0.0, 0.5) AS unlearnt,
+        unmatched(best_iou[position], scores[position], iou) AS mismatch
     FROM object_cases
     JOIN leftmost USING (rig_id)
     CROSS JOIN least
     WHERE experiment IN ('clean', 'combinations') AND best_iou[position] IS NOT NULL
 ),
 clean AS MATERIALIZED (
-    SELECT setup, detector_id, i, j, k, iou, recording_id, block, share FROM share WHERE experiment = 'clean'
+    SELECT setup, detector_id, i, j, k, iou, recording_id, block, unlearnt, mismatch
+    FROM agreement
+    WHERE experiment = 'clean'
 ),
 place AS (
-    SELECT DISTINCT setup, detector_id, i, j, k, iou, recording_id, block FROM clean
+    SELECT setup, detector_id, i, j, k, iou, recording_id, block, max(unlearnt) AS unlearnt FROM clean GROUP BY ALL
 ),
 -- one fold is what is left out together, with the samples that are left
 fold AS (
@@ -77,7 +80,7 @@ fold AS (
         place.iou,
         place.recording_id,
         place.block,
-        list(clean.share ORDER BY clean.share) AS samples
+        list(clean.mismatch ORDER BY clean.mismatch) AS samples
     FROM place
     JOIN clean USING (setup, detector_id, i, j, k, iou)
     CROSS JOIN (VALUES ('nothing'), ('block'), ('recording')) AS mode(left_out)
@@ -89,7 +92,7 @@ fold AS (
 threshold_of AS (
     SELECT * REPLACE (len(samples) AS samples), threshold(samples, r) AS theta FROM fold CROSS JOIN rate
     UNION ALL BY NAME
-    SELECT *, NULL AS left_out, NULL AS r, 0.0 AS theta, NULL AS samples FROM place
+    SELECT * EXCLUDE (unlearnt), NULL AS left_out, NULL AS r, unlearnt AS theta, NULL AS samples FROM place
 ),
 tally AS MATERIALIZED (
     SELECT
@@ -108,8 +111,8 @@ tally AS MATERIALIZED (
         min(samples) AS samples,
         bool_and(resolvable_with(samples, r)) AS resolvable,
         count(*) AS cases,
-        count_if(share > theta) AS raised
-    FROM share
+        count_if(mismatch > theta) AS raised
+    FROM agreement
     JOIN threshold_of USING (setup, detector_id, i, j, k, iou, recording_id, block)
     GROUP BY GROUPING SETS (
         (setup, detector, detector_id, left_out, i, j, k, iou, r, experiment, strength, attacked),

@@ -35,7 +35,11 @@ MOST_LINES = 400
 MEDIAN_FUNCTION_LINES = 8
 
 HOMES = {
-    "torch": ("measurement/disparity/matchers/psmnet/", "lab/training/"),
+    "torch": (
+        "measurement/disparity/matchers/psmnet/",
+        "lab/evaluation/object_baseline/detectors/streets/",
+        "lab/training/",
+    ),
     "onnxruntime": ("measurement/disparity/matchers/onnx_models.py",),
     "cv2": ("measurement/", "recordings/", "lab/evaluation/object_baseline/detectors/"),
     "duckdb": ("store/",),

@@ -11,19 +11,21 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.mark.parametrize("content", [None, b"others"], ids=["missing", "other ones"])
-def test_a_wheel_without_the_weights_is_at_fault(content: bytes | None, tmp_path: Path) -> None:
-    assert f"missing or another: {WEIGHTS}" in faults(wheel_with(content, tmp_path), ROOT)
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_a_wheel_without_the_weights_is_at_fault(name: str, content: bytes | None, tmp_path: Path) -> None:
+    found = faults(wheel_with({name: content} if content is not None else {}, tmp_path), ROOT)
+    assert f"missing or another: {name}" in found
 
 
 def test_a_wheel_with_them_is_not_at_fault_for_them(tmp_path: Path) -> None:
-    found = faults(wheel_with((ROOT / WEIGHTS).read_bytes(), tmp_path), ROOT)
-    assert not [fault for fault in found if "weights" in fault or WEIGHTS in fault or "too large" in fault]
+    found = faults(wheel_with({name: (ROOT / name).read_bytes() for name in WEIGHTS}, tmp_path), ROOT)
+    assert not [fault for fault in found if "safetensors" in fault or "too large" in fault]
 
 
-def wheel_with(weights: bytes | None, folder: Path) -> Path:
+def wheel_with(weights: dict[str, bytes], folder: Path) -> Path:
     path = folder / "auditor.whl"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("auditor/__init__.py", "")
-        if weights is not None:
-            archive.writestr(WEIGHTS, weights)
+        for name, content in weights.items():
+            archive.writestr(name, content)
     return path

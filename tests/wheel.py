@@ -6,7 +6,12 @@ from pathlib import Path
 
 RESOURCES = {"schemas": ".toml", "queries": ".sql", "reports": ".html"}
 RECORDED = (".mcap", ".bag", ".db3", ".bin", ".png", ".jpg", ".ppm", ".pgm", ".npz", ".tar", ".pth")
-WEIGHTS = "auditor/measurement/disparity/matchers/psmnet/streets_half_resolution_fp16.safetensors"
+DETECTORS = "auditor/lab/evaluation/object_baseline/detectors/streets/"
+WEIGHTS = (
+    "auditor/measurement/disparity/matchers/psmnet/streets_half_resolution_fp16.safetensors",
+    f"{DETECTORS}images_fp16.safetensors",
+    f"{DETECTORS}clouds_fp16.safetensors",
+)
 MOST_BYTES = 2_000_000
 """Of a wheel, what its weights take in it apart."""
 
@@ -15,7 +20,7 @@ def faults(wheel: Path, checkout: Path) -> list[str]:
     """What is missing from a wheel, and what does not belong there."""
     with zipfile.ZipFile(wheel) as archive:
         packed = {entry.filename: entry.compress_size for entry in archive.infolist()}
-        weights = archive.read(WEIGHTS) if WEIGHTS in packed else b""
+        weights = {name: archive.read(name) if name in packed else b"" for name in WEIGHTS}
     names = list(packed)
     found = [
         f"missing: auditor/data/{path.relative_to(checkout)}"
@@ -30,9 +35,8 @@ def faults(wheel: Path, checkout: Path) -> list[str]:
     found += [f"outside the package: {n}" for n in names if not n.startswith("auditor/") and ".dist-info/" not in n]
     if "auditor/py.typed" not in names:
         found.append("missing: auditor/py.typed")
-    if weights != (checkout / WEIGHTS).read_bytes():
-        found.append(f"missing or another: {WEIGHTS}")
-    if wheel.stat().st_size - packed.get(WEIGHTS, 0) > MOST_BYTES:
+    found += [f"missing or another: {n}" for n, held in weights.items() if held != (checkout / n).read_bytes()]
+    if wheel.stat().st_size - sum(packed.get(name, 0) for name in WEIGHTS) > MOST_BYTES:
         found.append(f"too large: {wheel.stat().st_size} bytes")
     return found
 

@@ -321,9 +321,9 @@ class ObjectPart(Part):
 
 @dataclass(frozen=True)
 class ObjectCase:
-    """One case; `best_iou` follows the rig's triples, None where one was not compared, `scored` are rows of its column.
+    """One case; `best_iou` and `scores` follow the rig's triples, None where one was not compared.
 
-    The other fields are as in the table `object_cases`.
+    `scored` are rows of its column. The other fields are as in the table `object_cases`.
     """
 
     frame: int
@@ -334,6 +334,7 @@ class ObjectCase:
     size: float | None
     visible_share: float | None
     best_iou: Sequence[Sequence[float] | None]
+    scores: Sequence[Sequence[float] | None]
     scored: Sequence[Mapping[str, object]]
 
     def row(self) -> Row:

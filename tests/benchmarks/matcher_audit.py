@@ -1,39 +1,48 @@
 """Whom the audit names by each matcher on real frames, and what it costs.
 
 python -m tests.benchmarks.matcher_audit [--attacked 6] [--clean 20] [--matchers sgbm psmnet]
+python -m tests.benchmarks.matcher_audit --tables --attacked 10 --clean 40
 
 Frames of KITTI's drive 0009 (AUDITOR_TEST_DATA), spread over it, clean and under attacks on one sensor, with the LiDAR
 and three cameras. By the robust method each frame is judged by itself, r = 1 %, by thresholds from all clean frames of
 drives 0001 and odometry 04, and by the prior, which was fitted on SGBM's disparities. Algorithm 2 has the thresholds at
-r = 0 of the same clean frames of 0009: in sample.
+r = 0 of the same clean frames of 0009: in sample. `--tables` has the paper's Tables I and II in place of all that, by
+triples of the leftmost reference, under the paper's faculas and walls: thresholds of the clean frames, in sample.
 """
 
 import argparse
 import os
 from collections import Counter
 from collections.abc import Iterator
+from decimal import Decimal
+from itertools import combinations
 from pathlib import Path
 from time import process_time
 from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.thresholds import threshold
 from auditor.lab.attacks.paper import Facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.experiments import Attacks
+from auditor.lab.evaluation.object_baseline.agreement import scenarios
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
 from auditor.model.frames import Frame
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.verdict import Verdict, VerdictKind
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from tests.benchmarks.clean_statistics import DRIVES
 from tests.benchmarks.kinds import spread
 from tests.benchmarks.real_drives import without
 from tests.benchmarks.single_frames import judge_alone
-from tests.making.named_on_frames import Errors, disparity_errors, maxima, named
+from tests.making.named_on_frames import Errors, disparity_errors, drawn, maxima, named
 
 AUDITED, LEARNT = "0009", ("0001", "04")
+RATES = ("0", "0.01", "0.02", "0.03", "0.05")
+STRENGTHS = ("mild", "opaque")
 FACULAS = {"facula R 75 opaque": 2000.0, "facula R 75 mild": 255.0}
 RADIUS_PX = 75.0
 
@@ -128,15 +137,65 @@ def audit(name: str, attacked: int, clean: int) -> Iterator[str]:
     yield from report(rig, cases, drives)
 
 
+def tables(name: str, attacked: int, clean: int) -> Iterator[str]:
+    """Detection by the two systems of three sensors, and identification of one attacked sensor, by r."""
+    matcher = find_matcher(name)
+    rig, stream = open_drive(AUDITED)
+    every = list(stream)
+    hit = spread(every, attacked)
+    triples = [triple for triple in rig.triples if triple.k == rig.n]
+    calm: list[Errors] = []
+    cases: list[tuple[str, tuple[int, ...], Errors]] = []
+    for frame in every:
+        if frame.number not in hit | spread(every, clean):
+            continue
+        measured = AttackedFrame(frame, rig, matcher)
+        calm.append(errors_of(measured, {}, triples))
+        for strength in STRENGTHS if frame.number in hit else ():
+            rng = np.random.default_rng([frame.number, len(strength)])
+            each = {sensor: drawn(frame, sensor, strength, rng) for sensor in rig.sensors}
+            for of_it in attacked_sets(rig):
+                E = errors_of(measured, {sensor: each[sensor] for sensor in of_it}, triples)
+                cases.append((strength, of_it, E))
+    yield f"{name}: {len(calm)} clean frames, {len(hit)} attacked"
+    for r in map(Decimal, RATES):
+        theta = {t: threshold(sorted(E[t] for E in calm if E[t] is not None), r) for t in triples}
+        for strength in STRENGTHS:
+            of_it = [(hit_sensors, E) for one, hit_sensors, E in cases if one == strength]
+            cells = []
+            for triple in scenarios(rig):
+                inside = [E[triple] > theta[triple] for sensors, E in of_it if set(sensors) <= set(triple)]
+                cells.append(f"{triple} {sum(inside)}/{len(inside)}")
+            for sensor in rig.sensors:
+                answers = [named(E, theta, rig) for sensors, E in of_it if sensors == (sensor,)]
+                cells.append(f"S_{sensor} {answers.count((sensor,))}/{len(answers)}")
+            yield f"  r {r:5} {strength:7} " + ", ".join(cells)
+        raised = [sum(E[t] > theta[t] for E in calm) for t in triples]
+        yield f"  r {r:5} clean frames raised, by triple: {raised}"
+
+
+def errors_of(measured: AttackedFrame, attacks: Attacks, triples: list[Triple]) -> Errors:
+    """The gated E of these triples; None of the others."""
+    counts = dict(zip(measured.rig.measured_triples, measured.counts(attacks, triples), strict=True))
+    return {t: one.disparity_error(Statistic.GATED) if (one := counts.get(t)) else None for t in measured.rig.triples}
+
+
+def attacked_sets(rig: Rig) -> list[tuple[int, ...]]:
+    """Every combination that attacks one of the two systems."""
+    sets = {s for triple in scenarios(rig) for size in (1, 2, 3) for s in combinations(sorted(triple), size)}
+    return sorted(sets, key=lambda one: (len(one), one))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--attacked", type=int, default=6, help="frames of the audited drive, clean and attacked")
     parser.add_argument("--clean", type=int, default=0, help="frames of it that are measured clean at least")
     parser.add_argument("--matchers", nargs="+", default=["sgbm", "psmnet"])
+    parser.add_argument("--tables", action="store_true", help="the paper's tables")
     options = parser.parse_args()
     use_one_thread()
     for name in options.matchers:
-        for line in audit(name, options.attacked, options.clean):
+        for line in (tables if options.tables else audit)(name, options.attacked, options.clean):
             print(line, flush=True)
 
 

@@ -40,9 +40,9 @@ def store(tmp_path_factory):
         ]
 
     for detector, settings in (("geometric", "{}"), (HOSTILE, '{"camera": 1}')):
-        clean = [ObjectCase(f, f, 0, (), None, None, None, overlaps(), []) for f in range(FRAMES)]
+        clean = [ObjectCase(f, f, 0, (), None, None, None, overlaps(), [None] * 3, []) for f in range(FRAMES)]
         attacked = [
-            ObjectCase(f, f, 0, s, strength, None, None, overlaps(*s), [])
+            ObjectCase(f, f, 0, s, strength, None, None, overlaps(*s), [None] * 3, [])
             for f in range(FRAMES)
             for strength in ("mild", "strong", "opaque")
             for s in SETS
@@ -66,7 +66,7 @@ def scored(tmp_path_factory):
         sensor = attacked[0] if attacked else 0
         one = {"sensor": sensor, "label": "Car", "iou": 0.7, "truths": 2, "scores": [0.9, 0.8], "hits": hits}
         both = [one] if attacked else [one, {**one, "sensor": 3}]
-        return ObjectCase(0, 0, 0, attacked, strength, size, share, [None] * 3, both)
+        return ObjectCase(0, 0, 0, attacked, strength, size, share, [None] * 3, [None] * 3, both)
 
     add_objects(made, "yolo.onnx + pixor.onnx", "{}", "clean", [case((), None, None, None, [True, True])])
     walls = [case((0,), None, width, None, [True, width < 2]) for width in (0.5, 2.5)]

@@ -22,7 +22,8 @@ BLOCK = 4
 RIG = make_rig(3)
 SCENARIOS = (Triple(0, 1, 3), Triple(1, 2, 3))
 FRAMES = {"a": 9, "b": 6}
-DETECTORS = {"geometric": "{}", "yolo.onnx + geometric": '{"camera": 1}'}
+DETECTORS = {"geometric": "{}", "yolo.onnx + pixor.onnx": '{"camera": 1}'}
+"""Only the latter say how sure they are."""
 
 
 def part(recording, experiment, detector="geometric", chunk=0):
@@ -67,9 +68,11 @@ def made(tmp_path_factory):
         for recording, frames in FRAMES.items():
             for frame in range(frames):
 
-                def case(attacked=(), strength=None, size=None, scored=(), *, at=frame):
+                def case(attacked=(), strength=None, size=None, scored=(), *, at=frame, detector=detector):
                     overlaps = drawn_overlaps(rng, attacked) if size is None else [None] * len(RIG.triples)
-                    return ObjectCase(at, at * PERIOD_NS, 0, attacked, strength, size, None, overlaps, scored)
+                    sure = [of_it and (rng.integers(0, 9, len(of_it)) / 8).tolist() for of_it in overlaps]
+                    scores = sure if detector != "geometric" else [None] * len(RIG.triples)
+                    return ObjectCase(at, at * PERIOD_NS, 0, attacked, strength, size, None, overlaps, scores, scored)
 
                 cases[detector, "clean", recording].append(case(scored=drawn_scores(rng, None)))
                 cases[detector, "combinations", recording] += [case(s, "mild") for s in sets]
@@ -85,6 +88,9 @@ def unmatched(case, triple, iou):
     overlaps = case.best_iou[RIG.triples.index(triple)]
     if overlaps is None:
         return None
+    scores = case.scores[RIG.triples.index(triple)]
+    if scores is not None:
+        return max((score for value, score in zip(overlaps, scores, strict=True) if value < iou), default=0.0)
     return sum(value < iou for value in overlaps) / len(overlaps) if overlaps else 0.0
 
 
@@ -103,7 +109,7 @@ def limits(cases, detector, triple, iou):
     }
     found = {}
     for here in {(recording, block) for recording, block, _ in clean}:
-        found[None, *here, None] = 0.0, None
+        found[None, *here, None] = 0.0 if detector == "geometric" else 0.5, None
         for left_out, keeps in kept.items():
             samples = sorted(share for recording, block, share in clean if keeps((recording, block), here))
             for r in RATES:
@@ -179,7 +185,7 @@ def test_a_detector_that_finds_everything_and_nothing_else_has_an_average_precis
     store.write_rig(RIG)
     scored = [{"sensor": 3, "label": "Car", "iou": 0.7, "truths": 2, "scores": [0.9, 0.8], "hits": [True, True]}]
     nothing = [{"sensor": 3, "label": "Cyclist", "iou": 0.5, "truths": 0, "scores": [0.5], "hits": [False]}]
-    write(store, part("a", "clean"), [ObjectCase(0, 0, 0, (), None, None, None, [None] * 4, scored + nothing)])
+    write(store, part("a", "clean"), [ObjectCase(0, 0, 0, (), None, None, None, *[[None] * 4] * 2, scored + nothing)])
     rows = run_query(store, "evaluation_average_precision", {}).to_pylist()
     assert [(r["sensor"], r["label"], r["average_precision"]) for r in rows] == [
         ("reference", "Car", 1.0),
@@ -195,4 +201,4 @@ def test_a_part_is_finished_with_its_last_row_only(tmp_path):
     assert finished_part(store, which) is None
     write(store, which, [])
     assert finished_part(store, which) is True
-    assert part("a", "clean", "yolo.onnx + geometric").evaluation_id != which.evaluation_id
+    assert part("a", "clean", "yolo.onnx + pixor.onnx").evaluation_id != which.evaluation_id

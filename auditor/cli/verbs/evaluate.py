@@ -55,8 +55,8 @@ _FIRST_STREET = 1000
     "--detector",
     "detectors",
     multiple=True,
-    help="Compare objects too, as the paper's baseline does: geometric, or onnx:FILE for images or for point clouds; "
-    "may be given again.",
+    help="Compare objects too, as the paper's baseline does: streets (networks that come with it), geometric, or "
+    "onnx:FILE for images or for point clouds; may be given again.",
 )
 @click.option(
     "--labels",
@@ -92,7 +92,7 @@ def command(
     auditor evaluate clean_logs/*.mcap
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
     auditor evaluate --synthetic 40 --attack-every 10 --leave-out family
-    auditor evaluate clean_logs/*.mcap --detector geometric
+    auditor evaluate clean_logs/*.mcap --detector streets
     auditor evaluate clean_logs/*.mcap --matcher psmnet --weights network/psmnet.safetensors
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays

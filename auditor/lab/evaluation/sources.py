@@ -9,7 +9,7 @@ from typing import ClassVar
 from auditor import __version__
 from auditor.lab.clean_recordings import clean_recording
 from auditor.lab.simulation.conditions import CONDITIONS
-from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, make_drive
+from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.rectification import shown_rectification
@@ -25,6 +25,7 @@ class CleanDrive:
     """Clean frames of one rig, in order; `frames` can be read once.
 
     Drives of one `family` are alike in what can be learnt from them (docs/figures.md); None is a family of its own.
+    `street` knows the truth of a synthetic one.
     """
 
     recording_id: str
@@ -33,6 +34,7 @@ class CleanDrive:
     synthetic: bool
     rig: Rig
     frames: Iterator[Frame | Skipped]
+    street: SyntheticDrive | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class Street:
                 synthetic=True,
                 rig=drive.rig,
                 frames=frames,
+                street=drive,
             ),
         )
 

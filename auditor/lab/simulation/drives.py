@@ -28,6 +28,7 @@ from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.streets import street, style_named, traffic
 from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
+from auditor.lab.simulation.true_vehicles import Vehicle3D, seen_share, vehicles_among
 from auditor.lab.simulation.vehicles import CameraFlaws, Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.arrays import Floats32, Image
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
@@ -135,6 +136,7 @@ _SPEEDS_M_S = (6.0, 10.0)
 _SOUTH_WEST_DEG = (49.0, 8.4)
 _GROUND_M = 115.0
 _DEGREE_M = 111_320.0
+_AHEAD_M = (0.5, 80.0)
 _STREETS, _BLOCK_M = 10, 300.0
 """The streets of a town of ten by ten blocks, by their seeds; a degree of latitude in metres."""
 _STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4, "scenery": 5}
@@ -158,6 +160,7 @@ class SyntheticDrive:
     light: Light
     atlas: Atlas = field(repr=False)
     surfaces: Surfaces = field(repr=False)
+    vehicles: tuple[Vehicle3D, ...] = field(repr=False)
     scenery: Scenery | None = field(repr=False, default=None)
 
     @property
@@ -193,6 +196,21 @@ class SyntheticDrive:
     def depth_m(self, number: int, camera: int) -> Floats32:
         """The true (H, W) depths of S_camera's pixels in a frame; inf where it sees the sky."""
         return self._seen(number, self.rig.camera(camera))[3].distance
+
+    def vehicles_ahead(self, number: int, camera: int) -> list[tuple[Matrix, float]]:
+        """The vehicles of a frame that are wholly ahead: (8, 3) corners in the rig frame, and how much S_camera sees.
+
+        The latter is the share of a vehicle that nothing hides, of what lies within the picture. Corners are at the
+        frame's stamp.
+        """
+        rig_SE3_world = invert(self.world_SE3_rig(number * PERIOD_NS / 1e9))
+        _, rays, surfaces, hits = self._seen(number, smaller(self.rig.camera(camera)))
+        corners = [one.corners_m(rig_SE3_world, number * PERIOD_NS / 1e9) for one in self.vehicles]
+        return [
+            (at, seen_share(one, surfaces, rays, hits, self.atlas))
+            for one, at in zip(self.vehicles, corners, strict=True)
+            if _AHEAD_M[0] < at[:, 2].min() < _AHEAD_M[1]
+        ]
 
     def cloud(self, number: int) -> PointCloud:
         """The LiDAR's scan of a frame. Raises SettingError where the rig has none."""
@@ -304,6 +322,7 @@ def make_drive(
         light=_light(still, day),
         atlas=make_atlas(still),
         surfaces=gather(pieces, still),
+        vehicles=vehicles_among(pieces),
     )
     if condition is None:
         return drive

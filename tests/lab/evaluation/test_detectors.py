@@ -51,9 +51,30 @@ def test_footprints_agree_however_they_are_turned() -> None:
 def test_only_objects_that_the_other_could_have_named_need_a_partner() -> None:
     car, tree = Detection(ImageBox(0, 0, 10, 10), label="Car"), Detection(ImageBox(40, 0, 50, 10))
     named = frozenset({"Car"})
-    assert best_partners([car], [tree], labels_of_first=named, labels_of_second=None) == (0.0,)
-    assert best_partners([car], [car, tree], labels_of_first=None, labels_of_second=None) == (1.0, 1.0, 0.0)
+    assert best_partners([car], [tree], labels_of_first=named, labels_of_second=None) == ((0.0, 1.0),)
+    found = best_partners([car], [car, tree], labels_of_first=None, labels_of_second=None)
+    assert [one.iou for one in found] == [1.0, 1.0, 0.0]
     assert best_partners([], [], labels_of_first=None, labels_of_second=None) == ()
+
+
+@pytest.mark.parametrize(
+    ("box", "needs"),
+    [
+        (ImageBox(20, 20, 60, 60), True),
+        (ImageBox(20, 21, 60, 60), False),  # 39 px high
+        (ImageBox(2, 20, 60, 60), False),  # at an edge
+        (ImageBox(20, 59, 60, 99), False),
+        (ImageBox(70, 20, 120, 60), False),  # 2 of 5 hidden behind a lower one
+        (ImageBox(50, 20, 110, 60), True),  # 1 of 6 hidden
+    ],
+)
+def test_an_object_that_is_not_plainly_seen_needs_no_partner_but_may_be_one(box: ImageBox, needs: bool) -> None:
+    near, other = Detection(ImageBox(100, 20, 170, 70), 0.8), Detection(box, 0.6)
+    found = best_partners([near, other], [], size_px=(200, 100))
+    assert [one.score for one in found] == ([0.8, 0.6] if needs else [0.8])
+    plain = Detection(ImageBox(box.left + 1, box.top - 15, box.right, box.bottom - 2), 0.9)
+    partnered = best_partners([plain], [other], size_px=(200, 100))
+    assert partnered[0].iou > 0.5  # whatever it needs itself
 
 
 def view_of(boxes: list[tuple[float, float, float]]) -> ViewPoints:
@@ -180,7 +201,7 @@ def test_settings_identify_a_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "problem"),
     [
-        (["yolo"], "there is no detector 'yolo'; use geometric or onnx:FILE"),
+        (["yolo"], "there is no detector 'yolo'; use geometric, streets or onnx:FILE"),
         (["onnx:"], "there is no detector 'onnx:'"),
         (["onnx:none.onnx"], "no description beside the model"),
     ],

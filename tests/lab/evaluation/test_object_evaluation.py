@@ -65,7 +65,7 @@ def test_a_bogus_wall_is_an_object_that_no_camera_sees(street) -> None:
     triple = Triple(0, 1, 3)
     clean, attacked = objects.agreement(triple, {}), objects.agreement(triple, {0: BogusWall(8.0, 0.0, seed=1)})
     assert len(clean) > 3
-    assert sum(value < 0.5 for value in attacked) > sum(value < 0.5 for value in clean)
+    assert sum(one.iou < 0.5 for one in attacked) > sum(one.iou < 0.5 for one in clean)
 
 
 def test_objects_are_detected_again_only_where_the_data_changed(street) -> None:
@@ -82,7 +82,7 @@ def test_objects_are_detected_again_only_where_the_data_changed(street) -> None:
     objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), Detectors(camera=detector))
     facula = Facula(255.0, 20.0, 60.0, 50.0)
     for attacks in ({}, {}, {1: facula}, {1: facula, 0: BogusWall(8.0, 0.0, seed=1)}):
-        assert objects.agreement(Triple(1, 2, 3), attacks) == (1.0,) * 4  # both pairs, both ways
+        assert objects.agreement(Triple(1, 2, 3), attacks) == ((1.0, 0.9),) * 4  # both pairs, both ways
         objects.agreement(Triple(0, 1, 3), attacks)
     assert detector.calls == 3 + 1
 
@@ -106,7 +106,9 @@ def test_a_cloud_detectors_boxes_are_compared_in_every_image(street) -> None:
 
     detectors = Detectors(camera=Cameras(), cloud=Clouds())
     objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), detectors)
-    assert objects.agreement(Triple(0, 1, 3), {}) == pytest.approx((1.0,) * 4)
+    assert [one.iou for one in objects.agreement(Triple(0, 1, 3), {})] == pytest.approx([1.0] * 4)
+    assert objects.has_scores(Triple(0, 1, 3))
+    assert not AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), Detectors()).has_scores(Triple(0, 1, 3))
 
 
 def test_the_papers_two_systems_are_compared() -> None:

@@ -13,7 +13,7 @@ from auditor.lab.evaluation.object_baseline.detectors.geometric import (
     lidar_points,
     stereo_points,
 )
-from auditor.lab.evaluation.object_baseline.detectors.overlap import best_partners
+from auditor.lab.evaluation.object_baseline.detectors.overlap import Partnered, best_partners
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _IN_FRONT_M = 0.5
@@ -31,9 +31,13 @@ class AttackedObjects:
         self._rig = attacked_frame.view_rig
         self._detectors = detectors
 
-    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[float, ...]:
+    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[Partnered, ...]:
         """For each object of one sensor the best intersection over union with an object of the other."""
-        return tuple(value for overlaps in self._overlaps(triple, attacks) for value in overlaps)
+        return tuple(one for partnered in self._partnered(triple, attacks) for one in partnered)
+
+    def has_scores(self, triple: Triple) -> bool:
+        """True where all objects that are compared are of detectors that say how sure they are."""
+        return self._detectors.camera is not None and (triple.i != LIDAR or self._detectors.cloud is not None)
 
     def in_image(self, camera: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The objects of the camera detector; none without a detector."""
@@ -61,7 +65,7 @@ class AttackedObjects:
             lambda: detector.detect(self._frame.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
         )
 
-    def _overlaps(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[float, ...]]:
+    def _partnered(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[Partnered, ...]]:
         """The overlaps of the objects of each two sides that are compared.
 
         With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each source camera
@@ -73,19 +77,24 @@ class AttackedObjects:
         named_in_images = camera.labels if camera else None
         if i == LIDAR:
             named_in_clouds = cloud.labels if cloud else None
+            size_px = self._size_px(k) if cloud else None
             if camera is None:
                 yield best_partners(self._by_lidar(k, attacks), self._by_stereo(j, k, attacks), named_in_clouds)
                 return
             for seen in (j, k):
                 objects = self._by_lidar(seen, attacks), self.in_image(seen, attacks)
-                yield best_partners(*objects, named_in_clouds, named_in_images)
+                yield best_partners(*objects, named_in_clouds, named_in_images, size_px=size_px)
         elif camera is None:
             yield best_partners(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
         elif self._rig.shares_view:
             for source in (i, j):
                 reach = self._rig.camera(k).focal_px * self._rig.baseline_m(source, k) / NEAREST_M
                 objects = self.in_image(k, attacks), self.in_image(source, attacks)
-                yield best_partners(*objects, named_in_images, named_in_images, reach)
+                yield best_partners(*objects, named_in_images, named_in_images, reach, self._size_px(k))
+
+    def _size_px(self, k: int) -> tuple[int, int]:
+        camera = self._rig.camera(k)
+        return camera.width_px, camera.height_px
 
     def _by_lidar(self, k: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The LiDAR's objects in the view of camera k."""

@@ -1,7 +1,8 @@
 """The object-level baseline on one recording: its frames times the cases that compare with the method's."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from auditor.errors import SettingError
@@ -10,7 +11,8 @@ from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
 from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.lab.evaluation.object_baseline.detectors import Detectors, find_detectors
-from auditor.lab.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
+from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel, read_object_labels
+from auditor.lab.evaluation.object_baseline.street_labels import street_labels
 from auditor.lab.evaluation.runner import Evaluated, Progress, Run, Task, together
 from auditor.lab.evaluation.sources import CleanDrive
 from auditor.measurement import use_one_thread
@@ -39,7 +41,7 @@ def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
     found = find_detectors(detectors)
     if labels is not None and found.camera is None and found.cloud is None:
         raise SettingError(
-            "labels need a detector whose objects have kinds", where="--labels", remedy="add --detector onnx:FILE"
+            "labels need a detector whose objects have kinds", where="--labels", remedy="add --detector streets"
         )
 
 
@@ -52,8 +54,30 @@ def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
     matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
     store = Store.open(task.store, create=True)
     with task.source.open() as drives:
-        labels = read_object_labels(task.labels, drives[0].name) if task.labels else None
-        return together(_Run(task, drive, matcher, store, detectors, labels).go(progress) for drive in drives)
+        return together(
+            _Run(task, drive, matcher, store, detectors, _labels_of(drive, task.labels)).go(progress)
+            for drive in drives
+        )
+
+
+@dataclass(frozen=True)
+class Labels:
+    """The objects of a frame by its number, None where it is not labelled; `content` says where they are from."""
+
+    content: str
+    of: Callable[[int], Sequence[ObjectLabel] | None]
+
+
+def _labels_of(drive: CleanDrive, folder: Path | None) -> Labels | None:
+    """The truth of a street, or the labels of a recording in a folder; None without any. Raises SettingError."""
+    street = drive.street
+    if street is not None:
+        remembered = lru_cache(maxsize=1)(lambda number: street_labels(street, number, street.rig.n))
+        return Labels("the street's own truth", remembered)
+    if folder is None:
+        return None
+    read = read_object_labels(folder, drive.name)
+    return Labels(read.content, read.frames.get)
 
 
 class _Run(Run):
@@ -64,7 +88,7 @@ class _Run(Run):
         matcher: Matcher,
         store: Store,
         detectors: Detectors,
-        labels: LabelledDrive | None,
+        labels: Labels | None,
     ) -> None:
         known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
         experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
@@ -87,25 +111,22 @@ class _Run(Run):
         attacked_frame = now.attacked_frame
         frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
         if self._detectors.camera is None and experiment.name != _SENSITIVITY:
-            compared = (case.attacks for case in cases if self._triples(attacked_frame, case, experiment))
-            attacked_frame.match_together(compared, scenarios(attacked_frame.rig))
+            matched = (case.attacks for case in cases if self._triples(attacked_frame, case, experiment))
+            attacked_frame.match_together(matched, scenarios(attacked_frame.rig))
+        triples = attacked_frame.rig.triples
         for case in cases:
-            overlaps = self._overlaps(objects, attacked_frame, case, experiment)
+            compared = self._triples(attacked_frame, case, experiment)
+            found = {triple: objects.agreement(triple, case.attacks) for triple in compared}
+            overlaps = [[one.iou for one in found[triple]] if triple in found else None for triple in triples]
+            scores = [
+                [one.score for one in found[triple]] if triple in found and objects.has_scores(triple) else None
+                for triple in triples
+            ]
             scored = self._scored(objects, attacked_frame, case)
-            if scored or any(one is not None for one in overlaps):
+            if scored or found:
                 rows = [asdict(one) for one in scored]
                 varied = case.strength, case.size, case.visible_share
-                yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows)
-
-    def _overlaps(
-        self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case, experiment: Experiment
-    ) -> list[tuple[float, ...] | None]:
-        """The overlaps by triple; None for triples that are not compared."""
-        compared = self._triples(attacked_frame, case, experiment)
-        return [
-            objects.agreement(triple, case.attacks) if triple in compared else None
-            for triple in attacked_frame.rig.triples
-        ]
+                yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, scores, rows)
 
     @staticmethod
     def _triples(attacked_frame: AttackedFrame, case: Case, experiment: Experiment) -> list[Triple]:
@@ -115,7 +136,7 @@ class _Run(Run):
 
     def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case) -> list[Scored]:
         """The detectors' objects against the labels: of clean data, and of data that a sensitivity case varies."""
-        labels = self._labels.frames.get(attacked_frame.frame.number) if self._labels else None
+        labels = self._labels.of(attacked_frame.frame.number) if self._labels else None
         if labels is None or (case.attacked and case.size is None):
             return []
         return list(_score(objects, attacked_frame, case, labels, self._detectors))

@@ -4,34 +4,38 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.geometric import GEOMETRIC, SETTINGS
 from auditor.lab.evaluation.object_baseline.detectors.interface import (
+    CAR,
+    CameraDetector,
+    CloudDetector,
     Detection,
     ImageBox,
     SolidBox,
     SolidDetection,
 )
 
-if TYPE_CHECKING:
-    from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector
-    from auditor.lab.evaluation.object_baseline.detectors.networks import OnnxCameraDetector
+STREETS = "streets"
+"""The two networks that come with auditor."""
+
+_AGREEMENT = 2
+"""Raised whenever the same boxes of networks would be compared in another way."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
     """The detectors for images and for point clouds; without one, clusters of points stand for objects."""
 
-    camera: "OnnxCameraDetector | None" = None
-    cloud: "OnnxCloudDetector | None" = None
+    camera: CameraDetector | None = None
+    cloud: CloudDetector | None = None
 
     @property
     def name(self) -> str:
         """Their names, the camera's first."""
         parts = [one.name for one in (self.camera, self.cloud) if one]
-        return " + ".join(parts if len(parts) == 2 else [*parts, GEOMETRIC])
+        return " + ".join(dict.fromkeys(parts if len(parts) == 2 else [*parts, GEOMETRIC]))
 
     @property
     def libraries(self) -> Mapping[str, str]:
@@ -43,31 +47,47 @@ class Detectors:
         """Canonical JSON of all that can change a box."""
         networks = {"camera": self.camera, "cloud": self.cloud}
         values = {name: json.loads(one.settings) for name, one in networks.items() if one}
+        values |= {"agreement": _AGREEMENT} if values else {}
         return json.dumps(values | {GEOMETRIC: SETTINGS}, sort_keys=True, separators=(",", ":"))
 
 
 def find_detectors(names: Sequence[str]) -> Detectors:
-    """The detectors `geometric` or `onnx:FILE`, at most one for cameras and one for clouds.
+    """The detectors `geometric`, `streets` or `onnx:FILE`, at most one for cameras and one for clouds.
 
     Raises SettingError for other names, for two of a kind, for a missing package, and for a bad model.
     """
-    opened: dict[str, OnnxCameraDetector | OnnxCloudDetector] = {}
-    for name in names:
-        if name == GEOMETRIC:
-            continue
-        kind, _, file = name.partition(":")
-        if kind != "onnx" or not file:
-            raise SettingError(
-                f"there is no detector {name!r}", where="--detector", remedy="use geometric or onnx:FILE"
-            )
-        sensor, detector = _opened(Path(file))
-        if sensor in opened:
+    given = [_named(name) for name in names if name != GEOMETRIC]
+    cameras, clouds = (
+        [one for one in of if one is not None] for of in (zip(*given, strict=True) if given else ((), ()))
+    )
+    for sensor, of_it in (("camera", cameras), ("cloud", clouds)):
+        if len(of_it) > 1:
             raise SettingError(f"two detectors are given for a {sensor}", where="--detector", remedy="give one of each")
-        opened[sensor] = detector
-    return Detectors(**opened)  # type: ignore[arg-type]  # each has the type of its sensor
+    return Detectors(*(of_it[0] if of_it else None for of_it in (cameras, clouds)))
 
 
-def _opened(path: Path) -> tuple[str, "OnnxCameraDetector | OnnxCloudDetector"]:
+def _named(name: str) -> tuple[CameraDetector | None, CloudDetector | None]:
+    kind, _, file = name.partition(":")
+    if name == STREETS:
+        return _streets()
+    if kind == "onnx" and file:
+        return _opened(Path(file))
+    raise SettingError(
+        f"there is no detector {name!r}", where="--detector", remedy="use geometric, streets or onnx:FILE"
+    )
+
+
+def _streets() -> tuple[CameraDetector, CloudDetector]:
+    try:
+        from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise SettingError(
+            f"this detector needs the package {error.name}", where="--detector", remedy="pip install 'auditor[psmnet]'"
+        ) from error
+    return images.shipped_images(), clouds.shipped_clouds()
+
+
+def _opened(path: Path) -> tuple[CameraDetector | None, CloudDetector | None]:
     try:
         from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector  # noqa: PLC0415
         from auditor.lab.evaluation.object_baseline.detectors.described import read_description  # noqa: PLC0415
@@ -80,11 +100,14 @@ def _opened(path: Path) -> tuple[str, "OnnxCameraDetector | OnnxCloudDetector"]:
     description = read_description(path)
     model = OnnxModel(path)
     if description.sensor == "camera":
-        return "camera", OnnxCameraDetector(path, model, description)
-    return "cloud", OnnxCloudDetector(path, model, description)
+        return OnnxCameraDetector(path, model, description), None
+    return None, OnnxCloudDetector(path, model, description)
 
 
 __all__ = [
+    "CAR",
+    "CameraDetector",
+    "CloudDetector",
     "Detection",
     "Detectors",
     "ImageBox",

@@ -1,10 +1,16 @@
-"""The objects that detectors find, and their boxes."""
+"""What detectors are, the objects that they find, and their boxes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from auditor.model.arrays import Image, Points
 from auditor.model.optics.geometry import Matrix
+
+CAR = "Car"
+"""KITTI's word for the one kind of object that synthetic streets hold."""
 
 
 @dataclass(frozen=True)
@@ -70,3 +76,43 @@ class SolidDetection:
     box: SolidBox
     score: float
     label: str
+
+
+class Detector(Protocol):
+    """What all detectors tell of themselves: `settings` are canonical JSON of all that can change a box."""
+
+    @property
+    def name(self) -> str:
+        """A short name."""
+        ...
+
+    @property
+    def settings(self) -> str:
+        """Canonical JSON of all that can change a box."""
+        ...
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """The kinds of object that it can name."""
+        ...
+
+    @property
+    def libraries(self) -> Mapping[str, str]:
+        """Versions of the libraries that run it, by name."""
+        ...
+
+
+class CameraDetector(Detector, Protocol):
+    """Finds objects in images."""
+
+    def detect(self, pixels: Image) -> tuple[Detection, ...]:
+        """The objects in an (H, W) grey or (H, W, 3) BGR image."""
+        ...
+
+
+class CloudDetector(Detector, Protocol):
+    """Finds objects in point clouds."""
+
+    def detect(self, xyz_m: Points, rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
+        """The objects among (N, 3) points in the LiDAR frame, as boxes in the rig frame."""
+        ...

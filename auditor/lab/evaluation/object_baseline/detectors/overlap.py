@@ -1,6 +1,7 @@
 """The agreement of boxes: intersection over union."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -36,25 +37,59 @@ def overlaps_on_ground(first: Sequence[SolidBox], second: Sequence[SolidBox]) ->
     return _over_union(common, areas[0][:, None], areas[1][None, :])
 
 
+LEAST_HEIGHT_PX, EDGE_PX, MOST_HIDDEN = 40.0, 2.0, 0.3
+"""Objects of scores that are lower, nearer to the edge, or further behind another one need no partner."""
+
+
+class Partnered(NamedTuple):
+    """An object's best overlap with one of the other side, and how sure its detector is of it."""
+
+    iou: float
+    score: float
+
+
 def best_partners(
     first: Sequence[Detection],
     second: Sequence[Detection],
     labels_of_first: frozenset[str] | None = None,
     labels_of_second: frozenset[str] | None = None,
     reach_px: float = 0.0,
-) -> tuple[float, ...]:
+    size_px: tuple[int, int] | None = None,
+) -> tuple[Partnered, ...]:
     """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
     Labels are what a detector can name, None where it finds objects of any kind; `reach_px` is the largest disparity
     where they are of two images. An object that the other detector
-    could not have named needs no partner, and is left out.
+    could not have named needs no partner, and is left out; with `size_px`, width and height of the images, so is one
+    that is not plainly seen. Either may be a partner.
     """
     agreement = overlaps([one.box for one in first], [one.box for one in second], reach_px)
     best = [
         *zip(first, agreement.max(axis=1, initial=0.0), [labels_of_second] * len(first), strict=True),
         *zip(second, agreement.max(axis=0, initial=0.0), [labels_of_first] * len(second), strict=True),
     ]
-    return tuple(float(value) for one, value, known in best if known is None or one.label in known)
+    plain = [*_plainly_seen(first, size_px), *_plainly_seen(second, size_px)]
+    return tuple(
+        Partnered(float(value), one.score)
+        for (one, value, known), is_plain in zip(best, plain, strict=True)
+        if is_plain and (known is None or one.label in known)
+    )
+
+
+def _plainly_seen(objects: Sequence[Detection], size_px: tuple[int, int] | None) -> list[bool]:
+    """Which objects are easy to find in an image, after KITTI: high enough, whole, and hardly behind another one.
+
+    Of two objects the one whose lower edge is lower is taken to be nearer.
+    """
+    if size_px is None or not objects:
+        return [True] * len(objects)
+    box = _array([one.box for one in objects])
+    whole = (box[:, :2] > EDGE_PX).all(axis=1) & (box[:, 2:] < np.subtract(size_px, EDGE_PX)).all(axis=1)
+    common = np.minimum(box[:, None, 2:], box[None, :, 2:]) - np.maximum(box[:, None, :2], box[None, :, :2])
+    hidden = np.maximum(common, 0).prod(axis=2) > MOST_HIDDEN * _area(box)[:, None]
+    hidden &= box[:, None, 3] < box[None, :, 3]
+    plain: list[bool] = (whole & (box[:, 3] - box[:, 1] >= LEAST_HEIGHT_PX) & ~hidden.any(axis=1)).tolist()
+    return plain
 
 
 def suppressed(scores: Floats, agreement: Floats, most: float) -> list[int]:
