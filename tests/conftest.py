@@ -52,6 +52,14 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread_a_connection() -> None:
+    """DuckDB's threads wait for each other as well; they take a twentieth of its time on small stores."""
+    from auditor.store import connection  # noqa: PLC0415 - behind the variables above, which its libraries read
+
+    connection.SHUT["threads"] = 1
+
+
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder of real recorded data; a test that uses it is skipped, with the reason, where there is none."""
