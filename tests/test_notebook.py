@@ -2,12 +2,11 @@
 
 import base64
 from pathlib import Path
+from typing import Any
 
 import cv2
-import nbformat
 import numpy as np
 import pytest
-from nbclient import NotebookClient
 
 from auditor.store import run_query
 from tests.making.report_stores import add_recording, new_store
@@ -15,14 +14,25 @@ from tests.making.report_stores import add_recording, new_store
 NOTEBOOK = Path(__file__).parents[1] / "docs" / "notebook.ipynb"
 
 
+def read() -> Any:
+    """The notebook as it is kept. Raises ValidationError where it is none."""
+    import nbformat  # noqa: PLC0415 - it takes a second, in this file alone
+
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(notebook)
+    return notebook
+
+
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     """A store of two attacked recordings, and what each cell of code shows: its texts and its pictures."""
+    from nbclient import NotebookClient  # noqa: PLC0415 - it takes a second, in this file alone
+
     folder = tmp_path_factory.mktemp("notebook")
     store = new_store(folder)
     for name, last in (("a.mcap", 19), ("b.mcap", 24)):
         add_recording(store, name, attacks=[((1,), 10, last)], pictured=(12,), drives=2)
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook = read()
     NotebookClient(notebook, resources={"metadata": {"path": str(folder)}}, kernel_name="python3").execute()
     return store, [cell.outputs for cell in notebook.cells if cell.cell_type == "code"]
 
@@ -32,9 +42,7 @@ def texts(outputs):
 
 
 def test_the_kept_notebook_has_no_outputs():
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
-    nbformat.validate(notebook)
-    assert [cell for cell in notebook.cells if cell.get("outputs")] == []
+    assert [cell for cell in read().cells if cell.get("outputs")] == []
 
 
 def test_the_notebook_shows_the_incidents_of_the_program(told):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import auditor
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 HEAVY = ("click", "cv2", "duckdb", "jinja2", "mcap", "numpy", "pyarrow", "rich", "rosbags", "torch")
 
@@ -25,7 +25,7 @@ def test_importing_auditor_loads_no_heavy_package() -> None:
 
 
 def test_neither_the_api_nor_a_scan_loads_the_lab(tmp_path: Path) -> None:
-    write_drive(tmp_path / "drive.mcap")
+    write_drive(tmp_path / "drive.mcap", 4, positions_m=THREE_CAMERAS)
     program = f"""
 import sys
 import auditor, auditor.pipeline.many, auditor.pipeline.measure, auditor.pipeline.warm

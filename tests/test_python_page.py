@@ -47,7 +47,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "clean_logs").mkdir()
     (folder / "logs").mkdir()
     for number in range(2):
-        write_drive(folder / "clean_logs" / f"day{number}.mcap", count=6, seed=number)
+        write_drive(folder / "clean_logs" / f"day{number}.mcap", count=4, seed=number)
     write_drive(folder / "logs" / "night.mcap", count=8, seed=1, attacked={2: range(2, 6)})
     (folder / "logs" / "broken.mcap").touch()
     (folder / "packed_logs").mkdir()

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from auditor.identification.cross_validation import wilson
 from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
@@ -337,3 +338,9 @@ class Fleet:
         first = int(rng.integers(0, FRAMES - count + 1))
         where[first : first + count] = attack.scale
         return {check: shift[check] * where for check in self.system.sensor_checks}
+
+
+def wilson_percent(k: int, n: int) -> tuple[float, float]:
+    """Both ends, in percent, of Wilson's 95 % interval of k out of n."""
+    low, high = wilson(k, n)
+    return 100 * low, 100 * high

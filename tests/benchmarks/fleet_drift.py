@@ -42,8 +42,8 @@ from tests.benchmarks.fleet_bank import (
     Fleet,
     Turn,
     bank_of,
+    wilson_percent,
 )
-from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.scenes import Case, Scene
 from tests.benchmarks.turned_frames import TURNED
 

@@ -63,8 +63,8 @@ from tests.benchmarks.fleet_bank import (
     Fleet,
     Made,
     bank_of,
+    wilson_percent,
 )
-from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.rates import clean_frames, frames_of
 from tests.benchmarks.scenes import Scene
 from tests.making.stores import PROCEDURE

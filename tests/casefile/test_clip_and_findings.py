@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import fastjsonschema
 import foxglove_schemas_protobuf
-import jsonschema  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 from google.protobuf import json_format  # type: ignore[import-untyped]
@@ -110,7 +110,7 @@ def test_the_findings_are_foxgloves_messages_on_the_clips_timeline(attacked: Att
             assert schema is not None
             if channel.message_encoding == "json":
                 content = json.loads(message.data)
-                jsonschema.validate(content, json.loads(schema.data))
+                fastjsonschema.validate(json.loads(schema.data), content)
                 name = schema.name.removeprefix("foxglove.")
                 module = __import__(f"{READ}.{name}_pb2", fromlist=[name])
                 json_format.ParseDict(for_protobuf(content), getattr(module, name)())

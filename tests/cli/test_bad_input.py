@@ -275,7 +275,14 @@ if __name__ == "__main__":
     ],
 )
 def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
-    sent: signal.Signals, jobs: str, code: int, says: str, clean: Path, store: Path, tmp_path: Path
+    sent: signal.Signals,
+    jobs: str,
+    code: int,
+    says: str,
+    clean: Path,
+    store: Path,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / "signalled.py").write_text(SIGNALLED)
     drive = {"count": 8, "positions_m": THREE_CAMERAS}
@@ -291,9 +298,10 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     while _lives(started.pid) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _lives(started.pid), "no worker is left"
-    again = subprocess.run([sys.executable, "-m", "auditor", *scanning], capture_output=True, text=True, check=False)
-    assert again.returncode in (0, 1), again.stderr
-    assert "8 frames" in again.stderr
+    capfd.readouterr()
+    again, errors = run(scanning), capfd.readouterr().err
+    assert again in (0, 1), errors
+    assert "8 frames" in errors
 
 
 def _lives(session: int) -> bool:

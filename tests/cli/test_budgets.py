@@ -20,7 +20,7 @@ from tests.making.small_drives import write_drive
 
 READING = ("inspect", "convert", "attack", "calibrate", "scan", "evaluate", "train-matcher")
 TOO_MANY = 7
-MANY = 64
+MANY = 40
 MOST_MB = 300
 
 

@@ -18,6 +18,9 @@ from auditor.store import Store, run_sql  # noqa: E402
 from tests.making.psmnet_networks import ruled_state  # noqa: E402
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive  # noqa: E402
 
+SMALL = (192, 64)
+"""What a network takes for a picture grows with its size."""
+
 
 @pytest.fixture(autouse=True)
 def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,7 +30,7 @@ def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", 3, positions_m=(0.6, 0.3, 0.0))
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", 3, positions_m=THREE_CAMERAS, size_px=SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +64,10 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
 
 
 def test_a_network_without_a_file_of_weights_names_the_attacked_camera(tmp_path: Path) -> None:
-    clean = write_drive(tmp_path / "clean.mcap", 2, positions_m=THREE_CAMERAS)
+    small = {"count": 2, "positions_m": THREE_CAMERAS, "size_px": SMALL}
+    clean = write_drive(tmp_path / "clean.mcap", **small)
     start_ns = START_NS + DAY_NS
-    attacked = write_drive(
-        tmp_path / "attacked.mcap", 2, positions_m=THREE_CAMERAS, seed=50, start_ns=start_ns, attacked={2: range(1, 2)}
-    )
+    attacked = write_drive(tmp_path / "attacked.mcap", **small, seed=50, start_ns=start_ns, attacked={2: range(1, 2)})
     store = tmp_path / "audit"
     network = ("--matcher", "psmnet", "--max-disparity", 64, "--jobs", 1, "--store", store)
     assert run("calibrate", clean, *network).exception is None
@@ -89,7 +91,7 @@ def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_w
 ) -> None:
     arguments = (
         "evaluate",
-        write_drive(tmp_path / "pair.mcap", 2, positions_m=(0.6, 0.0)),
+        write_drive(tmp_path / "pair.mcap", 2, positions_m=(0.6, 0.0), size_px=SMALL),
         "--store",
         tmp_path / "evaluation",
         "--format",

@@ -12,8 +12,11 @@ from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, make_features, new_store, part_columns
 
 
-def evaluated(folder, rig, *, frames=10, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
-    """A store in which an attack raises the E of its triples, in a share of its cases."""
+def evaluated(folder, rig, *, frames=10, attacked=None, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
+    """A store in which an attack raises the E of its triples, in a share of its cases.
+
+    Only the first `attacked` frames are attacked, where it says how many.
+    """
     store = new_store(folder)
     store.write_rig(rig)
     rng = np.random.default_rng(5)
@@ -22,7 +25,7 @@ def evaluated(folder, rig, *, frames=10, names=("a.mcap", "b.mcap"), seen=0.9, e
             drawn = 1 if experiment.drawn else None
             part = EvaluationPart(**part_columns(rig, f"{number}", experiment.name, drawn=drawn, name=name))
             with part_writer(store, part) as writer:
-                for frame in range(frames):
+                for frame in range(frames)[: attacked if experiment.attacks else None]:
                     for case in experiment.cases(rig, SeededDraws(0, number, frame, 0), ()):
                         writer.add(measured(rig, frame, case, rng, seen))
                 writer.commit(

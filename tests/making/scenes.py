@@ -15,22 +15,25 @@ WIDTH, HEIGHT, FOCAL = 320, 120, 300.0
 RIG_SE3_LIDAR = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
-def plane_rig(positions_m: tuple[float, ...] = (0.6, 0.3, 0.0), lidar: bool = True) -> Rig:
+def plane_rig(
+    positions_m: tuple[float, ...] = (0.6, 0.3, 0.0), lidar: bool = True, size_px: tuple[int, int] = (WIDTH, HEIGHT)
+) -> Rig:
     """Cameras S_1.. at the given x positions, right to left."""
-    cameras = []
+    cameras, (width, height) = [], size_px
     for number, x in enumerate(positions_m, start=1):
-        P = np.array([[FOCAL, 0, WIDTH / 2, -FOCAL * x], [0, FOCAL, HEIGHT / 2, 0], [0, 0, 1, 0]])
-        cameras.append(Camera(number, f"camera {number}", f"/camera_{number}", WIDTH, HEIGHT, P))
+        P = np.array([[FOCAL, 0, width / 2, -FOCAL * x], [0, FOCAL, height / 2, 0], [0, 0, 1, 0]])
+        cameras.append(Camera(number, f"camera {number}", f"/camera_{number}", width, height, P))
     return Rig(Lidar("lidar", "/points", RIG_SE3_LIDAR) if lidar else None, tuple(cameras))
 
 
 def plane_images(rig: Rig, depth_m: float, seed: int = 0) -> dict[int, NDArray[np.uint8]]:
     """What each camera sees of a textured plane facing it, whose disparities are whole pixels."""
-    texture = np.random.default_rng(seed).integers(0, 256, (HEIGHT, 3 * WIDTH)).astype(np.uint8)
+    width, height = rig.cameras[0].width_px, rig.cameras[0].height_px
+    texture = np.random.default_rng(seed).integers(0, 256, (height, 3 * width)).astype(np.uint8)
     images = {}
     for camera in rig.cameras:
         shift = round(FOCAL * float(camera.centre_m[0]) / depth_m)
-        images[camera.number] = np.ascontiguousarray(texture[:, WIDTH + shift : 2 * WIDTH + shift])
+        images[camera.number] = np.ascontiguousarray(texture[:, width + shift : 2 * width + shift])
     return images
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.rig import Rig
 from auditor.recordings import write_bag, write_db3, write_mcap
-from tests.making.scenes import plane_cloud, plane_images, plane_rig
+from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_images, plane_rig
 
 START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 10**8
@@ -46,9 +46,15 @@ def drive_frames(
 
 
 def write_drive(
-    path: Path, count: int = 20, *, positions_m: tuple[float, ...] = FOUR_CAMERAS, lidar: bool = True, **how: object
+    path: Path,
+    count: int = 20,
+    *,
+    positions_m: tuple[float, ...] = FOUR_CAMERAS,
+    lidar: bool = True,
+    size_px: tuple[int, int] = (WIDTH, HEIGHT),
+    **how: object,
 ) -> Path:
     """A recording of that many frames, in the format of the path's ending."""
-    rig = plane_rig(positions_m, lidar)
+    rig = plane_rig(positions_m, lidar, size_px)
     WRITERS[path.suffix](path, rig, drive_frames(rig, count, **how))
     return path

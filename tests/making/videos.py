@@ -43,7 +43,18 @@ ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
 
 
 def encoded(pictures: list[NDArray[np.uint8]], quality: int = 12, form: str = "h264") -> list[bytes]:
-    """One packet a picture, grey or BGR; needs the package `av`."""
+    """One packet a picture, grey or BGR; needs the package `av`.
+
+    Where it may, svtav1 gives this process real-time priority, which all that it starts later would inherit.
+    """
+    policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        return _encoded(pictures, quality, form)
+    finally:
+        os.sched_setscheduler(0, policy, priority)
+
+
+def _encoded(pictures: list[NDArray[np.uint8]], quality: int, form: str) -> list[bytes]:
     import av  # noqa: PLC0415 - an extra
 
     os.environ.setdefault("SVT_LOG", "-1")  # svtav1 prints by itself

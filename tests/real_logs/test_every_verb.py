@@ -69,8 +69,8 @@ def test_scan_names_what_was_attacked_in_every_format(form: str, verbs: Audit, f
     assert all(text in answer.out for text in (b"wagon_spot.mcap", b"S_1"))
 
 
-@pytest.mark.parametrize(("method", "form"), [("paper", "table"), *(("robust", form) for form in FORMATS)])
-def test_judge_answers_in_every_format(method: str, form: str, verbs: Audit):
+@pytest.mark.parametrize(("method", "form"), [("paper", "table"), ("robust", "json")])
+def test_judge_answers_by_each_method(method: str, form: str, verbs: Audit):
     answer = verbs("judge", "--method", method, "--format", form)
     assert answer.code == Exit.FINDINGS
     assert b"wagon_spot.mcap" in answer.out
@@ -140,29 +140,30 @@ EVALUATE = ("--attack-every", "12", "--jobs", "1")
 
 
 @pytest.fixture(scope="module")
-def evaluated(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The store in which attacks on a clean recording were evaluated."""
-    store = tmp_path_factory.mktemp("evaluated") / "audit"
-    assert run(["evaluate", str(fleet / "van_clean.mcap"), *EVALUATE, "--store", str(store)]) == Exit.CLEAN
-    return store
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short clean recording, beside the store in which attacks on it were evaluated."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    short = write(folder / "short.mcap", record(VAN, range(3), seed=SEED))
+    assert run(["evaluate", str(short), *EVALUATE, "--store", str(folder / "audit")]) == Exit.CLEAN
+    return short
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_evaluate_answers_in_every_format(form: str, fleet: Path, evaluated: Path, capfdbinary):
-    audit = Audit(evaluated, capfdbinary.readouterr)
-    answer = audit("evaluate", fleet / "van_clean.mcap", *EVALUATE, "--format", form)
+def test_evaluate_answers_in_every_format(form: str, evaluated: Path, capfdbinary):
+    audit = Audit(evaluated.with_name("audit"), capfdbinary.readouterr)
+    answer = audit("evaluate", evaluated, *EVALUATE, "--format", form)
     assert answer.code == Exit.CLEAN
     assert answer.out
 
 
 def test_the_evaluation_page_is_written(evaluated: Path, capfdbinary, tmp_path: Path):
-    audit = Audit(evaluated, capfdbinary.readouterr)
+    audit = Audit(evaluated.with_name("audit"), capfdbinary.readouterr)
     assert audit("report", "evaluation", "--out", tmp_path / "evaluation.html").code == Exit.CLEAN
-    assert "van_clean.mcap" in (tmp_path / "evaluation.html").read_text()
+    assert "short.mcap" in (tmp_path / "evaluation.html").read_text()
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_the_recordings_of_a_store_are_listed_in_every_format(form: str, verbs: Audit):
+@pytest.mark.parametrize("form", ["table", "parquet"])
+def test_the_recordings_of_a_store_are_listed(form: str, verbs: Audit):
     answer = verbs("store", "list", verbs.store, "--format", form, store=False)
     assert answer.code == Exit.CLEAN
     printed = answer.out if form == "table" else str(rows_of(form, answer.out)).encode()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,10 +18,14 @@ from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Measurement
 
 DRIVE = make_drive(2, 10, n_cameras=1)
-FRAMES = [one for one in DRIVE.frames() if isinstance(one, Frame)]
 STILL = SensorCheck(Check.STILL_LIGHT, 1, (0,))
 WIDTH, HEIGHT = DRIVE.rig.cameras[0].width_px, DRIVE.rig.cameras[0].height_px
 ASIDE = Facula(255.0, 0.2 * WIDTH, 0.7 * WIDTH, 0.7 * HEIGHT)
+
+
+@cache
+def drive_frames() -> tuple[Frame, ...]:
+    return tuple(one for one in DRIVE.frames() if isinstance(one, Frame))
 
 
 def measured(frames: list[Frame]) -> list[Measurement]:
@@ -30,7 +35,8 @@ def measured(frames: list[Frame]) -> list[Measurement]:
 def statistics(change: Callable[[CameraImage], CameraImage], since: int = 0) -> list[float | None]:
     """By frame, where the pictures from one on are changed."""
     frames = [
-        replace(one, images={1: change(one.images[1])}) if place >= since else one for place, one in enumerate(FRAMES)
+        replace(one, images={1: change(one.images[1])}) if place >= since else one
+        for place, one in enumerate(drive_frames())
     ]
     return [one.shares.get(STILL) for one in measured(frames)]
 
@@ -43,7 +49,7 @@ def clean() -> list[float | None]:
 def test_a_clean_drive_has_hardly_any_and_says_how_much_of_the_picture_was_looked_at(clean: list[float | None]) -> None:
     assert clean[0] is None, "there is no past yet"
     assert max(one for one in clean if one is not None) < 0.2
-    last = measured(FRAMES)[-1].coverage[1]
+    last = measured(list(drive_frames()))[-1].coverage[1]
     assert last.compared_share is not None
     assert 0.3 < last.compared_share < 1
     assert last.compared_by_two_share == 0
@@ -70,7 +76,8 @@ def test_an_exposure_that_changes_is_none(gain: float, clean: list[float | None]
 
 
 def test_where_the_vehicle_stands_nothing_is_looked_at() -> None:
-    standing = [replace(FRAMES[0], number=number, stamp_ns=FRAMES[0].stamp_ns + number * 10**8) for number in range(4)]
+    first = drive_frames()[0]
+    standing = [replace(first, number=number, stamp_ns=first.stamp_ns + number * 10**8) for number in range(4)]
     found = measured(standing)
     assert [one.shares.get(STILL) for one in found] == [None] * 4
     assert found[-1].coverage[1].compared_share == 0

@@ -3,6 +3,7 @@ import sys
 import tracemalloc
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,12 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 RIG = make_rig(3)
 COUNT = 24
-PACKETS = {form: encoded([moving_picture(number) for number in range(COUNT)], form=form) for form in ENCODERS}
 HEADS = {form.name.lower().replace(".", ""): form.heads for form in _FORMS}
+
+
+@cache
+def packets_of(form: str) -> list[bytes]:
+    return encoded([moving_picture(number) for number in range(COUNT)], form=form)
 
 
 def decoder() -> Any:
@@ -103,14 +108,14 @@ def test_a_lost_message_damages_what_follows_up_to_the_next_key_picture(tmp_path
 
 @pytest.mark.parametrize("form", ENCODERS)
 def test_pictures_of_every_form_are_read(form: str) -> None:
-    for number, pixels in enumerate(decoded(PACKETS[form], form)):
+    for number, pixels in enumerate(decoded(packets_of(form), form)):
         assert not isinstance(pixels, str), pixels
         assert np.abs(pixels.astype(int) - moving_picture(number)).mean() < 3
 
 
 @pytest.mark.parametrize("form", ENCODERS)
 def test_a_damaged_picture_is_never_taken_for_one(form: str) -> None:
-    packets = PACKETS[form]
+    packets = packets_of(form)
     # FFmpeg does not see the end of data inside a picture of the other forms: docs/threat-model.md.
     kept = len(packets[3]) // 3 if form in {"h264", "av1"} else 5
     found = decoded([*packets[:3], packets[3][:kept], *packets[4:]], form)
@@ -120,7 +125,7 @@ def test_a_damaged_picture_is_never_taken_for_one(form: str) -> None:
 @pytest.mark.parametrize("form", ENCODERS)
 @pytest.mark.parametrize("lost", [5, 9, 13])
 def test_pictures_behind_a_lost_one_are_damaged_up_to_the_next_key_picture(form: str, lost: int) -> None:
-    packets = [b"" if number == lost else packet for number, packet in enumerate(PACKETS[form])]
+    packets = [b"" if number == lost else packet for number, packet in enumerate(packets_of(form))]
     damaged = range(lost + 1, -(-lost // KEY_EVERY) * KEY_EVERY)
     states = [isinstance(one, str) for one in decoded(packets, form)]
     assert states == [number in damaged for number in range(COUNT) if number != lost]
@@ -165,7 +170,7 @@ def _heads(form: str, packets: list[bytes]) -> list[Head]:
 
 
 def test_a_video_of_another_size_or_format_is_refused() -> None:
-    (message,) = video_messages(PACKETS["h264"][:1])
+    (message,) = video_messages(packets_of("h264")[:1])
     with pytest.raises(DecodingError, match="instead of"):
         decoder().pixels(message, colour=False, size_px=(64, 64))
     (message,) = video_messages([b"\xff\xd8" + bytes(40)], format="mjpeg")
@@ -174,7 +179,7 @@ def test_a_video_of_another_size_or_format_is_refused() -> None:
 
 
 def test_json_and_colours_are_read_too() -> None:
-    message = Message("/a", VIDEO, "json", 5, json_text(video_fields(PACKETS["h264"][0])))
+    message = Message("/a", VIDEO, "json", 5, json_text(video_fields(packets_of("h264")[0])))
     pixels = Decoders(lambda _: None).image(VIDEO, "json").pixels(message, colour=True)
     assert pixels.shape == (48, 64, 3)
     assert np.abs(pixels[:, :, 0].astype(int) - moving_picture(0)).mean() < 6
@@ -182,7 +187,7 @@ def test_json_and_colours_are_read_too() -> None:
 
 def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    (message,) = video_messages(PACKETS["h264"][:1])
+    (message,) = video_messages(packets_of("h264")[:1])
     for read in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
         with pytest.raises(DecodingError, match=r"install auditor\[video\]"):
             read(message)
@@ -196,13 +201,13 @@ def test_a_damaged_video_is_said_with_the_name_of_its_form() -> None:
 
 
 def test_a_name_from_before_does_not_hide_h265() -> None:
-    assert form_of("h264", PACKETS["h265"][0]).name == "H.265"
+    assert form_of("h264", packets_of("h265")[0]).name == "H.265"
 
 
 def test_a_frame_that_declares_another_size_than_its_sequence_takes_no_memory() -> None:
     wide = encoded([moving_picture(number, 2048, 1536) for number in range(2)], form="vp9")
     tracemalloc.start()
-    found = decoded([PACKETS["vp9"][0], wide[1], wide[0]], "vp9")
+    found = decoded([packets_of("vp9")[0], wide[1], wide[0]], "vp9")
     assert tracemalloc.get_traced_memory()[1] < 2 * 10**6
     tracemalloc.stop()
     assert [isinstance(one, str) for one in found] == [False, True, True]
@@ -211,7 +216,7 @@ def test_a_frame_that_declares_another_size_than_its_sequence_takes_no_memory() 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.sampled_from(sorted(ENCODERS)), st.data())
 def test_noise_in_a_video_raises_only_our_own_error(form: str, data: st.DataObject) -> None:
-    packets = [bytearray(packet) for packet in PACKETS[form][:4]]
+    packets = [bytearray(packet) for packet in packets_of(form)[:4]]
     for _ in range(data.draw(st.integers(1, 4))):
         packet = data.draw(st.sampled_from(packets))
         at = data.draw(st.integers(0, len(packet) - 1))
@@ -224,7 +229,7 @@ def test_noise_in_a_video_raises_only_our_own_error(form: str, data: st.DataObje
 def test_heads_of_noise_raise_only_our_own_error(form: str, data: st.DataObject) -> None:
     heads = HEADS[form]()
     for _ in range(2):
-        packet = bytearray(PACKETS[form][0][: data.draw(st.integers(0, 80))])
+        packet = bytearray(packets_of(form)[0][: data.draw(st.integers(0, 80))])
         for _ in range(data.draw(st.integers(0, 4))):
             if packet:
                 packet[data.draw(st.integers(0, len(packet) - 1))] = data.draw(st.integers(0, 255))

@@ -9,11 +9,14 @@ from auditor.recordings import open_recording, schemas, survey
 from auditor.recordings.decoding.geometry import RosTransformsDecoder
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.rigs.in_force import rigs_in_force
+from auditor.recordings.synchronisation import survey as surveying
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
+FEW_BYTES = 2 * 2**20
+"""A limit of all transforms that takes a file of 2 MB to exceed, not one of 16."""
 TF = Topic("/tf", schemas.TRANSFORMS, "cdr")
 
 
@@ -56,12 +59,15 @@ def with_tf(
     [
         (3, 5_000, False, f"/tf: more than {MAX_TRANSFORMS} transforms: the rest of tf is left out"),
         (1, 15_000, False, f"bytes of transforms is left out; at most {MAX_TRANSFORM_BYTES} are accepted"),
-        (40, 5_000, True, f"/tf: more than {MAX_TRANSFORMS_BYTES} bytes of transforms: the rest of tf is left out"),
+        (5, 5_000, True, f"/tf: more than {FEW_BYTES} bytes of transforms: the rest of tf is left out"),
     ],
 )
 def test_tf_beyond_its_limits_is_left_out_and_told(
-    messages: int, frames: int, again: bool, says: str, drive: Path, tmp_path: Path
+    messages: int, frames: int, again: bool, says: str, drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert surveying.MAX_TRANSFORMS_BYTES == MAX_TRANSFORMS_BYTES == 8 * FEW_BYTES
+    if again:
+        monkeypatch.setattr(surveying, "MAX_TRANSFORMS_BYTES", FEW_BYTES)
     path = with_tf(drive, tmp_path / "tf.mcap", messages, frames, again=again)
     with open_recording(path) as recording:
         found = survey(recording)
