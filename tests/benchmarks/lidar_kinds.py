@@ -27,9 +27,8 @@ from auditor.lab.attacks.spoofing import find_object
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.collect import shares_of_ranges
-from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.false_ranges import directed_points, pair_ranges
-from auditor.measurement.checks.lidar_conflict import verify_conflicts
+from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.point_distribution import (
     isolated,
