@@ -3,7 +3,7 @@
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import groupby
 from math import isnan
 from operator import itemgetter
@@ -149,10 +149,8 @@ def _region(row: Mapping[str, Any]) -> Region:
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
 
 
-_COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
-
-
-_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns", "compared_share", "compared_by_two_share")
+_COUNTS = tuple(one.name for one in fields(Counts))
+_COVERAGE = tuple(one.name for one in fields(Coverage))
 
 
 _ALTERED = "auditor verify says what was altered"
