@@ -1,4 +1,4 @@
-"""The tables of checks in docs/method.md and docs/glossary.md, as declared: `python -m tests.check_tables` writes them."""
+"""The tables of checks in docs/method.md and docs/glossary.md: `python -m tests.check_tables` writes them."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,7 +23,7 @@ def _method() -> Iterator[str]:
 def _glossary() -> Iterator[str]:
     for check in Check:
         words = check.kind.words
-        yield f"| {words.label}, of the {check.kind.of.sensor} | {words.says} | `checks/{check.where}` |"
+        yield f"| {words.label} | {words.says} | `checks/{check.where}` |"
 
 
 def tables() -> dict[Path, tuple[str, str]]:

@@ -34,6 +34,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row, pose_row
+from auditor.store.schema import table_schema
 from auditor.store.tables import Row, Source, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
@@ -150,7 +151,8 @@ def _region(row: Mapping[str, Any]) -> Region:
 
 
 _COUNTS = tuple(one.name for one in fields(Counts))
-_COVERAGE = tuple(one.name for one in fields(Coverage))
+_COVERAGE = tuple(one.name for one in table_schema("frames").columns if hasattr(Coverage, one.name))
+"""The columns of frames that are what a triple, or what a sensor, has under their names."""
 
 
 _ALTERED = "auditor verify says what was altered"
