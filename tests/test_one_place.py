@@ -150,7 +150,7 @@ def test_each_is_declared_in_two_files_at_most_and_is_measured_judged_stored_and
 
     shown = " ".join(done.stdout.split())
     assert "ink on the upper rows: share of the rows [0.3]" in shown
-    assert "Of a inked: its grey level" in shown
+    assert "With --kind inked: its grey level" in shown
     assert b"inked" in (tmp_path / "inked.mcap").read_bytes(), "the ground truth names it"
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     of_frames = {row["frame"]: row["t"] for row in found["statistics"]}

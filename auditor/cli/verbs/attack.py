@@ -51,7 +51,9 @@ class _Attack(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """The options of kinds stand last."""
         own = [
-            click.Option([f"--{one.flag}", one.name], type=FiniteRange(min=one.least), help=f"Of a {kind}: {one.says}.")
+            click.Option(
+                [f"--{one.flag}", one.name], type=FiniteRange(min=one.least), help=f"With --kind {kind}: {one.says}."
+            )
             for kind, one in _options()
         ]
         *known, shown = super().get_params(ctx)

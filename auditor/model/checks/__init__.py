@@ -33,7 +33,7 @@ ADDED_LATER = tuple(Check)[tuple(Check).index(Check.COLOURED_LIGHT) :]
 SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOTHING)
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
-SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT)
+SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
 FEWEST_VOTERS = 2
