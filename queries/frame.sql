@@ -183,8 +183,7 @@ fact AS (
     JOIN judged ON judged.measurement_id = statistics.measurement_id
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = statistics.measurement_id AND judgement.current
     WHERE statistics.frame = $frame AND (judged.kind IS NULL OR list_has_all(judged.system, list_append(others, sensor)))
-    QUALIFY check_name IN ('point_dropout', 'isolated_points')
-        OR len(others) = max(len(others)) OVER (PARTITION BY statistics.measurement_id, check_name, sensor)
+    QUALIFY len(others) = max(len(others)) OVER (PARTITION BY statistics.measurement_id, check_name, sensor)
     UNION ALL
     SELECT measurement_id, 6, row, 'cause', {
         item: cause['cause'] || coalesce(' S_' || cause['sensor'], ''),

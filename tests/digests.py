@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auditor.identification.parameters import judging_digest
-from auditor.measurement.parameters import measuring_digest
+from auditor.measurement.checks.found import measuring_digest
 from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION

@@ -30,7 +30,7 @@ def parameters_of(verb: str) -> list[click.Parameter]:
     """Those of the verb, and of its own verbs where it has some."""
     command = command_of(verb)
     below = command.commands.values() if isinstance(command, click.Group) else ()
-    return [parameter for one in (command, *below) for parameter in one.params]
+    return [parameter for one in (command, *below) for parameter in one.get_params(click.Context(one))]
 
 
 @pytest.mark.parametrize("verb", VERBS)

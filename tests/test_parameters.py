@@ -18,12 +18,8 @@ from auditor.identification.parameters import (
     STANDS_OUT,
     judging_settings,
 )
-from auditor.measurement.parameters import (
-    DISPARITY_ERROR,
-    MEASURING,
-    SGBM,
-    TEXTURE,
-)
+from auditor.measurement.checks.found import MEASURING
+from auditor.measurement.parameters import DISPARITY_ERROR, SGBM, TEXTURE
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
@@ -152,7 +148,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "degrees of a rectangle's turn",
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
-    "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
+    "model/checks/__init__.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
     "model/optics/common_view.py": ((3, 4, 32), "dimensions; rays and cells that tell a share of a picture"),
     "model/optics/geometry.py": (
         (
@@ -199,9 +195,11 @@ def place(path: Path) -> str:
 
 
 def numbers(path: Path) -> Iterator[tuple[int, float]]:
-    """Line and value of each number in a module, but for 0, 1 and 2 and what is inside of an index."""
+    """Line and value of each number in a module, but for 0, 1 and 2, and those in an index or a parameter itself."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.Subscript) for part in ast.walk(node.slice)}
+    declared = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name))
+    inside |= {id(p) for call in declared if call.func.id in ("parameter", "PriorOf") for p in ast.walk(call)}
     small = {id(node) for node in ast.walk(tree) if isinstance(node, ast.Constant) and node.value in (0, 1, 2)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and type(node.value) in (int, float) and id(node) not in inside | small:

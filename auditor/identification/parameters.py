@@ -4,7 +4,8 @@ A changed value asks for a new JUDGING_VERSION. z is the normalised score of a c
 above its threshold theta.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
+from typing import TYPE_CHECKING
 
 from auditor.identification.evidence_parameters import (
     ALERTS,
@@ -15,6 +16,7 @@ from auditor.identification.evidence_parameters import (
     STRETCHES,
     THROWN_LIGHT,
 )
+from auditor.model.checks import Check
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
     ADDED_LIGHT,
@@ -24,6 +26,9 @@ from auditor.model.parameters import (
     RIG_KIND_TOLERANCE,
     STORED_RESIDUALS,
 )
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
@@ -66,41 +71,11 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
-_LIGHT = f"{_PRIOR}, by counting version 12; tails widened on streets 9800 to 10159 (docs/decisions.md)"
-_REAL = "three clean real drives and their attacks; a guard of 56 streets for the tail (docs/ablations.md)"
-_TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
-_RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/method.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
 _STANDS_OUT = "62 clean real frames and those of their attacks that are named (docs/decisions.md)"
-_IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
-
-
-@dataclass(frozen=True)
-class CheckPriors:
-    """Of the log odds of a statistic, by check and by how many cameras take part."""
-
-    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.0), unit=_OF_PRIOR, source=_PRIOR)
-    light: tuple[float, ...] = parameter((-2.92, 0.3, 0.29, 1.9), unit=_OF_PRIOR, source=_LIGHT)
-    light_of_two: tuple[float, ...] = parameter((-2.2, 0.33, 0.33, 1.3), unit=_OF_PRIOR, source=_REAL)
-    light_of_one: tuple[float, ...] = parameter((-2.1, 0.35, 0.35, 1.75), unit=_OF_PRIOR, source=_REAL)
-    darkness: tuple[float, ...] = parameter((-3.15, 0.26, 0.24, 2.0), unit=_OF_PRIOR, source=_LIGHT)
-    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 2.0), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.95), unit=_OF_PRIOR, source=_TAILS)
-    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.7), unit=_OF_PRIOR, source=_TAILS)
-    inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.45), unit=_OF_PRIOR, source=_PRIOR)
-    coloured_light: tuple[float, ...] = parameter((-3.1, 0.36, 0.25, 1.9), unit=_OF_PRIOR, source=_TAILS)
-    striped_light: tuple[float, ...] = parameter((-3.93, 0.4, 0.1, 1.8), unit=_OF_PRIOR, source=_NO_CLEAN)
-    point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
-    isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
-    false_ranges: tuple[float, ...] = parameter((-3.88, 0.45, 0.15, 1.7), unit=_OF_PRIOR, source=_RANGES)
-    rough_ranges: tuple[float, ...] = parameter((-3.8, 0.7, 0.3, 1.45), unit=_OF_PRIOR, source=_RANGES)
-    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.4), unit=_OF_PRIOR, source=_LOST)
-    parallax_conflict: tuple[float, ...] = parameter((-2.8, 0.95, 0.2, 0.8), unit=_OF_PRIOR, source=_IN_TIME)
-    still_light: tuple[float, ...] = parameter((-3.6, 0.65, 0.3, 1.0), unit=_OF_PRIOR, source=_IN_TIME)
 
 
 @dataclass(frozen=True)
@@ -316,7 +291,13 @@ class OtherLidar:
 
 
 WINDOWED_MEAN = WindowedMean()
-CHECK_PRIORS = CheckPriors()
+_PRIORS = {one.name: one for check in Check for one in check.kind.priors}
+CHECK_PRIORS: "DataclassInstance" = make_dataclass(
+    "CheckPriors",
+    [(one.name, tuple, parameter(one.values, unit=_OF_PRIOR, source=one.source)) for one in _PRIORS.values()],
+    frozen=True,
+)()
+"""Of the log odds of a statistic, by check and by how many cameras take part, as checks are declared with them."""
 CAUSE_PRIORS = CausePriors()
 HIERARCHY = Hierarchy()
 JOINT_TAIL = JointTail()

@@ -17,42 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL
+from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL
 from auditor.identification.statistics import median_of
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Expected
-from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, CauseIn
 
 OFFSET = HIERARCHY.offset
 """What is added to a statistic, and to what is left to 1, before their logarithms are taken: both may be 0."""
-
-
-_OF_CAMERAS = {
-    Check.ADDED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.light_of_two, CHECK_PRIORS.light),
-    Check.REMOVED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.darkness_of_two, CHECK_PRIORS.darkness),
-    Check.PHOTOMETRIC_INCONSISTENCY: (
-        CHECK_PRIORS.inconsistency_of_one,
-        CHECK_PRIORS.inconsistency_of_two,
-        CHECK_PRIORS.inconsistency,
-    ),
-}
-"""By check the priors of one voter, of two, and of more."""
-
-_OF_ANY = {
-    Check.LIDAR_CONFLICT: CHECK_PRIORS.conflict,
-    Check.LOST_RETURNS: CHECK_PRIORS.lost_returns,
-    Check.POINT_DROPOUT: CHECK_PRIORS.point_dropout,
-    Check.ISOLATED_POINTS: CHECK_PRIORS.isolated_points,
-    Check.COLOURED_LIGHT: CHECK_PRIORS.coloured_light,
-    Check.STRIPED_LIGHT: CHECK_PRIORS.striped_light,
-    Check.FALSE_RANGES: CHECK_PRIORS.false_ranges,
-    Check.ROUGH_RANGES: CHECK_PRIORS.rough_ranges,
-    Check.PARALLAX_CONFLICT: CHECK_PRIORS.parallax_conflict,
-    Check.STILL_LIGHT: CHECK_PRIORS.still_light,
-}
-"""By check the prior, however many cameras take part."""
 
 
 class Prior(NamedTuple):
@@ -98,11 +72,8 @@ class Drives:
 
 def prior_of_check(check: SensorCheck) -> Prior:
     """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
-    others = len(check.others)
-    if check.check in _OF_ANY:
-        return Prior(*_OF_ANY[check.check])
-    alone, two, more = _OF_CAMERAS[check.check]
-    return Prior(*(alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more))
+    priors = check.check.kind.priors
+    return Prior(*priors[min(len(check.others), len(priors)) - 1].values)
 
 
 def prior_of_cause(cause: CauseIn) -> Prior:

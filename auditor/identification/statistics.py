@@ -18,6 +18,7 @@ from auditor.model.checks import (
     CountedPair,
     SensorCheck,
 )
+from auditor.model.checks.kind import Counted, Of, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
@@ -70,9 +71,7 @@ LOST_WINDOW = Window(*WINDOWED_MEAN.lost_window, WINDOWED_MEAN.lost_pseudo_count
 IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
 
-_OF_POINTS = frozenset({Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT})
-_MEAN_OF_ALL = _OF_POINTS | {Check.COLOURED_LIGHT}
-_WINDOWS = {**dict.fromkeys(_OF_POINTS, CONFLICT_WINDOW), Check.LOST_RETURNS: LOST_WINDOW}
+_WINDOWS = {Counted.POINTS: CONFLICT_WINDOW, Counted.SURFACES: LOST_WINDOW}
 
 
 def sensor_statistics(
@@ -87,25 +86,24 @@ def sensor_statistics(
     of_lidar = {check: [counted for counted in cells if counted.check is check] for check in DIRECTION_CHECKS}
     directions = {check: window_means_of(grids, cells) for check, grids in of_lidar.items() if grids}
     of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
-    coloured = {camera for one in cells if one.check is Check.COLOURED_LIGHT for camera in (one.i, one.k)}
+    coloured = {camera for one in cells if one.check.kind.of_colours for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
         """What the voters of a check say together; None where one that it needs says nothing."""
-        if one.check is Check.STRIPED_LIGHT:
-            return _least_share(one, shares)
+        kind = one.check.kind
         if one.check in SHARE_CHECKS:
-            return shares.get(one)
+            return _least_share(one, shares) if kind.of is Of.CAMERAS else shares.get(one)
         if one.check in DIRECTION_CHECKS:
             pairs = [place for place, pair in enumerate(of_lidar[one.check]) if {pair.i, pair.k} <= set(one.others)]
             return vote(one.check, directions[one.check].of(pairs)) if pairs else None
-        counted = Check.ADDED_LIGHT if one.check is Check.REMOVED_LIGHT else one.check
+        counted = one.check.counted_as
         others, windows = of_cameras.get((counted, one.sensor), ([], None))
         able = [other for other in one.others if other in others]
-        if windows is None or not able or (len(able) < len(one.others) and one.check is not Check.COLOURED_LIGHT):
+        if windows is None or not able or (len(able) < len(one.others) and not kind.of_colours):
             return None
         voters = windows.of([others.index(other) for other in able])
         alike = np.array([(other in coloured) == (one.sensor in coloured) for other in able], dtype=np.bool_)
-        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters, alike)
+        return vote(one.check, voters.opposite if kind.opposite_of else voters, alike)
 
     return tuple(statistic(one) for one in sensor_checks)
 
@@ -133,10 +131,10 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     """The mean residual, or the share of inconsistent pixels or points, of each window of some grids of one check."""
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
-    window = _WINDOWS.get(check, IMAGE_WINDOW)
+    window = _WINDOWS.get(check.kind.counted, IMAGE_WINDOW)
     steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
-    windows = [fitted(window, one) for one in N] if check in _OF_POINTS else [window] * len(N)
+    windows = [fitted(window, one) for one in N] if check.kind.counted is Counted.POINTS else [window] * len(N)
     pseudo_count, fewest = (
         np.array([getattr(one, name) for one in windows])[:, None, None] for name in ("pseudo_count", "fewest")
     )
@@ -158,10 +156,11 @@ def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float
     if len(voters.means) == 1:  # whatever is made of one voter's means is what it says
         return _largest(voters.means[0], voters.known[0])
     enough = _enough(voters, alike)
-    if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
+    how = check.kind.vote
+    if how is Vote.MEAN or (how is Vote.LIGHT and len(voters.means) <= FEWEST_VOTERS):
         return _largest(_mean(voters), enough)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
-    if check is Check.ADDED_LIGHT:
+    if how is Vote.LIGHT:
         smallest = np.sqrt(np.maximum(_mean(voters), 0) * np.maximum(smallest, 0))
     return _largest(smallest, enough)
 

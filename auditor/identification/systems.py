@@ -7,13 +7,11 @@ import numpy as np
 
 from auditor.model.arrays import Indices
 from auditor.model.checks import ADDED_LATER, CAMERA_CHECKS, Check, SensorCheck, counting_checks
+from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
 
 _RARE = frozenset({*ADDED_LATER})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
-
-_OF_PAIRS = frozenset({Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT})
-"""Checks that compare the LiDAR with two pictures, wherever it has points."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class System:
     @cached_property
     def by_time(self) -> bool:
         """Whether a lone camera and its own past check the LiDAR, the one sensor that is looked at."""
-        return any(one.check is Check.PARALLAX_CONFLICT for one in self.sensor_checks)
+        return any(one.check.kind.of is Of.LONE_CAMERA for one in self.sensor_checks)
 
     @property
     def judged_together(self) -> int:
@@ -90,7 +88,7 @@ def measured_triples(one: System, measured: frozenset[SensorCheck], absent: froz
     that it was matched with.
     """
     triples = one.triples if one.fallback is None else (*one.triples, one.fallback)
-    conflicts = {camera for c in measured if c.check in _OF_PAIRS for camera in c.others}
+    conflicts = {camera for c in measured if c.check.kind.counted is Counted.POINTS for camera in c.others}
     lit = {c.sensor for c in measured if c.check in CAMERA_CHECKS}
 
     def is_measured(triple: Triple) -> bool:

@@ -229,14 +229,15 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
     maps: Maps = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()} or arrays.maps
     lights = added_light(cells, whole.half_res)
     cloud = whole.frame.cloud
-    still = arrays.frame_checks.still_light
+    of_pasts = arrays.frame_checks.of_pasts.values()
+    by_past = {k: max(of[k].looked_share for of in of_pasts if k in of) for of in of_pasts for k in of}
     looked = looked_at(cells, prepared.of_picture, None if cloud is None else len(cloud.xyz_m))
     coverage = {
         number: replace(
             with_light(brightness(whole.frame.images[number].pixels, pixels), lights.get(number)),
             textureless_share=1.0 - _share(whole.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
-            compared_share=still[number].looked_share if number in still else looked[number].by_one,
+            compared_share=by_past.get(number, looked[number].by_one),
             compared_by_two_share=looked[number].by_two,
         )
         for number, pixels in whole.greys.items()

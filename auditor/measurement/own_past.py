@@ -8,17 +8,22 @@ from math import isnan, nan
 import numpy as np
 
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.disparity_error import Comparison
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
+from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
-from auditor.measurement.checks.still_light import Glimpse, StillLight, still_light
+from auditor.measurement.checks.still_light import Glimpse, OfThePast
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_views
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT, STILL_LIGHT
+from auditor.model.checks import Check
+from auditor.model.checks.kind import Of
 from auditor.model.measurement import Counts
 
 NANOSECONDS = 10**9
+
+_BY_THE_PAST = tuple(one for one in Check if one.kind.of is Of.LIDAR)
+"""The checks of a lone camera, which are measured by their names."""
 
 _BEGINNING = Motion(np.eye(3), np.zeros(3)), 0.0
 """Where a camera is whose way begins."""
@@ -42,22 +47,24 @@ class OwnPast:
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
         found: dict[int, VerifiedConflicts] = {}
-        lights: dict[int, StillLight] = {}
+        of_pasts: dict[Check, dict[int, OfThePast]] = {check: {} for check in _BY_THE_PAST}
         for k, view in lidar.items():
             now = Moment(frame.stamp_ns, prepared.greys[k], view)
-            found[k], light = self._compared(now)
-            if light is not None:
-                lights[k] = light
+            found[k], said = self._compared(now)
+            for check, one in said.items():
+                of_pasts[check][k] = one
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
-            still_light=lights,
-            parallax_conflicts={(k, k): cells_of_points(points, lidar[k]) for k, points in found.items()},
+            of_pasts=of_pasts,
+            by_direction={
+                Check.PARALLAX_CONFLICT: {(k, k): cells_of_points(points, lidar[k]) for k, points in found.items()}
+            },
             verified_conflicts={(k, k): points for k, points in found.items()},
         )
         comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
-    def _compared(self, now: Moment) -> tuple[VerifiedConflicts, StillLight | None]:
+    def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:
         recent = [one for one in self._held if now.follows(one)]
         before = self._chosen(now, recent)
         points, moved_m, motion = parallax_conflicts(now, before, self._expected(now, before))
@@ -88,16 +95,16 @@ class OwnPast:
 
 
 class _Way:
-    """The way that a camera went, and pictures of it that still light is seen by."""
+    """The way that a camera went, and pictures of it that are kept."""
 
     def __init__(self) -> None:
         self._placed: dict[int, tuple[Motion, float]] = {}
         self._glimpses: deque[Glimpse] = deque(maxlen=STILL_LIGHT.most_held)
 
-    def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> StillLight | None:
-        """What the next moment shows, whose camera moved so since the one `before`; None where that is not known."""
+    def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> dict[Check, OfThePast]:
+        """What the next moment shows, whose camera moved so since the one `before`; nothing where that is not known."""
         if before is None or motion is None:
-            return None
+            return {}
         if before.stamp_ns not in self._placed:
             self._glimpses.clear()
             self._placed = {before.stamp_ns: _BEGINNING}
@@ -107,10 +114,10 @@ class _Way:
         while self._glimpses and now.stamp_ns - self._glimpses[0].stamp_ns > STILL_LIGHT.most_s * NANOSECONDS:
             self._glimpses.popleft()
         glimpse = _glimpse(now, placed)
-        light = still_light(glimpse, now.point_m, self._glimpses)
+        said = {check: measuring(check)(glimpse, now.point_m, self._glimpses) for check in _BY_THE_PAST}
         if not self._glimpses or glimpse.way_m - self._glimpses[-1].way_m >= STILL_LIGHT.apart_m:
             self._glimpses.append(glimpse)
-        return light
+        return {check: one for check, one in said.items() if one is not None}
 
 
 def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, float]:

@@ -4,9 +4,7 @@ A changed value asks for a new one of COUNTING_VERSIONS, of the rigs that it mea
 resolution: "half px" are pixels of it, px those of the full image.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import (
@@ -17,12 +15,8 @@ from auditor.measurement.point_parameters import (
     ROUGH_RANGES,
 )
 from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT
-from auditor.model.parameter import BY_HAND, digest, parameter
+from auditor.model.parameter import BY_HAND, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
-from auditor.model.rig_kind import ComparedTo
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"
@@ -332,7 +326,7 @@ DAMAGED_POINTS = DamagedPoints()
 HALF = HALF_RESOLUTION.step_px
 """Pixels of the full image that a half px is wide."""
 
-_OF_ANY_RIG = (
+OF_ANY_RIG = (
     RIG_GEOMETRY,
     PAIR_DEPTH,
     COMMON_VIEW,
@@ -356,7 +350,7 @@ _OF_ANY_RIG = (
     REGION_MASK,
     STORED_RESIDUALS,
 )
-_OF_PAIRS = (
+OF_PAIRS = (
     EQUALISING,
     PSMNET_INPUT,
     MATCHER_RANGE,
@@ -371,17 +365,4 @@ _OF_PAIRS = (
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,
 )
-_OF_THE_PAST = (EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT)
-
-MEASURED_BY: Mapping[ComparedTo, tuple["DataclassInstance", ...]] = {
-    ComparedTo.CAMERAS: (*_OF_ANY_RIG, *_OF_PAIRS),
-    ComparedTo.PAST: (*_OF_ANY_RIG, *_OF_THE_PAST),
-}
-"""All that can change a count or a measured statistic, by what a rig compares."""
-
-MEASURING = (*_OF_ANY_RIG, *_OF_PAIRS, *_OF_THE_PAST)
-
-
-def measuring_digest(compared_to: ComparedTo) -> str:
-    """The digest of what measures such rigs: equal digests measure a frame alike, given the same matcher."""
-    return digest(*MEASURED_BY[compared_to])
+OF_THE_PAST = (EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT)

@@ -74,7 +74,7 @@ class Criteria:
     )
     method: Method = field(
         default=Method.ROBUST,
-        metadata=_about("Thirteen checks and joint identification, or disparity errors and Algorithm 2."),
+        metadata=_about("Checks of each sensor and joint identification, or disparity errors and Algorithm 2."),
     )
     statistic: Statistic = field(
         default=Statistic.GATED,

@@ -18,7 +18,7 @@ class JudgedBy(StrEnum):
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by thirteen checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by checks of each sensor and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"

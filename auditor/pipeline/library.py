@@ -81,7 +81,7 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
-    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the thirteen checks.
+    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the checks.
 
     `counts` follow `rig.measured_triples`, None where a sensor was missing; a lone camera has no past in one frame.
     Raises RigError where the cameras have no view in common, and SettingError for an unknown matcher.

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from auditor.measurement.checks.found import measuring_digest
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
-from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.pictures import Cells, Pictures, Sampling
 from auditor.model.rig_kind import ComparedTo

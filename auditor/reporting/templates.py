@@ -9,6 +9,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from auditor.model.checks.kinds import label_of
 from auditor.model.text import one_line
 from auditor.resources import resource_folder
 
@@ -89,7 +90,7 @@ def fill(
         trim_blocks=True,
         bytecode_cache=_COMPILED,
     )
-    environment.filters.update(filters or {})
+    environment.filters.update({"label_of": label_of, **(filters or {})})
     environment.tests.update(tests or {})
     return environment.get_template(template).render(values)
 

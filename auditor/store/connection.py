@@ -29,6 +29,7 @@ from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
 from auditor.store.schema import ID_COLUMNS, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
+from auditor.store.views.checks import declared_checks, evidence_template
 from auditor.store.views.comments import comments
 
 SHUT: dict[str, str | bool | int | float | list[str]] = {
@@ -60,6 +61,7 @@ _SELECT = re.compile(
 def all_macros() -> dict[str, str]:
     """The statements that make the macros, by name, each after those that it calls; some stand for our own numbers."""
     known = {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
+    known |= {"declared_checks": declared_checks(), "evidence_template": evidence_template()}
     calls = {name: _words(sql) & known.keys() - {name} for name, sql in known.items()}
     return {name: known[name] for name in TopologicalSorter(calls).static_order()}
 

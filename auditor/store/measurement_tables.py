@@ -3,7 +3,7 @@
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import groupby
 from math import isnan
 from operator import itemgetter
@@ -34,6 +34,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row, pose_row
+from auditor.store.schema import table_schema
 from auditor.store.tables import Row, Source, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
@@ -149,10 +150,9 @@ def _region(row: Mapping[str, Any]) -> Region:
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
 
 
-_COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
-
-
-_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns", "compared_share", "compared_by_two_share")
+_COUNTS = tuple(one.name for one in fields(Counts))
+_COVERAGE = tuple(one.name for one in table_schema("frames").columns if hasattr(Coverage, one.name))
+"""The columns of frames that are what a triple, or what a sensor, has under their names."""
 
 
 _ALTERED = "auditor verify says what was altered"

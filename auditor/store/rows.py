@@ -148,23 +148,14 @@ def sensor_check_rows(rig: Rig) -> Iterator[Row]:
 def measurement_row(measurement: MeasurementRecord) -> Row:
     """The row of a measurement, but for what its frames decide."""
     return {
+        **vars(measurement),
+        **vars(measurement.procedure),
         "measurement_id": measurement.measurement_id,
-        "recording_id": measurement.recording_id,
-        "rig_id": measurement.rig_id,
-        "matcher": measurement.procedure.matcher,
-        "settings": measurement.procedure.settings,
-        "counting_version": measurement.procedure.counting_version,
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
         "coverage": None if measurement.coverage is None else [_coverage_fields(one) for one in measurement.coverage],
         "pose_topics": None if measurement.pose_topics is None else [vars(topic) for topic in measurement.pose_topics],
-        "damage": list(measurement.damage),
-        "calibration_warnings": list(measurement.calibration_warnings),
-        "withheld": measurement.withheld,
-        "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),
-        "clock_jumps": measurement.clock_jumps,
         "versions": dict(sorted(measurement.versions.items())),
         "measured_at": to_utc(measurement.measured_at),
-        "seconds": measurement.seconds,
         "schema_version": SCHEMA_VERSION,
     }
 

@@ -1,32 +1,11 @@
 -- Structured columns of verdicts in words.
 
 -- One piece of evidence in words, without its score: of sensor i, or of a pair (i, k), of which verdicts of before
--- checks of sensors know no other.
-CREATE MACRO check_in_words(check_name, i, j, k) AS
-    CASE check_name
-        WHEN 'lidar_conflict'
-            THEN coalesce('S_' || i || ' and S_' || k || ' both', 'the cameras') || ' disagree with the LiDAR'
-        WHEN 'added_light'
-            THEN coalesce('S_' || i || ' or S_' || k || ' alone sees light', 'S_' || i || ' sees light that others do not')
-        WHEN 'striped_light' THEN coalesce(
-            'S_' || i || ' or S_' || k || ' alone has light in some rows', 'S_' || i || ' has light in some rows that others do not'
-        )
-        WHEN 'coloured_light' THEN 'S_' || i || ' sees light of one colour that others do not'
-        WHEN 'removed_light'
-            THEN coalesce('S_' || i || ' or S_' || k || ' alone lacks light', 'S_' || i || ' lacks light that others see')
-        WHEN 'photometric_inconsistency' THEN coalesce(
-            'S_' || i || ' and S_' || k || ' do not see the same', 'S_' || i || ' does not see what others see'
-        )
-        WHEN 'brightness_difference' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
-        WHEN 'point_dropout' THEN 'the LiDAR lacks points' || coalesce(' in the view of S_' || k, '')
-        WHEN 'isolated_points' THEN 'the LiDAR has isolated points' || coalesce(' in the view of S_' || k, '')
-        WHEN 'lost_returns' THEN 'the LiDAR has no return from what the cameras see'
-        WHEN 'false_ranges' THEN 'the LiDAR has points where the cameras see nothing'
-        WHEN 'rough_ranges' THEN 'the LiDAR''s ranges are noisy in a part' || coalesce(' of the view of S_' || k, '')
-        WHEN 'parallax_conflict' THEN 'the camera and its own past disagree with the LiDAR'
-        WHEN 'still_light' THEN 'S_' || i || ' has light that stays in its picture while the scene moves'
-        ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
-    END;
+-- checks of sensors know no other; of a check as it is declared (see the view checks), else of a triple.
+CREATE MACRO check_in_words(check_name, i, j, k) AS coalesce(
+    replace(replace(evidence_template(check_name, k IS NOT NULL), '{i}', i::VARCHAR), '{k}', coalesce(k, i)::VARCHAR),
+    'E_' || i || ',' || j || ',' || k || ' above theta'
+);
 
 -- The evidence of a verdict, the strongest first; NULL where there is none.
 CREATE MACRO evidence_in_words(evidence) AS

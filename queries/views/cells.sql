@@ -1,10 +1,10 @@
 -- One row a measured frame and grid of counts: a check of a camera pair on the image of one of the two, or of the LiDAR's directions.
 --
 -- column frame: Number of the frame within the recording.
--- column check_name: Which check: lidar_conflict, lost_returns, parallax_conflict, added_light (which counts removed light with the other sign), photometric_inconsistency or coloured_light.
+-- column check_name: Which check, see the view checks; added_light counts removed light with the other sign.
 -- column i: First camera of the pair.
 -- column k: Second camera of the pair.
--- column sensor: Whose grid it is: camera i or k, cells of 8 x 8 px of its image; 0 of lidar_conflict, lost_returns and parallax_conflict, cells of the LiDAR's directions.
+-- column sensor: Whose grid it is: camera i or k, cells of 8 x 8 px of its image; 0 of those that count by the LiDAR's directions, cells of these.
 -- column rows: Rows of the grid.
 -- column columns: Columns of the grid.
 -- column valid: By cell, row by row: LiDAR points (lidar_conflict, parallax_conflict), samples of the surfaces that both cameras see (lost_returns), or half-resolution pixels that could be compared, 127 at most.

@@ -3,9 +3,9 @@
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column position: Place of the sensor check in `statistics`, counted from 1.
--- column check_name: Which check: lidar_conflict, added_light, removed_light, photometric_inconsistency, point_dropout, isolated_points, coloured_light, lost_returns, striped_light, false_ranges, rough_ranges, parallax_conflict or still_light.
+-- column check_name: Which check, see the view checks.
 -- column sensor: The sensor that it checks.
--- column others: The other cameras: those that the camera is compared with; of lidar_conflict, lost_returns and false_ranges all of the pairs that are compared with the LiDAR, of parallax_conflict the one whose past is; of still_light the LiDAR, 0; of point_dropout, isolated_points and rough_ranges the one whose view it is.
+-- column others: The other sensors by which it is checked, ascending; the view checks says which they are.
 -- column statistic: The statistic, 0 to 1; NULL where it was not measured.
 -- column mean: What the log odds of a clean frame's statistic are expected to be by the current judgement; NULL where that is not of the robust method.
 -- column deviation: The standard deviation of that.

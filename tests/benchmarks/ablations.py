@@ -11,7 +11,7 @@ A rule whose row is that of the judge that ships is a rule that no real frame, n
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from multiprocessing import get_context
 from pathlib import Path
@@ -98,8 +98,8 @@ def without_cause(*causes: Cause) -> Change:
 
 def one_prior(check: Check, name: str) -> Change:
     """One prior of a check, however many cameras take part."""
-    values = getattr(judging.CHECK_PRIORS, name)
-    return replaced(prior, "_OF_CAMERAS", {**prior._OF_CAMERAS, check: (values,) * 3})
+    priors = tuple(one for one in check.kind.priors if one.name == name)
+    return replaced(check, "kind", replace(check.kind, priors=priors))
 
 
 def rules() -> Iterator[Rule]:

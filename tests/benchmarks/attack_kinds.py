@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.catalogue import ON_CAMERA
+from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame

@@ -24,11 +24,11 @@ from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
-from auditor.measurement.checks import collect, light
+from auditor.measurement.checks import collect, false_ranges, light, lost_returns, point_distribution
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, places_of, sums_of_pair
-from auditor.measurement.checks.lidar_conflict import verify_conflicts
-from auditor.measurement.checks.light import LightDifference, light_difference, views_of
+from auditor.measurement.checks.count_grid import ImageGrid, places_of, sums_of_pair
+from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
+from auditor.measurement.checks.light import LightDifference, View, light_difference
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
 from auditor.measurement.checks.striped_light import Rows
@@ -48,10 +48,10 @@ ROUNDS = 3
 EVERY = 5
 KINDS = ("clean", "facula", "wall")
 LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
-    "lost returns": ((collect, "scanned_view"), (collect, "count_lost_returns")),
+    "lost returns": ((lost_returns, "scanned_view"), (lost_returns, "count_lost_returns")),
     "light of one colour": ((light, "coloured_light"),),
-    "false ranges": ((collect, "directed_points"), (collect, "pair_ranges"), (collect, "false_ranges")),
-    "rough ranges": ((collect, "rough_ranges"),),
+    "false ranges": ((false_ranges, "directed_points"), (collect, "pair_ranges"), (collect, "false_ranges")),
+    "rough ranges": ((point_distribution, "rough_ranges"),),
     "light in rows": ((Rows, "of"), (Rows, "above")),
 }
 """The functions of each check, and where they are called from."""
@@ -175,8 +175,8 @@ def _clocked(spent: Seconds, check: str, function: Callable[..., Any]) -> Callab
 def _light(
     half_res: Mapping[int, Image], colours: Mapping[int, Image], seen: PairConsistency, k: int
 ) -> LightDifference:
-    lit = views_of(half_res, colours)
-    return light_difference(lit[k], lit[1], seen.matches.column, seen.matches.seen)
+    reference, source = (View(half_res[camera], colours.get(camera)) for camera in (k, 1))
+    return light_difference(reference, source, seen.matches.column, seen.matches.seen)
 
 
 def main() -> None:

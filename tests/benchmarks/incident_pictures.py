@@ -30,7 +30,8 @@ from unittest.mock import patch
 import numpy as np
 
 from auditor.cli import run
-from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR, Drawing
+from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR
+from auditor.lab.attacks.kinds import Drawing
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.frame import Measured

@@ -20,16 +20,16 @@ from functools import partial
 import numpy as np
 
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
+from auditor.lab.attacks.catalogue import ON_LIDAR
 from auditor.lab.attacks.faults import lidar_axes
+from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
 from auditor.lab.attacks.spoofing import find_object
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.collect import shares_of_ranges
-from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.false_ranges import directed_points, pair_ranges
-from auditor.measurement.checks.lidar_conflict import verify_conflicts
+from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.point_distribution import (
     isolated,
@@ -114,7 +114,7 @@ def attacks_on(frame: Frame, rig: Rig, seed: Sequence[int], only: Collection[str
         if kind in OBJECTS and size is not None and not find_object(points, size).is_car:
             continue
         rng = np.random.default_rng([*seed, number])
-        cloud = ON_LIDAR[kind](Drawing(rng, "mild", size, *away)).apply(frame.cloud, rig)
+        cloud = ON_LIDAR[kind](Drawing(rng, "mild", size, {"range_m": away[0]} if away else {})).apply(frame.cloud, rig)
         yield " ".join([kind, *(f"{one:g}" for one in (size, *away) if one is not None)]), replace(frame, cloud=cloud)
 
 

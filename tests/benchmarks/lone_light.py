@@ -27,10 +27,11 @@ from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
-from auditor.measurement.checks.still_light import StillLight
+from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.own_past import _Way
+from auditor.model.checks import Check
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
@@ -189,7 +190,7 @@ def cost(rig: Rig, frames: Sequence[Frame]) -> float:
     ratios: list[float] = []
     way, took = _Way(), [0.0]
 
-    def timed(now: Moment, before: Moment | None, motion: Motion | None) -> StillLight | None:
+    def timed(now: Moment, before: Moment | None, motion: Motion | None) -> dict[Check, OfThePast]:
         begin = process_time()
         found = way.looked_back(now, before, motion)
         took.append(process_time() - begin)

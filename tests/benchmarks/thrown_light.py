@@ -26,7 +26,8 @@ from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.evidence_parameters import THROWN_LIGHT
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import normalised_scores
-from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.catalogue import ON_CAMERA
+from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
 from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.lab.simulation.stray_light import SunSeen

@@ -10,7 +10,7 @@ from auditor.cli import run
 from auditor.identification.drift.parameters import DRIFTING
 from auditor.identification.parameters import JUDGING
 from auditor.identification.refresh_parameters import REFRESHING
-from auditor.measurement.parameters import MEASURING
+from auditor.measurement.checks.found import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
 from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING

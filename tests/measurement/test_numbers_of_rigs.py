@@ -4,8 +4,8 @@ import pytest
 
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import FaultFeatures, localise, measure_stream
+from auditor.measurement.checks.found import MEASURED_BY, MEASURING
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.measurement.parameters import MEASURED_BY, MEASURING
 from auditor.model.rig import LIDAR
 from auditor.model.rig_kind import ComparedTo
 

@@ -128,7 +128,8 @@ def test_the_command_line_of_duckdb_runs_what_the_verb_writes_in_any_folder(told
 
 def test_an_empty_store_has_all_views_and_no_rows(tmp_path):
     connection = plain(views_script(Store.open(tmp_path / "audit", create=True).folder))
-    assert {view: rows(connection, view) for view in VIEWS} == {view: [] for view in VIEWS}
+    of_stores = set(VIEWS) - {"checks"}
+    assert {view: rows(connection, view) for view in of_stores} == {view: [] for view in of_stores}
 
 
 def test_columns_that_older_files_lack_are_null(tmp_path):

@@ -143,7 +143,7 @@ def test_hostile_names_are_only_text(tmp_path):
 
 def test_an_empty_store_answers_every_view(tmp_path):
     store = new_store(tmp_path)
-    for view in views():
+    for view in views().keys() - {"checks"}:  # which are of no store
         assert run_sql(store, f"FROM {view}").num_rows == 0
 
 

@@ -16,7 +16,7 @@ from auditor.cli.values import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.lab.attacks.catalogue import Kind
+    from auditor.lab.attacks.kinds import Kind, Option
     from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
     from auditor.pipeline.many import LimitsOf
@@ -46,7 +46,18 @@ class _Kinds(click.ParamType[str]):
 
 
 class _Attack(click.Command):
-    """A command whose help ends with what each kind does."""
+    """A command with the options of each kind, whose help ends with what each does."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """The options of kinds stand last."""
+        own = [
+            click.Option(
+                [f"--{one.flag}", one.name], type=FiniteRange(min=one.least), help=f"With --kind {kind}: {one.says}."
+            )
+            for kind, one in _options()
+        ]
+        *known, shown = super().get_params(ctx)
+        return [*known, *own, shown]
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """A line a kind, made from the catalogue."""
@@ -61,6 +72,11 @@ def _catalogue() -> "Mapping[str, Kind]":
     return KINDS
 
 
+def _options() -> "Iterator[tuple[str, Option]]":
+    """The options of single kinds, with these."""
+    return ((kind, one) for kind, known in _catalogue().items() for one in known.options)
+
+
 @click.command("attack", cls=_Attack, short_help="A compromised copy with its ground truth.")
 @click.argument("source", type=PATH)
 @click.argument("target", type=PATH)
@@ -72,7 +88,6 @@ def _catalogue() -> "Mapping[str, Kind]":
     help="What is done, in place of a facula on a camera and a wall in the LiDAR's cloud: a kind listed below.",
 )
 @click.option("--size", type=FiniteRange(min=0), help="How much, in the unit of the kind; see below.")
-@click.option("--range", "range_m", type=FiniteRange(min=1), help="How far away a ghost is, in m; 8 unless told.")
 @click.option(
     "--pattern",
     type=LocalPath(exists=True, dir_okay=False),
@@ -114,10 +129,13 @@ def command(
     from auditor.pipeline.workers import run_within  # noqa: PLC0415 - keeps --help quick
     from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
 
-    told = _Wanted(**wanted)
+    given = {one.name: wanted.pop(one.name) for _, one in _options()}
+    told = _Wanted(**wanted, options={name: value for name, value in given.items() if value is not None})
     _check_span(told.from_s, told.to_s)
-    if told.range_m is not None and told.kind != "ghost":
-        raise SettingError("only a ghost has a range of its own", where="--range", remedy="use --kind ghost")
+    for kind, one in _options():
+        if one.name in told.options and told.kind != kind:
+            only = f"only a {kind} has a {one.flag} of its own"
+            raise SettingError(only, where=f"--{one.flag}", remedy=f"use --kind {kind}")
     with no_remains(target):
         run_within(limits(source), _attack, source, target, rig, told)
     answer(target)
@@ -130,13 +148,13 @@ class _Wanted:
     sensors: tuple[int, ...]
     kind: str | None
     size: float | None
-    range_m: float | None
     pattern: Path | None
     strength: str
     seed: int
     moving: bool
     from_s: float | None
     to_s: float | None
+    options: "Mapping[str, float]"
 
 
 def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> None:
@@ -176,7 +194,7 @@ def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
             wanted.kind,
             wanted.size,
             pattern,
-            wanted.range_m,
+            wanted.options,
         )
 
 

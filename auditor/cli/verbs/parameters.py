@@ -37,7 +37,7 @@ def _rows() -> Iterator[dict[str, object]]:
     from auditor.identification.drift.parameters import DRIFTING  # noqa: PLC0415
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
     from auditor.identification.refresh_parameters import REFRESHING  # noqa: PLC0415
-    from auditor.measurement.parameters import MEASURING  # noqa: PLC0415 - OpenCV is heavy
+    from auditor.measurement.checks.found import MEASURING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
     from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415

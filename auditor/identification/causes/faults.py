@@ -51,9 +51,7 @@ MIN_FRAMES = FROZEN.least_repeats
 FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
-_OF_LIGHT = frozenset(
-    {Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.STILL_LIGHT}
-)
+_OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
 """Checks that darkness does not make fire."""
 
 

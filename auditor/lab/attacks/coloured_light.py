@@ -1,14 +1,16 @@
 """Light of one wavelength, light without a shape, and pictures thrown into a lens: attacks on one camera by light."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
-from auditor.lab.attacks.paper import Described, Facula, RoundLight, with_levels
+from auditor.lab.attacks.kinds import CameraKind, Drawing, place
+from auditor.lab.attacks.paper import RADIUS, Described, Facula, RoundLight, drawn_facula, scaled, with_levels
 from auditor.model.arrays import Floats32
 from auditor.model.frames import CameraImage
+from auditor.model.rig import Camera
 
 COLOURS: Mapping[str, int] = MappingProxyType({"blue": 0, "green": 1, "red": 2})
 """The channel that a laser of each colour falls into: 450, 520 and 650 nm."""
@@ -112,3 +114,32 @@ class ProjectedObject(Described):
         white = inside & ((outward > _RIM) | (np.abs(down) < _BAR * radius))
         channels = [white, white, inside]
         return np.stack(channels, axis=2).astype(np.float32)
+
+
+_SIGN_LEVEL = 120.0
+_HEIGHT = "height, px of an image 1242 px wide"
+
+
+def _of(colour: str) -> Callable[[Drawing, Camera, float | None], ColouredFacula]:
+    def draw_one(draw: Drawing, camera: Camera, radius: float | None) -> ColouredFacula:
+        drawn = drawn_facula(draw, camera, radius)
+        return ColouredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px, colour)
+
+    return draw_one
+
+
+def _infrared(draw: Drawing, camera: Camera, radius: float | None) -> InfraredFacula:
+    drawn = drawn_facula(draw, camera, radius)
+    return InfraredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
+
+
+def _projected(draw: Drawing, camera: Camera, height: float) -> ProjectedObject:
+    return ProjectedObject(_SIGN_LEVEL, scaled(height, camera), *place(draw, camera))
+
+
+ON_CAMERA: Mapping[str, CameraKind] = {
+    **{colour: CameraKind(f"a laser's {colour} light in one channel", RADIUS, None, _of(colour)) for colour in COLOURS},
+    "infrared": CameraKind("near infrared, alike in all channels", RADIUS, None, _infrared),
+    "veil": CameraKind("an even light over the image", "grey levels", 60.0, lambda _draw, _, size: Veil(size)),
+    "projected": CameraKind("a sign that is thrown into the lens", _HEIGHT, 120.0, _projected),
+}

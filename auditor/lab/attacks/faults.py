@@ -1,10 +1,12 @@
 """Attacks on the LiDAR beyond the paper's wall, and faults: sensors that hide, invent, delay or have moved."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from auditor.errors import SettingError
+from auditor.lab.attacks.kinds import CameraKind, Drawing, LidarKind, uniform
 from auditor.lab.attacks.paper import Described, with_levels
 from auditor.model.arrays import Floats, Points
 from auditor.model.frames import CameraImage, PointCloud
@@ -81,6 +83,7 @@ def _first_drops(distance: Floats, slope: float, extinction: float, rng: np.rand
     return first
 
 
+_SECTORS_DEG = (-25.0, 25.0)
 _AZIMUTHS_DEG = (-35.0, 35.0)
 _ELEVATIONS_DEG = (-12.0, 1.0)
 _RANGES_M = (4.0, 40.0)
@@ -243,3 +246,23 @@ def lidar_axes(rig: Rig) -> Points:
     if rig.lidar is None:
         raise SettingError("this attack needs a LiDAR, and the rig has none", where="S_0")
     return rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32)
+
+
+def azimuth(draw: Drawing) -> float:
+    """The middle of a sector, in most cameras' view."""
+    return uniform(draw, _SECTORS_DEG)
+
+
+ON_CAMERA: Mapping[str, CameraKind] = {
+    "dimmed": CameraKind("a fault: less light", "share of the light", 0.2, lambda _draw, _, size: DimmedCamera(size)),
+    "soiled": CameraKind("a fault: dirt on the lens", "blobs", 4, lambda draw, _, n: SoiledLens(round(n), draw.seed)),
+    "shifted": CameraKind("a fault: a camera that was knocked", "rows", 4, lambda _draw, _, n: ShiftedCamera(round(n))),
+}
+ON_LIDAR: Mapping[str, LidarKind] = {
+    "hidden": LidarKind(
+        "a sector without points", "degrees", 20.0, lambda draw, size: HiddenSector(size, azimuth(draw))
+    ),
+    "scattered": LidarKind("points anywhere", "points", 2000, lambda draw, n: ScatteredPoints(round(n), draw.seed)),
+    "turned": LidarKind("a fault: a LiDAR that was turned", "degrees", 1, lambda _, size: TurnedLidar(size)),
+    "rain": LidarKind("points of rain, and fewer others", "mm/h", 25, lambda draw, size: Rain(size, draw.seed)),
+}

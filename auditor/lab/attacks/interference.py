@@ -1,12 +1,15 @@
 """Sound and radio waves that change a camera's images without any light."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from auditor.lab.attacks.kinds import CameraKind, Drawing, uniform
 from auditor.lab.attacks.paper import Described, with_levels
 from auditor.model.arrays import Floats, Image
 from auditor.model.frames import CameraImage
+from auditor.model.rig import Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,3 +133,33 @@ def _taken_for_each_other(pixels: Image) -> Image:
     for channel, gain in _BALANCE.items():
         found[..., channel] = pixels[..., _GREEN] * np.float32(gain)
     return np.clip(np.rint(found), 0, 255).astype(np.uint8)
+
+
+_STRIPES_PX = 40.0
+_SHUTTER_LEVEL = 120.0
+_LOST_STRIPE_SHARE = 0.08  # of the image's height
+
+
+def _stripes(draw: Drawing, _: Camera, level: float) -> Stripes:
+    return Stripes(level, _STRIPES_PX, uniform(draw, (0, _STRIPES_PX)))
+
+
+def _shutter(draw: Drawing, _: Camera, duty: float) -> Stripes:
+    return Stripes(_SHUTTER_LEVEL, _STRIPES_PX, uniform(draw, (0, _STRIPES_PX)), duty)
+
+
+def _blur(draw: Drawing, _: Camera, length: float) -> AcousticBlur:
+    return AcousticBlur(length, uniform(draw, (0, 180)))
+
+
+def _lost_rows(draw: Drawing, camera: Camera, stripes: float) -> ElectromagneticStripes:
+    height = round(_LOST_STRIPE_SHARE * camera.height_px)
+    return ElectromagneticStripes(round(stripes), height, int(draw.rng.integers(camera.height_px)))
+
+
+ON_CAMERA: Mapping[str, CameraKind] = {
+    "stripes": CameraKind("rows that are brighter in turn", "grey levels", 120, _stripes),
+    "shutter": CameraKind("narrow bright rows, as of a pulsed light", "share of the rows", 0.1, _shutter),
+    "blur": CameraKind("sound that shakes the stabiliser", "px", 15.0, _blur),
+    "electromagnetic": CameraKind("radio waves that lose rows", "stripes", 4, _lost_rows),
+}

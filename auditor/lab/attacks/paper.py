@@ -4,14 +4,16 @@ Both are frozen descriptions that change a copy of the data they are given. All 
 `parameters`: the ground truth that goes with the changed recording.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from auditor.errors import SettingError
+from auditor.lab.attacks.kinds import CameraKind, Drawing, LidarKind, place
 from auditor.model.arrays import Floats, Floats32, Mask, Points
 from auditor.model.frames import CameraImage, PointCloud
-from auditor.model.rig import Rig
+from auditor.model.rig import Camera, Rig
 
 STRENGTHS = {"mild": 255.0, "strong": 510.0, "opaque": 2000.0}
 """Amplitude A of a facula in grey levels. The paper does not give its value, and the rates depend on it."""
@@ -221,3 +223,41 @@ def _noisy(points: Points, rng: np.random.Generator) -> Points:
     """The (N, 3) points with noise along their beams."""
     distance = np.linalg.norm(points, axis=1, keepdims=True)
     return np.asarray(points * (1 + rng.normal(0, _RANGE_NOISE_M, distance.shape) / distance), dtype=np.float32)
+
+
+RADIUS = "radius, px of an image 1242 px wide"
+_SPOT_STRENGTH = "opaque"
+
+
+def scaled(length: float, camera: Camera) -> float:
+    """A length in px of an image as wide as the paper's, in px of this camera's."""
+    return length * camera.width_px / PAPER_WIDTH_PX
+
+
+def drawn_facula(draw: Drawing, camera: Camera, radius: float | None) -> Facula:
+    """A facula anywhere in a camera's image, of a radius or a drawn one."""
+    drawn = draw_facula(draw.rng, camera.width_px, camera.height_px, draw.strength)
+    return drawn if radius is None else replace(drawn, radius_px=scaled(radius, camera))
+
+
+def _spot(draw: Drawing, camera: Camera, radius: float) -> Facula:
+    return Facula(STRENGTHS[_SPOT_STRENGTH], scaled(radius, camera), *place(draw, camera))
+
+
+def _wall(draw: Drawing, width_m: float | None) -> BogusWall:
+    drawn = draw_wall(draw.rng)
+    return replace(drawn, width_m=drawn.width_m if width_m is None else width_m)
+
+
+def _far_wall(draw: Drawing, range_m: float) -> BogusWall:
+    return replace(draw_wall(draw.rng), range_m=range_m)
+
+
+ON_CAMERA: Mapping[str, CameraKind] = {
+    "facula": CameraKind("a round light, brightest at its centre", RADIUS, None, drawn_facula),
+    "spot": CameraKind("a small facula, opaque", RADIUS, 40.0, _spot),
+}
+ON_LIDAR: Mapping[str, LidarKind] = {
+    "wall": LidarKind("a bogus wall near the vehicle", "width, m", None, _wall),
+    "far-wall": LidarKind("a bogus wall farther away", "range, m", 30.0, _far_wall),
+}

@@ -1,5 +1,6 @@
 """Plans of attacks: the sensor, the kind and size of the attack, and its time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -12,13 +13,11 @@ from auditor.lab.attacks.catalogue import (
     ON_CAMERA,
     ON_LIDAR,
     PATTERN,
-    Drawing,
     Memory,
-    OnCamera,
-    OnLidar,
     check_kind,
 )
 from auditor.lab.attacks.interference import LaserPattern
+from auditor.lab.attacks.kinds import Drawing, OnCamera, OnLidar
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import AttackLabel
@@ -30,7 +29,7 @@ _DELAY_FRAMES = 1
 class AttackPlan:
     """One sensor under attack or at fault: a facula on a camera, a bogus wall in the LiDAR's cloud, or another `kind`.
 
-    `size` is in the unit of the kind, see `catalogue`; `range_m` is how far away a ghost is; `pattern` is laid over a
+    `size` is in the unit of the kind, see `catalogue`; `options` are its own, by name; `pattern` is laid over a
     camera's images. The attack holds still, or is drawn anew for every frame (`moving`). It is on from `from_ns` to
     `to_ns`, both included, in stamps of the sensor; None is the recording's own end.
     """
@@ -44,7 +43,7 @@ class AttackPlan:
     kind: str | None = None
     size: float | None = None
     pattern: LaserPattern | None = None
-    range_m: float | None = None
+    options: Mapping[str, float] = field(default_factory=dict)
 
     def covers(self, stamp_ns: int) -> bool:
         """True while the attack is on."""
@@ -56,7 +55,7 @@ class AttackPlan:
         It does not apply to kinds that replay a sensor's past: their effect depends on earlier data.
         """
         rng = np.random.default_rng([self.seed, self.sensor, stamp_ns if self.moving else 0])
-        drawing = Drawing(rng, self.strength, self.size, self.range_m)
+        drawing = Drawing(rng, self.strength, self.size, self.options)
         if self.sensor == LIDAR:
             return ON_LIDAR[self.kind or "wall"](drawing)
         return self.pattern or ON_CAMERA[self.kind or "facula"](drawing, rig.camera(self.sensor))
@@ -106,7 +105,7 @@ class Attacker:
         if self._first_ns is None or self._last_ns is None:
             return None
         plan = self.plan
-        asked = {"strength": plan.strength, "size": plan.size, "range_m": plan.range_m}
+        asked = {"strength": plan.strength, "size": plan.size, "range_m": None, **plan.options}
         drawn = asked if plan.moving else self._parameters
         parameters = {"seed": plan.seed, "moving": plan.moving, **drawn}
         return AttackLabel(self.rig.topic(plan.sensor), self._done, self._first_ns, self._last_ns, parameters)

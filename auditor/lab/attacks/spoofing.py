@@ -3,12 +3,14 @@
 A spoofer sees a LiDAR's pulses and answers with its own. What it takes, and which LiDARs let it, is in docs/attacks.md.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from auditor.lab.attacks.faults import lidar_axes
+from auditor.lab.attacks.faults import azimuth, lidar_axes
+from auditor.lab.attacks.kinds import Drawing, LidarKind, Option, uniform
 from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
 from auditor.model.arrays import Mask, Points
 from auditor.model.frames import PointCloud
@@ -208,3 +210,45 @@ def _looks_like_car(points: Points, height: Points, x: float, z: float) -> bool:
     behind = np.count_nonzero(through & (points[:, 2] > z + _HALF_DEPTH_M))
     count = np.count_nonzero(body)
     return bool(nearer < _MOST_NEARER * count and behind < _MOST_BEHIND * count)
+
+
+_BEHIND_M = 60.0
+_SATURATED_LOST, _NOISE_M = 0.7, 100.0
+_GHOST_M = 8.0
+_LATERALS_M = (-3.0, 3.0)
+_JITTERY_DEG, _SHIFTED_DEG = 10.0, 20.0
+_PULSES_M = 150.0  # a pulse each microsecond
+_AWAY = "range of the object, m"
+_RANGE = Option("range", "range_m", f"how far away it is, m; {_GHOST_M:g} unless told", least=1)
+
+
+def _jitter(draw: Drawing, noise_m: float) -> ChangedRanges:
+    return ChangedRanges(_JITTERY_DEG, azimuth(draw), 0.0, noise_m, draw.seed)
+
+
+def _shift(draw: Drawing, shift_m: float) -> ChangedRanges:
+    return ChangedRanges(_SHIFTED_DEG, azimuth(draw), shift_m, 0.0, draw.seed)
+
+
+def _noisy(lost: float, farthest_m: float) -> Callable[[Drawing, float], RandomRanges]:
+    return lambda draw, width_deg: RandomRanges(width_deg, azimuth(draw), lost, farthest_m, draw.seed)
+
+
+def _ghost(draw: Drawing, points: float) -> GhostCar:
+    range_m = draw.options.get(_RANGE.name, _GHOST_M)
+    return GhostCar(round(points), range_m, uniform(draw, _LATERALS_M), draw.seed)
+
+
+ON_LIDAR: Mapping[str, LidarKind] = {
+    "ghost": LidarKind(
+        "points of a car that is not there; --range says where", "points", 60, _ghost, options=(_RANGE,)
+    ),
+    "jitter": LidarKind("a sector whose ranges jitter", "deviation, m", 0.3, _jitter),
+    "shift": LidarKind("a sector that is farther away than it was", "m", 1.0, _shift),
+    "removed": LidarKind("an object without its points", _AWAY, 20.0, lambda _, size: RemovedObject(size)),
+    "seen-through": LidarKind(
+        "an object whose points lie behind it", _AWAY, 20.0, lambda _, size: RemovedObject(size, _BEHIND_M)
+    ),
+    "saturated": LidarKind("a sector of few and random ranges", "degrees", 20.0, _noisy(_SATURATED_LOST, _NOISE_M)),
+    "pulses": LidarKind("a sector of random ranges", "degrees", 20.0, _noisy(0.0, _PULSES_M)),
+}

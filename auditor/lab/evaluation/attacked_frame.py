@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar, cast
 
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab.attacks.catalogue import OnCamera, OnLidar
+from auditor.lab.attacks.kinds import OnCamera, OnLidar
 from auditor.lab.evaluation.experiments import Attack, Attacks, of_two
 from auditor.measurement.checks.collect import FrameChecks, collect_checks, shares_of_ranges, with_pairs
 from auditor.measurement.checks.count_grid import ImageGrid

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.errors import DecodingError, SettingError
-from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing, OnCamera, OnLidar
+from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.coloured_light import COLOURS, Veil
 from auditor.lab.attacks.faults import (
     DelayedCamera,
@@ -19,6 +19,7 @@ from auditor.lab.attacks.faults import (
     TurnedLidar,
 )
 from auditor.lab.attacks.interference import LaserPattern, Stripes
+from auditor.lab.attacks.kinds import Drawing, OnCamera, OnLidar
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from auditor.lab.attacks.catalogue import OnCamera, OnLidar
+from auditor.lab.attacks.kinds import OnCamera, OnLidar
 from auditor.lab.evaluation.experiments import DELAYS, Case, Experiment, SeededDraws, parameters_of
 from auditor.lab.evaluation.runner import Progress, experiments_of
 from auditor.lab.evaluation.sources import CleanDrive, Source

@@ -1,9 +1,9 @@
 """All checks of one frame, pair by pair."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,37 +12,42 @@ from auditor.measurement.checks.count_grid import (
     PairCells,
     PairPlaces,
     PairSums,
-    cells_of_points,
     opposite,
     places_of,
     sums_of_pair,
     sums_of_some,
 )
-from auditor.measurement.checks.false_ranges import PairRanges, directed_points, false_ranges, pair_ranges
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
-from auditor.measurement.checks.light import LightDifference, light_difference, views_of
-from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
-from auditor.measurement.checks.photometric_consistency import (
-    PairConsistency,
-    Patches,
-    matchable,
-    photometric_consistency,
-)
-from auditor.measurement.checks.point_distribution import (
-    isolated,
-    isolated_ratio,
-    isolated_shares,
-    point_dropout,
-    rough_ranges,
-)
-from auditor.measurement.checks.still_light import StillLight
-from auditor.measurement.checks.striped_light import Rows
+from auditor.measurement.checks.false_ranges import PairRanges, directed, false_ranges, pair_ranges
+from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verified
+from auditor.measurement.checks.light import LightDifference, difference_of
+from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
+from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated
+from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Indices
-from auditor.model.checks import Check, CountedPair, IsolatedShares, Pair, SensorCheck, resolves_depth
+from auditor.model.checks import (
+    DIRECTION_CHECKS,
+    SHARE_CHECKS,
+    Check,
+    CountedPair,
+    IsolatedShares,
+    Pair,
+    SensorCheck,
+    resolves_depth,
+)
+from auditor.model.checks.kind import Of
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
+
+Subject = TypeVar("Subject", bound=tuple[int, ...])
+
+_BY_PAIRS = tuple(one for one in Check if one in DIRECTION_CHECKS and one.kind.of in (Of.PAIRS, Of.SEVERAL_PAIRS))
+_OF_CAMERAS = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
+_IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
+"""The checks that are measured by their names, of pairs that check the LiDAR, of matched pairs, and of views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,43 +64,34 @@ class PairCounts:
 
 @dataclass(frozen=True, eq=False)
 class FrameChecks:
-    """The results of all checks, by camera pair (i, k) or by reference camera.
+    """The results of all checks, by camera pair (i, k), where (k, k) is a camera and its own past, or by camera.
 
-    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
-    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise than each other.
-    `parallax_conflicts`: counts of LiDAR points with which a camera and its own past (k, k) disagree.
-    `still_light`: by camera, what its own past says of light that stays in its picture.
-    `striped_light`: what the source, and what the reference, has of light in rows that the other has not.
-    `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many points
-    are isolated. `ranges`: what pairs say of the LiDAR's ranges; `rough_ranges`: how rough those of a sector are, None
-    where too few points are in view. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
-    `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
+    `by_direction` are counts of the LiDAR's points, or of surfaces, by its directions, `counts` what cameras see
+    otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what the
+    reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera;
+    `of_pasts` what its own past says of a camera; None where it cannot be told. `isolated_shares`: how many points are
+    isolated. `ranges`: what pairs say of the LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range
+    masks changed, without it. `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted:
+    they are not stored.
     """
 
-    lidar_conflicts: Mapping[Pair, Cells]
-    lost_returns: Mapping[Pair, Cells]
+    by_direction: Mapping[Check, Mapping[Pair, Cells]]
     counts: Mapping[Pair, PairCounts]
-    striped_light: Mapping[Pair, tuple[float | None, float | None]]
-    point_dropout: Mapping[int, float]
+    of_pairs: Mapping[Check, Mapping[Pair, tuple[float | None, float | None]]]
+    of_views: Mapping[Check, Mapping[tuple[int], float | None]]
     isolated_shares: Mapping[int, IsolatedShares]
     ranges: Mapping[Pair, PairRanges]
-    rough_ranges: Mapping[int, float | None]
     unmasked: Mapping[Pair, PairCounts]
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
     consistencies: Mapping[Pair, PairConsistency]
     lights: Mapping[Pair, LightDifference]
-    parallax_conflicts: Mapping[Pair, Cells] = field(default_factory=dict)
-    still_light: Mapping[int, StillLight] = field(default_factory=dict)
+    of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
         """The counts of the checks that are counted on grids."""
-        of_lidar = {
-            Check.LIDAR_CONFLICT: self.lidar_conflicts,
-            Check.LOST_RETURNS: self.lost_returns,
-            Check.PARALLAX_CONFLICT: self.parallax_conflicts,
-        }
-        counted = {CountedPair(check, *p, LIDAR): cells for check, of in of_lidar.items() for p, cells in of.items()}
+        by_direction = self.by_direction.items()
+        counted = {CountedPair(check, *p, LIDAR): cells for check, of in by_direction for p, cells in of.items()}
         return counted | _by_camera(self.counts)
 
     @property
@@ -106,24 +102,22 @@ class FrameChecks:
     @property
     def shares(self) -> dict[SensorCheck, float]:
         """The statistics of the other checks."""
-        dropout = {SensorCheck(Check.POINT_DROPOUT, LIDAR, (k,)): share for k, share in self.point_dropout.items()}
-        isolated_points = {
-            SensorCheck(Check.ISOLATED_POINTS, LIDAR, (k,)): isolated_ratio(found)
-            for k, found in self.isolated_shares.items()
+        in_views = {
+            SensorCheck(check, LIDAR, view): share for check, of in self.of_views.items() for view, share in of.items()
         }
-        of_light = {
-            SensorCheck(Check.STRIPED_LIGHT, camera, (other,)): share
-            for (i, k), (of_source, of_reference) in self.striped_light.items()
+        by_cameras = {
+            SensorCheck(check, camera, (other,)): share
+            for check, of in self.of_pairs.items()
+            for (i, k), (of_source, of_reference) in of.items()
             for camera, other, share in ((i, k, of_source), (k, i, of_reference))
         }
-        rough = {SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)): share for k, share in self.rough_ranges.items()}
-        still = {SensorCheck(Check.STILL_LIGHT, k, (LIDAR,)): one.statistic for k, one in self.still_light.items()}
-        others = isolated_points | of_light | rough | still
-        return (
-            dropout
-            | shares_of_ranges(self.ranges)
-            | {check: share for check, share in others.items() if share is not None}
-        )
+        by_past = {
+            SensorCheck(check, k, (LIDAR,)): one.statistic
+            for check, of in self.of_pasts.items()
+            for k, one in of.items()
+        }
+        every = in_views | by_cameras | by_past
+        return {check: share for check, share in every.items() if share is not None} | shares_of_ranges(self.ranges)
 
 
 def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, float]:
@@ -159,35 +153,20 @@ def collect_checks(
     cameras, `maps` the stereo maps by (source, reference), `views` the LiDAR's views by reference; all of them as
     `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
     """
-    lit = views_of(half_res, colours)
-    matched = {camera: half_res[camera] for pair in maps for camera in pair}
-    rows = {camera: Rows.of(half) for camera, half in matched.items()}
-    isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
+    seen = Seen(half_res, colours, maps, views, rig)
     near = {
-        (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
+        (i, k): out_of_range(views[k], seen.once(isolated_of, k), i, matchable(stereo.range_px), half_res[k].shape)
         for (i, k), stereo in maps.items()
         if k in views
     }
-    patches = {k: Patches.of(half_res[k]) for k in dict.fromkeys(k for _, k in maps)}
-    consistencies = {
-        (i, k): photometric_consistency(patches[k], half_res[i], stereo) for (i, k), stereo in maps.items()
-    }
-    lights = {
-        (i, k): light_difference(lit[k], lit[i], seen.matches.column, seen.matches.seen)
-        for (i, k), seen in consistencies.items()
-    }
+    consistencies = {pair: seen.once(consistency_of, *pair) for pair in maps}
+    lights = {pair: seen.once(difference_of, *pair) for pair in maps}
     verified_conflicts = {
-        (j, k): verify_conflicts(views[k], stereo, consistencies[j, k], rig, j, (half_res[k], half_res[j]))
-        for (j, k), stereo in maps.items()
-        if k in views and resolves_depth(rig, j, k)
+        (j, k): seen.once(verified, j, k) for j, k in maps if k in views and resolves_depth(rig, j, k)
     }
-    scanned = {k: scanned_view(views[k]) for k in dict.fromkeys(k for _, k in verified_conflicts)}
-    directed = {k: directed_points(views[k], scanned[k].road_m) for k in scanned}
-    places = {
-        pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
-    }
+    places = {pair: places_of(one.matches, grid or ImageGrid.of(*one.ncc.shape)) for pair, one in consistencies.items()}
 
-    sums = {pair: _sums(seen, lights[pair], places[pair]) for pair, seen in consistencies.items()}
+    sums = {pair: _sums(one, lights[pair], places[pair]) for pair, one in consistencies.items()}
     # There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
     hidden = {pair: np.flatnonzero(mask) for pair, mask in near.items() if mask.any()}
     without = {
@@ -196,30 +175,26 @@ def collect_checks(
     }
 
     return FrameChecks(
-        lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
-        lost_returns={
-            (j, k): count_lost_returns(
-                views[k], scanned[k], maps[j, k], consistencies[j, k], j, (half_res[k], half_res[j])
-            )
-            for j, k in verified_conflicts
-        },
+        by_direction={check: _of_each(check, seen, verified_conflicts) for check in _BY_PAIRS},
         counts={pair: one.counts for pair, one in (sums | without).items()},
-        striped_light={(i, k): (rows[i].above(rows[k]), rows[k].above(rows[i])) for i, k in maps},
-        point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
-        isolated_shares={
-            k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
-        },
+        of_pairs={check: _of_each(check, seen, maps) for check in _OF_CAMERAS},
+        of_views={check: _of_each(check, seen, [(k,) for k in views]) for check in _IN_VIEWS},
+        isolated_shares={k: seen.once(shares_of_isolated, k) for k in views},
         ranges={
-            (j, k): pair_ranges(directed[k], views[k], maps[j, k], conflicts.votes, j)
+            (j, k): pair_ranges(seen.once(directed, k), views[k], maps[j, k], conflicts.votes, j)
             for (j, k), conflicts in verified_conflicts.items()
             if conflicts.votes is not None
         },
-        rough_ranges={k: rough_ranges(view, rig.camera(k).focal_px) for k, view in views.items()},
         unmasked={pair: sums[pair].counts for pair in hidden},
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
         lights=lights,
     )
+
+
+def _of_each(check: Check, seen: Seen, subjects: Iterable[Subject]) -> dict[Subject, Any]:
+    """What a check measures of each of its subjects: pairs of cameras, or cameras."""
+    return {subject: measuring(check)(seen, *subject) for subject in subjects}
 
 
 class _PairSums(NamedTuple):
@@ -250,19 +225,20 @@ def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, som
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:
     """The checks of a frame whose pairs have views of their own, in which their cameras are `own`."""
+
+    def of_own(results: Mapping[Pair, Mapping[Pair, Any]]) -> dict[Pair, Any]:
+        return {pair: of[own] for pair, of in results.items() if own in of}
+
+    same: dict[str, Any] = {
+        name: of_own({pair: getattr(one, name) for pair, one in of_pairs.items()}) for name in _OF_PAIRS
+    }
     return replace(
         in_common,
-        lidar_conflicts={
-            pair: one.lidar_conflicts[own] for pair, one in of_pairs.items() if own in one.lidar_conflicts
-        },
-        lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
-        counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
-        striped_light={pair: one.striped_light[own] for pair, one in of_pairs.items() if own in one.striped_light},
-        ranges={pair: one.ranges[own] for pair, one in of_pairs.items() if own in one.ranges},
-        unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
-        verified_conflicts={
-            pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts
-        },
-        consistencies={pair: one.consistencies[own] for pair, one in of_pairs.items() if own in one.consistencies},
-        lights={pair: one.lights[own] for pair, one in of_pairs.items() if own in one.lights},
+        by_direction={c: of_own({p: one.by_direction[c] for p, one in of_pairs.items()}) for c in _BY_PAIRS},
+        of_pairs={c: of_own({p: one.of_pairs[c] for p, one in of_pairs.items()}) for c in _OF_CAMERAS},
+        **same,
     )
+
+
+_OF_PAIRS = ("counts", "ranges", "unmasked", "verified_conflicts", "consistencies", "lights")
+"""The results that are by pair."""

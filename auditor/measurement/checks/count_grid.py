@@ -13,9 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.photometric_consistency import Matches
-from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import COUNT_GRID
 from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.measurement import Cells
@@ -111,17 +109,15 @@ class PairSums:
         return PairCells(self.source.cells(self.grid), self.reference.cells(self.grid))
 
 
-def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
-    """Count LiDAR points, valid and in conflict, by their direction from the LiDAR in the rig's axes.
+def directions_of(point_m: Floats32) -> tuple[Indices, Indices, Mask]:
+    """Row and column of points (3, M) in the rig's axes by their direction from the LiDAR, (M,), and which have any.
 
     So all pairs have counts at the same places. Directions beyond the grid are left out.
     """
-    assert view.rig.lidar is not None
-    x, y, z = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.point_m.T
+    x, y, z = point_m
     row = np.floor(np.arctan2(y, np.hypot(x, z)) / _RADIANS).astype(np.intp) + _ROWS // 2
     column = np.floor(np.arctan2(x, z) / _RADIANS).astype(np.intp) + _COLUMNS // 2
-    inside = (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS) & conflicts.valid
-    return cells_of_directions(row[inside], column[inside], conflicts.lidar_conflicts[inside])
+    return row, column, (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS)
 
 
 def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Cells:

@@ -19,6 +19,8 @@ from math import log1p, sqrt
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import PointVotes
+from auditor.measurement.checks.lost_returns import scanned
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
@@ -83,6 +85,11 @@ def directed_points(view: LidarView, road_m: float) -> DirectedPoints:
     return DirectedPoints(
         upright, np.stack([right[upright], down, np.log(view.range_m[upright])]), near[order], strip[order]
     )
+
+
+def directed(seen: Seen, k: int) -> DirectedPoints:
+    """The points of a view by their directions."""
+    return directed_points(seen.views[k], seen.once(scanned, k).road_m)
 
 
 def pair_ranges(

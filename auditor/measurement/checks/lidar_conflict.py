@@ -12,13 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.checks.count_grid import cells_of_directions, directions_of
 from auditor.measurement.checks.disparity_error import inconsistent
-from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
+from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.arrays import Image, Indices, Mask
+from auditor.model.measurement import Cells
 from auditor.model.rig import Rig
 
 
@@ -78,18 +81,37 @@ def verify_conflicts(
     every = np.union1d(conflicting.sample, nearer.sample)
     ncc_lidar = ncc_at(*half_res, view.row[every] // HALF, view.column[every] // HALF, d0[every] / np.float32(HALF))
 
-    def verified(candidates: _Candidates, clearly_less: float) -> Mask:
+    def confirmed(candidates: _Candidates, clearly_less: float) -> Mask:
         """(M,) those of the candidates where the images match clearly less well at the LiDAR's disparity."""
         sample = candidates.sample
         less = ncc_lidar[np.searchsorted(every, sample)] < ncc_stereo[sample] - np.float32(clearly_less)
         less[less] = ~_occluded(view, stereo, rig, source, sample[less])
         return candidates.all_by(less, valid.size)
 
-    lidar_conflicts = verified(conflicting, LIDAR_CONFLICT.clearly_less)
-    contradicted = verified(nearer, FALSE_RANGES.clearly_less)
+    lidar_conflicts = confirmed(conflicting, LIDAR_CONFLICT.clearly_less)
+    contradicted = confirmed(nearer, FALSE_RANGES.clearly_less)
     valid &= lidar_conflicts | ~over
     votes = PointVotes(clear, clear & ~over, contradicted)
     return VerifiedConflicts(view.row, view.column, valid, lidar_conflicts, votes)
+
+
+def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
+    """Count LiDAR points, valid and in conflict, by their direction from the LiDAR in the rig's axes."""
+    assert view.rig.lidar is not None
+    row, column, inside = directions_of(view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.point_m.T)
+    inside = inside & conflicts.valid
+    return cells_of_directions(row[inside], column[inside], conflicts.lidar_conflicts[inside])
+
+
+def verified(seen: Seen, j: int, k: int) -> VerifiedConflicts:
+    """The verified conflicts of a pair."""
+    consistency = seen.once(consistency_of, j, k)
+    return verify_conflicts(seen.views[k], seen.maps[j, k], consistency, seen.rig, j, seen.halves(j, k))
+
+
+def measure_lidar_conflict(seen: Seen, j: int, k: int) -> Cells:
+    """The points of k's view, and those with which a pair disagrees."""
+    return cells_of_points(seen.once(verified, j, k), seen.views[k])
 
 
 class _Candidates(NamedTuple):

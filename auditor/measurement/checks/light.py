@@ -6,7 +6,7 @@ multiply, and so do most errors. Light only adds, so its sign says which of the 
 is wrong about the scene only further cameras can say (`identification.statistics`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
+from auditor.measurement.checks.photometric_consistency import consistency_of
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.tone_curve import Classes, chroma_classes, predict, saturation_level
 from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.parameters import LIGHT
@@ -92,6 +94,17 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
+def view_of(seen: Seen, camera: int) -> View:
+    """One camera's half-resolution images, grey and where it has them colours."""
+    return View(seen.half_res[camera], seen.colours.get(camera))
+
+
+def difference_of(seen: Seen, i: int, k: int) -> LightDifference:
+    """The light differences of a pair."""
+    matches = seen.once(consistency_of, i, k).matches
+    return light_difference(seen.once(view_of, k), seen.once(view_of, i), matches.column, matches.seen)
+
+
 def _warped(images: Sequence[Image], column: Floats32) -> tuple[Image, ...]:
     """Some (h, w) images at once: four take little more time than one."""
     return _split(warp(np.asarray(cv2.merge(images), dtype=np.uint8), column))
@@ -167,8 +180,3 @@ def _split(colour: Image) -> tuple[Image, ...]:
 
 def _means(image: Image) -> Image:
     return np.asarray(cv2.blur(image, LIGHT.mean_px), dtype=np.uint8)
-
-
-def views_of(half_res: Mapping[int, Image], colours: Mapping[int, Image]) -> dict[int, View]:
-    """The half-resolution images by camera, grey, and of those that have them colours."""
-    return {camera: View(half, colours.get(camera)) for camera, half in half_res.items()}

@@ -20,7 +20,8 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.count_grid import cells_of_directions
-from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
+from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
@@ -137,6 +138,17 @@ def count_lost_returns(
     surface[lost] &= np.isinf(hole[lost]) | _all_lost(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
+
+
+def scanned(seen: Seen, k: int) -> ScannedView:
+    """Where the LiDAR of a view scans."""
+    return scanned_view(seen.views[k])
+
+
+def measure_lost_returns(seen: Seen, j: int, k: int) -> Cells:
+    """The surface samples that a pair sees, and those whose returns are lost."""
+    consistency = seen.once(consistency_of, j, k)
+    return count_lost_returns(seen.views[k], seen.once(scanned, k), seen.maps[j, k], consistency, j, seen.halves(j, k))
 
 
 def _enclosed(hit: Mask) -> Mask:

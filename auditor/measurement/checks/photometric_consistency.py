@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.disparity.stereo import StereoMap
@@ -95,6 +96,16 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
     comparable = np.asarray(matches.seen & structured)
     inconsistent = comparable & (cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(inconsistent), matches)
+
+
+def patches_of(seen: Seen, k: int) -> Patches:
+    """The patches of a camera's image."""
+    return Patches.of(seen.half_res[k])
+
+
+def consistency_of(seen: Seen, i: int, k: int) -> PairConsistency:
+    """A pair's images compared."""
+    return photometric_consistency(seen.once(patches_of, k), seen.half_res[i], seen.maps[i, k])
 
 
 def _inside(valid: Mask) -> Mask:

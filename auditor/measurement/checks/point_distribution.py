@@ -10,6 +10,7 @@ from math import isnan
 
 import numpy as np
 
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, ROUGH_RANGES
 from auditor.model.arrays import Floats, Mask
@@ -85,6 +86,31 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
     roughest = float(found.max())
     rough = roughest * roughest / max(float(np.median(found)), ROUGH_RANGES.least_usual_m)
     return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
+
+
+def isolated_of(seen: Seen, k: int) -> Mask:
+    """(M,) the isolated points of a view."""
+    return isolated(seen.views[k], seen.rig.camera(k).focal_px)
+
+
+def shares_of_isolated(seen: Seen, k: int) -> IsolatedShares:
+    """How many points of a view are isolated."""
+    return isolated_shares(seen.views[k], seen.once(isolated_of, k), seen.rig.camera(k).width_px)
+
+
+def measure_isolated_points(seen: Seen, k: int) -> float | None:
+    """The statistic of isolated points in the view of k."""
+    return isolated_ratio(seen.once(shares_of_isolated, k))
+
+
+def measure_point_dropout(seen: Seen, k: int) -> float:
+    """The share of its points that a strip of the view of k lacks."""
+    return point_dropout(seen.views[k], seen.rig.camera(k).width_px)
+
+
+def measure_rough_ranges(seen: Seen, k: int) -> float | None:
+    """How rough the ranges of a sector of the view of k are."""
+    return rough_ranges(seen.views[k], seen.rig.camera(k).focal_px)
 
 
 def _roughness_m(view: LidarView, focal_px: float) -> Floats:

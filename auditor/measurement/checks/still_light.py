@@ -82,7 +82,7 @@ class Glimpse:
         return Motion(turned, back @ (self.world_SE3_camera.translation_m - before.world_SE3_camera.translation_m))
 
 
-class StillLight(NamedTuple):
+class OfThePast(NamedTuple):
     """The statistic of a frame, 0 to 1, and the share of the camera's picture that was compared for it."""
 
     statistic: float
@@ -104,7 +104,7 @@ class _Seen(NamedTuple):
     before: Floats
 
 
-def still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> StillLight | None:
+def measure_still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> OfThePast | None:
     """What the LiDAR's points (M, 3), in the camera's frame, say of light in its picture by earlier ones.
 
     None where none of those that are `held`, oldest first, is far enough away, or too few points moved.
@@ -115,7 +115,7 @@ def still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> Still
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
-    return StillLight(_largest(now, seen), min(cells / now.levels.size, 1.0))
+    return OfThePast(_largest(now, seen), min(cells / now.levels.size, 1.0))
 
 
 def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:

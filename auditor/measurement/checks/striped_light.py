@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.colour_parameters import STRIPED_LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
@@ -60,6 +61,17 @@ class Rows:
         least = (counts[enough] * STRIPED_LIGHT.without_share).astype(np.intp)
         shown = float(above[np.arange(len(least)), least].max()) - STRIPED_LIGHT.usual
         return min(max(shown, 0.0), 1.0)
+
+
+def rows_of(seen: Seen, camera: int) -> Rows:
+    """The rows of a camera's image."""
+    return Rows.of(seen.half_res[camera])
+
+
+def measure_striped_light(seen: Seen, i: int, k: int) -> tuple[float | None, float | None]:
+    """What the source, and what the reference, has of light in rows that the other has not."""
+    of_source, of_reference = seen.once(rows_of, i), seen.once(rows_of, k)
+    return of_source.above(of_reference), of_reference.above(of_source)
 
 
 def _by_block(transposed: cv2.typing.MatLike) -> Floats32:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 
+from auditor.model.checks.kinds import found_of
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
@@ -121,6 +122,11 @@ class EvidenceLine:
     frames: int
     mean: float
     largest: float
+
+    @property
+    def found(self) -> str:
+        """What the check says where it fires."""
+        return found_of(self.check, by_two=self.other is not None)
 
 
 @dataclass(frozen=True)

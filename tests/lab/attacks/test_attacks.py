@@ -171,7 +171,7 @@ def test_every_kind_for_the_lidar_changes_its_cloud(kind: str) -> None:
 
 
 def test_a_ghost_has_the_points_and_the_range_that_were_asked_for() -> None:
-    attacker = Attacker(AttackPlan(0, kind="ghost", size=40, range_m=12.0), rig())
+    attacker = Attacker(AttackPlan(0, kind="ghost", size=40, options={"range_m": 12.0}), rig())
     before = road_and_far_wall().xyz_m
     after = attacker.change_cloud(PointCloud(7, before)).xyz_m
     changed = np.concatenate([after[: len(before)][(after[: len(before)] != before).any(axis=1)], after[len(before) :]])

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.coloured_light import COLOURS, ColouredFacula, InfraredFacula, ProjectedObject, Veil
 from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
+from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import Facula
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_rig

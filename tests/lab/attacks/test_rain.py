@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
+from auditor.lab.attacks.catalogue import ON_LIDAR
 from auditor.lab.attacks.faults import Rain
+from auditor.lab.attacks.kinds import Drawing
 from auditor.model.frames import PointCloud
 from tests.making.scenes import plane_rig
 

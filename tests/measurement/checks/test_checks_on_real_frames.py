@@ -95,5 +95,5 @@ def test_a_clean_frame_is_clean(verdict):
 
 def test_sixty_four_beams_need_what_the_window_says(attacked_frame):
     for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
-        conflicts = attacked_frame.frame_checks((1, 3), attacks).lidar_conflicts[1, 3]
+        conflicts = attacked_frame.frame_checks((1, 3), attacks).by_direction[Check.LIDAR_CONFLICT][1, 3]
         assert fitted(CONFLICT_WINDOW, window_sums(conflicts.valid, CONFLICT_WINDOW)) == CONFLICT_WINDOW

@@ -32,8 +32,8 @@ def checks_of(rig, without=frozenset()):
 
 def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     frame_checks = checks_of(plane_rig())
-    assert set(frame_checks.lidar_conflicts) == set(frame_checks.counts) == {(1, 3), (2, 3)}
-    assert frame_checks.point_dropout == {3: pytest.approx(0, abs=0.01)}
+    assert set(frame_checks.by_direction[Check.LIDAR_CONFLICT]) == set(frame_checks.counts) == {(1, 3), (2, 3)}
+    assert frame_checks.of_views[Check.POINT_DROPOUT] == {(3,): pytest.approx(0, abs=0.01)}
     cells = frame_checks.cells
     assert set(cells) == {
         *(CountedPair(check, i, 3, 0) for check in (Check.LIDAR_CONFLICT, Check.LOST_RETURNS) for i in (1, 2)),
@@ -59,14 +59,14 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
-    assert not frame_checks.lidar_conflicts
+    assert not frame_checks.by_direction[Check.LIDAR_CONFLICT]
     assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
 def test_a_missing_camera_s_pairs_are_not_checked():
     frame_checks = checks_of(plane_rig(), without=frozenset({1}))
-    assert set(frame_checks.counts) == set(frame_checks.lidar_conflicts) == {(2, 3)}
+    assert set(frame_checks.counts) == set(frame_checks.by_direction[Check.LIDAR_CONFLICT]) == {(2, 3)}
 
 
 def test_a_pair_too_close_together_has_no_lidar_conflicts_but_photometric_inconsistencies():
@@ -74,14 +74,14 @@ def test_a_pair_too_close_together_has_no_lidar_conflicts_but_photometric_incons
     assert resolves_depth(rig, 1, 3)
     assert not resolves_depth(rig, 2, 3)
     frame_checks = checks_of(rig)
-    assert set(frame_checks.lidar_conflicts) == {(1, 3)}
+    assert set(frame_checks.by_direction[Check.LIDAR_CONFLICT]) == {(1, 3)}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
 def test_what_lies_behind_the_counts_is_there_to_be_drawn():
     frame_checks = checks_of(plane_rig())
     points, map_ = frame_checks.verified_conflicts[1, 3], frame_checks.consistencies[1, 3]
-    assert points.valid.sum() == frame_checks.lidar_conflicts[1, 3].valid.sum()
+    assert points.valid.sum() == frame_checks.by_direction[Check.LIDAR_CONFLICT][1, 3].valid.sum()
     counts = frame_checks.counts[1, 3]
     for image in ("source", "reference"):
         assert getattr(counts.inconsistencies, image).valid.sum() == np.count_nonzero(map_.comparable)

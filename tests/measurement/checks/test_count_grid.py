@@ -7,13 +7,12 @@ from hypothesis import strategies as st
 
 from auditor.measurement.checks.count_grid import (
     ImageGrid,
-    cells_of_points,
     opposite,
     places_of,
     sums_of_pair,
     sums_of_some,
 )
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
 from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import PointCloud

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.light import View, light_difference, views_of
+from auditor.measurement.checks.light import View, light_difference
 
 HEIGHT, WIDTH, SHIFT = 188, 420, 20
 INSIDE = np.s_[20:-20, SHIFT + 24 : -24]
@@ -192,7 +192,7 @@ def test_light_of_one_colour_shows_in_its_channel_and_the_mean_is_a_third(colour
 
 
 def test_a_pair_of_views_is_made_of_grey_pictures_and_colours_where_there_are_some(colours, greys):
-    views = views_of({1: greys[0], 2: greys[1]}, {2: colours[1]})
+    views = {1: View(greys[0]), 2: View(greys[1], colours[1])}
     assert views[1].channels == ()
     assert [one.shape for one in views[2].channels] == [(HEIGHT, WIDTH)] * 3
     assert views[2].classes.shape == (HEIGHT, WIDTH)

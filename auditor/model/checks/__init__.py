@@ -3,74 +3,37 @@
 Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
-from collections.abc import Iterable, Sequence
-from enum import StrEnum
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations, groupby
 from math import nan
 from typing import NamedTuple, TypeVar
 
 from auditor.model.arrays import Floats
+from auditor.model.checks.kind import Counted, Of
+from auditor.model.checks.kinds import Check as Check
 from auditor.model.parameters import PAIR_DEPTH, POINT_EXCESS
 from auditor.model.rig import LIDAR, Rig
 
-
-class Check(StrEnum):
-    """One kind of statistic of a sensor; there are thirteen.
-
-    LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
-    is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
-    what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
-    next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
-    LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return. STRIPED_LIGHT: a camera has
-    light in some rows that the other cameras do not have. FALSE_RANGES: pairs of cameras contradict a cluster of LiDAR
-    points, or see a sector of them nearer or farther away. ROUGH_RANGES: neighbouring ranges of a sector differ.
-    PARALLAX_CONFLICT: a camera's pictures of two moments agree with each other and not with the LiDAR.
-    STILL_LIGHT: light stays at its place in a camera's picture while the scene moves, as the LiDAR has it.
-    """
-
-    LIDAR_CONFLICT = "lidar_conflict"
-    ADDED_LIGHT = "added_light"
-    REMOVED_LIGHT = "removed_light"
-    PHOTOMETRIC_INCONSISTENCY = "photometric_inconsistency"
-    POINT_DROPOUT = "point_dropout"
-    ISOLATED_POINTS = "isolated_points"
-    COLOURED_LIGHT = "coloured_light"
-    LOST_RETURNS = "lost_returns"
-    STRIPED_LIGHT = "striped_light"
-    FALSE_RANGES = "false_ranges"
-    ROUGH_RANGES = "rough_ranges"
-    PARALLAX_CONFLICT = "parallax_conflict"
-    STILL_LIGHT = "still_light"
-
-
-LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS, Check.ROUGH_RANGES})
+LIDAR_CHECKS = frozenset(one for one in Check if one.kind.of is Of.VIEW)
 """The checks of the LiDAR alone, in the view of a camera."""
 
-DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.PARALLAX_CONFLICT})
+DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counted.POINTS, Counted.SURFACES))
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
 """The checks of a camera by the other cameras."""
 
-IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
+IMAGE_CHECKS = tuple(one for one in Check if one.kind.counted in (Counted.PIXELS, Counted.LIGHT))
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = (
-    Check.COLOURED_LIGHT,
-    Check.LOST_RETURNS,
-    Check.STRIPED_LIGHT,
-    Check.FALSE_RANGES,
-    Check.ROUGH_RANGES,
-    Check.PARALLAX_CONFLICT,
-    Check.STILL_LIGHT,
-)
+ADDED_LATER = tuple(Check)[tuple(Check).index(Check.COLOURED_LIGHT) :]
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-SHARE_CHECKS = LIDAR_CHECKS | {Check.STRIPED_LIGHT, Check.FALSE_RANGES, Check.STILL_LIGHT}
+SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOTHING)
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
-SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
+SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
 FEWEST_VOTERS = 2
@@ -81,12 +44,7 @@ MOST_LEFT_OUT = 2
 
 
 class SensorCheck(NamedTuple):
-    """One check of a sensor by `others`, ascending.
-
-    Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
-    DIRECTION_CHECKS and FALSE_RANGES all cameras of the pairs that are compared with the LiDAR, of PARALLAX_CONFLICT
-    the one whose past is; of LIDAR_CHECKS the one camera whose view the points are in. STILL_LIGHT is by the LiDAR.
-    """
+    """One check of a sensor by `others`, ascending: by whom its kind is `of`."""
 
     check: Check
     sensor: int
@@ -103,7 +61,8 @@ class SensorCheck(NamedTuple):
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
-        alone = len(self.others) < FEWEST_VOTERS and self.check in (*CAMERA_CHECKS, Check.STRIPED_LIGHT)
+        kind = self.check.kind
+        alone = len(self.others) < FEWEST_VOTERS and kind.of is Of.CAMERAS and not kind.of_colours
         return self.needed if alone else (self.sensor,)
 
 
@@ -155,39 +114,16 @@ def sensor_checks_of(
     for i, k in sorted(matched):
         partners.setdefault(i, []).append(k)
         partners.setdefault(k, []).append(i)
-    return (
-        *(SensorCheck(Check.LIDAR_CONFLICT, LIDAR, cameras) for cameras in conflict_cameras(conflicts)),
-        *(
-            SensorCheck(check, camera, others)
-            for check in CAMERA_CHECKS
-            for camera in sorted(partners)
-            for others in _voters(tuple(sorted(partners[camera])))
-        ),
-        *(SensorCheck(check, LIDAR, (k,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS) for k in views),
-        *(
-            SensorCheck(Check.COLOURED_LIGHT, camera, others)
-            for camera in sorted(partners)
-            for others in _voters(tuple(sorted(partners[camera])))
-        ),
-        *(
-            SensorCheck(Check.LOST_RETURNS, LIDAR, cameras)
-            for cameras in conflict_cameras(conflicts)
-            if len(cameras) > FEWEST_VOTERS  # one pair's wrong matches look like a surface
-        ),
-        *(
-            SensorCheck(Check.STRIPED_LIGHT, camera, others)
-            for camera in sorted(partners)
-            for others in _voters(tuple(sorted(partners[camera])))
-        ),
-        *(
-            SensorCheck(Check.FALSE_RANGES, LIDAR, cameras)
-            for cameras in conflict_cameras(conflicts)
-            if len(cameras) > FEWEST_VOTERS  # what one pair mismatches looks as false
-        ),
-        *(SensorCheck(Check.ROUGH_RANGES, LIDAR, (k,)) for k in views),
-        *(SensorCheck(Check.PARALLAX_CONFLICT, LIDAR, (k,)) for k in pasts),
-        *(SensorCheck(Check.STILL_LIGHT, k, (LIDAR,)) for k in pasts),
-    )
+    by_pairs = conflict_cameras(conflicts)
+    subjects: Mapping[Of, Sequence[tuple[int, tuple[int, ...]]]] = {
+        Of.PAIRS: [(LIDAR, cameras) for cameras in by_pairs],
+        Of.SEVERAL_PAIRS: [(LIDAR, cameras) for cameras in by_pairs if len(cameras) > FEWEST_VOTERS],
+        Of.VIEW: [(LIDAR, (k,)) for k in views],
+        Of.LONE_CAMERA: [(LIDAR, (k,)) for k in pasts],
+        Of.CAMERAS: [(one, others) for one in sorted(partners) for others in _voters(tuple(sorted(partners[one])))],
+        Of.LIDAR: [(k, (LIDAR,)) for k in pasts],
+    }
+    return tuple(SensorCheck(check, *subject) for check in Check for subject in subjects[check.kind.of])
 
 
 @lru_cache(maxsize=512)

@@ -1,0 +1,289 @@
+"""The checks. Each is declared here, once: all that knows checks by their names follows from this table.
+
+What is measured is found by name: of `Check.X` it is `measure_x` in the module `where` of `measurement/checks`. Its
+prior, how its voters decide together, its rows in documents, and what queries and pages say of it are taken from here.
+"""
+
+from enum import StrEnum
+
+from auditor.model.checks.kind import Counted, Kind, Of, PriorOf, Vote, Words
+
+_PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
+_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
+_LIGHT = f"{_PRIOR}, by counting version 12; tails widened on streets 9800 to 10159 (docs/decisions.md)"
+_REAL = "three clean real drives and their attacks; a guard of 56 streets for the tail (docs/ablations.md)"
+_TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
+_RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
+_IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
+_NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
+
+_LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), _REAL)
+
+
+class Check(StrEnum):
+    """One kind of statistic of a sensor.
+
+    Measurements keep statistics in this order, and those of earlier versions lack the last: a new one stands last.
+    """
+
+    LIDAR_CONFLICT = (
+        "lidar_conflict",
+        Kind(
+            Of.PAIRS,
+            Words(
+                "LiDAR conflict",
+                "two cameras agree with each other and not with it",
+                "the cameras agree with each other and not with it",
+                "the cameras disagree with the LiDAR",
+                evidence_by_two="S_{i} and S_{k} both disagree with the LiDAR",
+            ),
+            (PriorOf("conflict", (-1.4, 0.45, 0.29, 1.0), _PRIOR),),
+            Counted.POINTS,
+            Vote.MEAN,
+        ),
+    )
+    ADDED_LIGHT = (
+        "added_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "added light",
+                "brighter than the others' images predict",
+                "sees light that the others do not",
+                "S_{i} sees light that others do not",
+                "one of the two sees light that the other does not",
+                "S_{i} or S_{k} alone sees light",
+            ),
+            (
+                _LIGHT_OF_ONE,
+                PriorOf("light_of_two", (-2.2, 0.33, 0.33, 1.3), _REAL),
+                PriorOf("light", (-2.92, 0.3, 0.29, 1.9), _LIGHT),
+            ),
+            Counted.LIGHT,
+            Vote.LIGHT,
+            where="light",
+            of_light=True,
+        ),
+    )
+    REMOVED_LIGHT = (
+        "removed_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "removed light",
+                "darker than the others' images predict",
+                "lacks light that the others see",
+                "S_{i} lacks light that others see",
+                "one of the two lacks light that the other sees",
+                "S_{i} or S_{k} alone lacks light",
+            ),
+            (
+                _LIGHT_OF_ONE,
+                PriorOf("darkness_of_two", (-2.75, 0.33, 0.35, 2.0), _PRIOR),
+                PriorOf("darkness", (-3.15, 0.26, 0.24, 2.0), _LIGHT),
+            ),
+            Counted.LIGHT,
+            Vote.SMALLEST,
+            where="light",
+            of_light=True,
+            opposite_of="added_light",
+        ),
+    )
+    PHOTOMETRIC_INCONSISTENCY = (
+        "photometric_inconsistency",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "photometric inconsistency",
+                "it does not see what the others see",
+                "does not see what the others see",
+                "S_{i} does not see what others see",
+                "the two do not see the same",
+                "S_{i} and S_{k} do not see the same",
+            ),
+            (
+                PriorOf("inconsistency_of_one", (-2.5, 0.59, 0.4, 1.45), _PRIOR),
+                PriorOf("inconsistency_of_two", (-3.3, 0.46, 0.31, 1.7), _TAILS),
+                PriorOf("inconsistency", (-3.3, 0.52, 0.3, 1.95), _TAILS),
+            ),
+            Counted.PIXELS,
+            Vote.SMALLEST,
+            where="photometric_consistency",
+        ),
+    )
+    POINT_DROPOUT = (
+        "point_dropout",
+        Kind(
+            Of.VIEW,
+            Words(
+                "point dropout",
+                "a strip of its view lacks points",
+                "lacks points in a part of its view",
+                "the LiDAR lacks points",
+                evidence_by_two="the LiDAR lacks points in the view of S_{k}",
+            ),
+            (PriorOf("point_dropout", (-0.35, 0.38, 0.22, 1.35), _PRIOR),),
+            where="point_distribution",
+        ),
+    )
+    ISOLATED_POINTS = (
+        "isolated_points",
+        Kind(
+            Of.VIEW,
+            Words(
+                "isolated points",
+                "points have next to no neighbours",
+                "has points that stand alone",
+                "the LiDAR has isolated points",
+                evidence_by_two="the LiDAR has isolated points in the view of S_{k}",
+            ),
+            (PriorOf("isolated_points", (-2.0, 0.46, 0.33, 1.0), _PRIOR),),
+            where="point_distribution",
+        ),
+    )
+    COLOURED_LIGHT = (
+        "coloured_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "coloured light",
+                "light of one colour that the others lack",
+                "sees light of one colour that the others do not",
+                "S_{i} sees light of one colour that others do not",
+            ),
+            (PriorOf("coloured_light", (-3.1, 0.36, 0.25, 1.9), _TAILS),),
+            Counted.LIGHT,
+            Vote.MEAN,
+            of_colours=True,
+            of_light=True,
+        ),
+    )
+    LOST_RETURNS = (
+        "lost_returns",
+        Kind(
+            Of.SEVERAL_PAIRS,
+            Words(
+                "lost returns",
+                "cameras see a surface where it scans and has a hole",
+                "has no return from what the cameras see",
+                "the LiDAR has no return from what the cameras see",
+            ),
+            (PriorOf("lost_returns", (-3.78, 0.56, 0.1, 1.4), _LOST),),
+            Counted.SURFACES,
+            Vote.SMALLEST,
+        ),
+    )
+    STRIPED_LIGHT = (
+        "striped_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "striped light",
+                "rows are lit that are not in the others",
+                "has light in some rows that the others do not",
+                "S_{i} has light in some rows that others do not",
+                "one of the two has light in some rows that the other does not",
+                "S_{i} or S_{k} alone has light in some rows",
+            ),
+            (PriorOf("striped_light", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN),),
+            vote=Vote.SMALLEST,
+            of_light=True,
+        ),
+    )
+    FALSE_RANGES = (
+        "false_ranges",
+        Kind(
+            Of.SEVERAL_PAIRS,
+            Words(
+                "false ranges",
+                "cameras contradict a cluster, or see a sector shifted",
+                "has points where the cameras see nothing",
+                "the LiDAR has points where the cameras see nothing",
+            ),
+            (PriorOf("false_ranges", (-3.88, 0.45, 0.15, 1.7), _RANGES),),
+            vote=Vote.RANGES,
+        ),
+    )
+    ROUGH_RANGES = (
+        "rough_ranges",
+        Kind(
+            Of.VIEW,
+            Words(
+                "rough ranges",
+                "neighbouring ranges of a sector jitter",
+                "has noisy ranges in a part of its view",
+                "the LiDAR's ranges are noisy in a part",
+                evidence_by_two="the LiDAR's ranges are noisy in a part of the view of S_{k}",
+            ),
+            (PriorOf("rough_ranges", (-3.8, 0.7, 0.3, 1.45), _RANGES),),
+            where="point_distribution",
+        ),
+    )
+    PARALLAX_CONFLICT = (
+        "parallax_conflict",
+        Kind(
+            Of.LONE_CAMERA,
+            Words(
+                "parallax conflict",
+                "a camera's pictures of two moments agree, and not with it",
+                "the camera and its own past agree with each other and not with it",
+                "the camera and its own past disagree with the LiDAR",
+            ),
+            (PriorOf("parallax_conflict", (-2.8, 0.95, 0.2, 0.8), _IN_TIME),),
+            Counted.POINTS,
+            Vote.MEAN,
+        ),
+    )
+    STILL_LIGHT = (
+        "still_light",
+        Kind(
+            Of.LIDAR,
+            Words(
+                "still light",
+                "light stays in its picture while the scene moves, by the LiDAR's ranges",
+                "has light that stays in its picture while the scene moves",
+                "S_{i} has light that stays in its picture while the scene moves",
+            ),
+            (PriorOf("still_light", (-3.6, 0.65, 0.3, 1.0), _IN_TIME),),
+            of_light=True,
+        ),
+    )
+
+    _value_: str
+    kind: Kind
+
+    def __new__(cls, name: str, *declared: Kind) -> "Check":
+        """A check of a name, as it is declared."""
+        made = str.__new__(cls, name)
+        made._value_, [made.kind] = name, declared
+        return made
+
+    @property
+    def counted_as(self) -> "Check":
+        """The check under which its counts are kept."""
+        return Check(self.kind.opposite_of or self)
+
+    @property
+    def where(self) -> str:
+        """The module of `measurement/checks` that measures it."""
+        return self.kind.where or self.value
+
+
+FORMER = {"brightness_difference": "S_{i} or S_{k} alone sees light"}
+"""The evidence of checks that verdicts of before know, of two sensors."""
+
+
+def label_of(name: str) -> str:
+    """The name of a check for readers; another name with spaces."""
+    known = _of_name(name)
+    return known.label if known else name.replace("_", " ")
+
+
+def found_of(name: str, *, by_two: bool) -> str:
+    """That a check fires, as a page says it of one sensor, or of one of two; its name where nothing is declared."""
+    known = _of_name(name)
+    return (known and (known.found_by_two if by_two else known.found)) or label_of(name)
+
+
+def _of_name(name: str) -> Words | None:
+    return Check(name).kind.words if name in Check.__members__.values() else None
