@@ -65,11 +65,6 @@ class ParallaxConflict:
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(0.2, unit="NCC elsewhere less that at the LiDAR's range", source=_DRIVES)
     agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
-    rows_within: float = parameter(
-        6 * 8 / 721,
-        unit="radians in which a conflict has another one above or below it: a window of the statistic",
-        source="clean frames and walls of KITTI's drives and of rings (docs/decisions.md)",
-    )
     nearby_px: tuple[int, int] = parameter(
         (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND
     )

@@ -5,8 +5,7 @@ ago: somewhere on the point's epipolar line. A parallax conflict is a point whos
 that line, clearly better. Where the vehicle stands, at the focus of expansion and without texture nothing is compared.
 
 What moves by itself is found elsewhere, too. The LiDAR saw it a moment ago as well: a group of conflicts whose
-pictures fit one rigid thing, that moved as far towards the camera or away from it as the LiDAR says, is none. Nor is
-what only one row of patches shows.
+pictures fit one rigid thing, that moved as far towards the camera or away from it as the LiDAR says, is none.
 """
 
 from collections.abc import Mapping
@@ -163,8 +162,7 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
             agrees, found, place = _compared(now, before, sought)
             things = sought.chosen(found)
             valid[sought.point[agrees]] = True
-            standing = things.chosen(np.flatnonzero(~_moving(before, things, place)))
-            conflicts[standing.point[_of_several_rows(standing, now.camera.focal_px)]] = True
+            conflicts[things.point[~_moving(before, things, place)]] = True
     return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
 
 
@@ -297,18 +295,6 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     patches -= cv2.reduce(sampled, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F) / np.float32(_RIGHT.size)
     norms = np.sqrt(np.einsum("mp,mp->m", patches, patches)) + np.float32(PATCH_CORRELATION.norm_floor)
     return patches, np.asarray(norms, dtype=np.float32)
-
-
-def _of_several_rows(things: _Sought, focal_px: float) -> Mask:
-    """(P,) mask of the points found elsewhere that have another one above or below, whose patch shows something else.
-
-    All points of one edge may be found elsewhere for one reason: the patches show what lies far behind it, too.
-    """
-    reach_px = PARALLAX_CONFLICT.rows_within * focal_px
-    size_px = PARALLAX_CONFLICT.patch_px * np.maximum(float(HALF) ** (things.halvings - 1), 1.0)
-    aside, apart = (np.abs(one[:, None] - one) for one in things.pixel.T)
-    other = apart > np.maximum(size_px[:, None], size_px)
-    return np.asarray((other & (apart <= reach_px) & (aside <= reach_px)).any(axis=1))
 
 
 def _moving(before: Moment, things: _Sought, place: Floats) -> Mask:

@@ -12,8 +12,6 @@ from auditor.measurement import measure_stream
 from auditor.measurement.checks.parallax_conflict import (
     Moment,
     _missed_px,
-    _of_several_rows,
-    _Sought,
     _things,
     parallax_conflicts,
 )
@@ -131,14 +129,3 @@ def test_a_stream_compares_each_frame_with_the_one_before_across_skipped_ones():
     first, second, _ = (one.counts for one, _ in measured)
     assert first[0].gated_valid_px == 0
     assert second[0].disparity_error("gated") < 0.02
-
-
-def test_what_one_row_of_patches_shows_is_no_conflict_and_what_two_show_is():
-    column = np.arange(0.0, 60.0, 6.0)
-    rows = {"one edge": [100.0, 104.0], "a surface": [100.0, 110.0], "two things": [100.0, 200.0]}
-    for name, places in rows.items():
-        pixel = np.concatenate([np.stack([column, np.full(column.size, row)], axis=1) for row in places])
-        none = np.zeros(len(pixel))
-        things = _Sought(none.astype(np.intp), np.zeros((len(pixel), 3)), pixel, pixel, pixel, none + 5, none)
-        assert _of_several_rows(things, 721.0).all() == (name == "a surface"), name
-        assert _of_several_rows(things, 721.0).any() == (name == "a surface"), name
