@@ -27,7 +27,7 @@ from auditor.recordings.rigs.ordering import (
     grouped_alike,
     place,
 )
-from auditor.recordings.rigs.reasons import Kind, Reason, at_one_place
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason, TooFew
 from auditor.recordings.synchronisation.given_calibrations import completed
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
@@ -111,14 +111,14 @@ def _in_no_rig(views: Sequence[View], rigs: Sequence[Rig], reasons: Sequence[Rea
     """The views of cameras that no rig has: neither by this topic nor by another of the same frame or place."""
     topics = {camera.topic for rig in rigs for camera in rig.cameras}
     held = {view.frame_id for view in views if view.image.topic.name in topics and view.frame_id}
-    doubled = {why.of for why in reasons if why.kind is Kind.AT_ONE_PLACE}
+    doubled = {why.of for why in reasons if isinstance(why, AtOnePlace)}
     outside = [view for view in views if view.image.topic.name not in topics and view.frame_id not in held]
     return [view for view in outside if not (rigs and view.name in doubled)]
 
 
 def _of_others(reasons: Sequence[Reason], names: Collection[str]) -> Iterator[Reason]:
     """The reasons why cameras are not compared, but for those of cameras of these names: they are after all."""
-    return (why for why in reasons if not names or not (why.kind is Kind.TOO_FEW or why.of in names))
+    return (why for why in reasons if not names or not (isinstance(why, TooFew) or why.of in names))
 
 
 def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
@@ -180,7 +180,7 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[Reason]) 
         names = tuple(camera.name for camera in cameras)
         count = f"{len(names)} camera{'s' * (len(names) > 1)}"
         why = f"{count} looking the same way ({', '.join(names)}) with {beside}"
-        reasons.append(Reason(why, others=names, kind=Kind.TOO_FEW))
+        reasons.append(TooFew(why, others=names))
         return None
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
@@ -315,7 +315,7 @@ def _collinear(placed: Placed, reasons: list[Reason], beside: list[Reason]) -> l
         total = placed.centres_m[order[0]] - placed.centres_m[index]
         name = placed.views[index].name
         if step[0] < MIN_BASELINE_M:
-            reasons.append(at_one_place(name, placed.views[order[-1]].name))
+            reasons.append(AtOnePlace(name, placed.views[order[-1]].name))
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
             beside.append(Reason(f"{name} does not lie on one line with {placed.views[order[0]].name}", name))
         else:
@@ -376,7 +376,7 @@ def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
         yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
     yield from _unreadable(survey)
     yield from map(str, reasons[:12])
-    if any(why.kind is Kind.TOO_FEW for why in reasons):
+    if any(isinstance(why, TooFew) for why in reasons):
         degrees = round(np.degrees(MAX_SQUINT))
         yield f"two cameras within {degrees} degrees of each other with a LiDAR, or three cameras, can be compared"
 

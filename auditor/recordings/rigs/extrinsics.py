@@ -16,7 +16,7 @@ from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M
-from auditor.recordings.rigs.reasons import Reason, at_one_place
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
@@ -54,7 +54,7 @@ def apart(cameras: Sequence[Camera], reasons: list[Reason]) -> list[Camera]:
     for camera in cameras:
         near = np.linalg.norm(centres_m[: len(kept)] - camera.centre_m, axis=1) < MIN_BASELINE_M
         if near.any():
-            reasons.append(at_one_place(camera.name, kept[int(np.argmax(near))].name))
+            reasons.append(AtOnePlace(camera.name, kept[int(np.argmax(near))].name))
         else:
             centres_m[len(kept)] = camera.centre_m
             kept.append(camera)

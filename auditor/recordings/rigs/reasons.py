@@ -1,20 +1,6 @@
 """Why a camera or a LiDAR is no part of a rig: a sentence for people, and what decisions need of it."""
 
 from dataclasses import dataclass
-from enum import Enum, auto
-
-
-class Kind(Enum):
-    """What is decided by a reason."""
-
-    AT_ONE_PLACE = auto()
-    """A camera is at the place of another: they may be two topics of one."""
-
-    TOO_FEW = auto()
-    """Cameras that look the same way are too few for a rig."""
-
-    OTHER = auto()
-    """Nothing."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +13,6 @@ class Reason:
     text: str
     of: str = ""
     others: tuple[str, ...] = ()
-    kind: Kind = Kind.OTHER
 
     def __str__(self) -> str:
         return self.text
@@ -37,6 +22,12 @@ class Reason:
         return not {self.of, *self.others}.isdisjoint(names)
 
 
-def at_one_place(name: str, other: str) -> Reason:
-    """That a camera is at the place of another."""
-    return Reason(f"{name} lies where {other} lies", name, (other,), Kind.AT_ONE_PLACE)
+class TooFew(Reason):
+    """Cameras that look the same way are too few for a rig."""
+
+
+class AtOnePlace(Reason):
+    """A camera is at the place of another: they may be two topics of one."""
+
+    def __init__(self, name: str, other: str) -> None:
+        super().__init__(f"{name} lies where {other} lies", name, (other,))

@@ -10,7 +10,7 @@ from auditor.recordings.parameters import SENSOR_LIKE
 from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
-from auditor.recordings.rigs.reasons import Kind, Reason
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 from auditor.recordings.synchronisation.counts import Counts
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey, UnreadableTopic
 
@@ -151,8 +151,7 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
             continue  # it is audited with another rig of this recording
         told = next((why for why in found.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
         why = _why_left_out(topic, kind, rig, found.rigs, told)
-        doubled = told is not None and told.kind is Kind.AT_ONE_PLACE
-        of_one_sensor = doubled or not compared.isdisjoint(_frames_of(survey, {topic.name}))
+        of_one_sensor = isinstance(told, AtOnePlace) or not compared.isdisjoint(_frames_of(survey, {topic.name}))
         # Who wrote a rig file chose what it leaves out.
         state = TopicState.LEFT_OUT if not own or of_one_sensor else TopicState.NOT_COMPARED
         yield _outside(topic, kind, state, counted.get(topic.name, 0), why)
