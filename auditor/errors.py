@@ -13,6 +13,9 @@
 Each carries what happened, where, and what to do about it, and prints as one line.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class AuditorError(Exception):
     """What went wrong, where it went wrong, and what the user can do: `where: what; remedy`."""
@@ -77,3 +80,13 @@ class LimitError(AuditorError):
 
 class SettingError(AuditorError):
     """An option whose value makes no sense."""
+
+
+@contextmanager
+def needing(what_needs: str, extra: str, where: str = "") -> Iterator[None]:
+    """A block that imports packages of an extra: `what_needs` them. Raises SettingError where one is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        remedy = f"pip install 'auditor[{extra}]'"
+        raise SettingError(f"{what_needs} the package {error.name}", where=where, remedy=remedy) from error

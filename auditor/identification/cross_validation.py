@@ -240,7 +240,8 @@ def wilson(k: float, n: float) -> tuple[float, float]:
     p = k / n
     middle, half = p + _Z * _Z / (2 * n), _Z * sqrt(p * (1 - p) / n + _Z * _Z / (4 * n * n))
     scale = 1 + _Z * _Z / n
-    return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
+    # The low end of none and the high end of all are exact, which rounding misses.
+    return (middle - half) / scale if k > 0 else 0.0, (middle + half) / scale if k < n else 1.0
 
 
 def _result(left_out: CleanFrames, findings: int, incidents: int) -> LeftOut:

@@ -2,15 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from auditor.errors import RigError
 from auditor.model.arrays import Indices
-from auditor.model.optics.common_view import CommonView, common_view, recorded_pixels, sees
+from auditor.model.optics.common_view import CommonView, compared_views, recorded_pixels, sees
 from auditor.model.optics.geometry import Matrix, invert
 from auditor.model.rig import Camera, Rig
 
@@ -192,43 +189,22 @@ def _beyond_deg(bent: Matrix) -> Matrix:
 
 def _others(rig: Rig, camera: Camera, rays_deg: Matrix) -> Indices:
     """How many other sensors are compared at rays so many degrees to the left of where a camera looks."""
+    if rig.is_rectified and rig.n > 1:
+        return np.full(rays_deg.size, rig.n - 1 + (rig.lidar is not None), dtype=np.intp)
     count = np.zeros(rays_deg.size, dtype=np.intp)
-    with suppress(RigError):
-        for others, view in _views(rig, camera.number):
-            count += others * _shown(view, rig, camera, rays_deg)
+    for view, cameras in compared_views(rig):
+        if camera in cameras:
+            count += max(len(cameras) - 1, 1) * _shown(view, cameras, camera, rays_deg)
     return np.asarray(count + (count > 0) if rig.lidar and rig.n > 1 else count)
 
 
-def _views(rig: Rig, number: int) -> Iterator[tuple[int, tuple[CommonView | None, Sequence[int]]]]:
-    """The views in which a camera is compared, each with how many others are compared in it and who they are."""
-    if rig.is_rectified and rig.n > 1:
-        yield rig.n - 1, (None, ())
-    elif rig.n == 1 or rig.shares_view:
-        yield max(rig.n - 1, 1), (_common(rig), tuple(one.number for one in rig.cameras))
-    else:
-        for pair in {tuple(sorted(pair)) for pair in rig.pairs if number in pair}:
-            with suppress(RigError):
-                yield 1, (_common(rig.pair(*pair), widest=True), pair)
-
-
-@lru_cache(maxsize=256)
-def _common(rig: Rig, *, widest: bool = False) -> CommonView:
-    return common_view(rig, widest=widest)
-
-
-def _shown(view: tuple[CommonView | None, Sequence[int]], rig: Rig, camera: Camera, rays_deg: Matrix) -> Indices:
+def _shown(view: CommonView, cameras: Sequence[Camera], camera: Camera, rays_deg: Matrix) -> Indices:
     """(rays,) 1 where a view shows a ray of a camera, in some row, and all cameras of the view see it."""
-    common, numbers = view
-    if common is None:
-        return np.ones(rays_deg.size, dtype=np.intp)
-    x, y = common.x[::8], common.y[:: max(common.y.size // 5, 1)]
-    seen = np.ones((y.size, x.size), dtype=np.bool_)
-    for number in numbers:
-        one = rig.camera(number)
-        seen &= sees(recorded_pixels(one, common.view_SO3_rig, x, y), one, 0.0)
+    x, y = view.x[::8], view.y[:: max(view.y.size // 5, 1)]
+    seen = np.logical_and.reduce([sees(recorded_pixels(one, view.view_SO3_rig, x, y), one, 0.0) for one in cameras])
     across, down = np.meshgrid(x, y)
     rays = np.stack([across[seen], down[seen], np.ones(np.count_nonzero(seen))], axis=1)
-    own = rays @ common.view_SO3_rig @ camera.rotation.T
+    own = rays @ view.view_SO3_rig @ camera.rotation.T
     left_deg = -np.degrees(np.arctan2(own[:, 0], own[:, 2]))
     if not left_deg.size:
         return np.zeros(rays_deg.size, dtype=np.intp)

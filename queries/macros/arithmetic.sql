@@ -18,14 +18,15 @@ CREATE MACRO threshold(samples, r) AS
 -- FALSE where 0 < r < 1/N: N samples cannot tell such a rate from r = 0.
 CREATE MACRO resolvable_with(N, r) AS r = 0 OR outliers(r, N) >= 1;
 
--- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n, which rounding must not push out of [0, 1]; NULL where
--- n = 0, or where either is.
+-- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n; NULL where n = 0, or where either is. The low end of
+-- none and the high end of all are 0 and 1 exactly, which rounding misses.
 CREATE MACRO wilson(k, n, side) AS
     CASE
-        WHEN n > 0 AND k IS NOT NULL THEN least(greatest((
+        WHEN n > 0 AND k = CASE WHEN side < 0 THEN 0 ELSE n END THEN k / n
+        WHEN n > 0 AND k IS NOT NULL THEN (
             k / n + 1.959963984540054 ** 2 / (2 * n)
             + side * 1.959963984540054 * sqrt(k / n * (1 - k / n) / n + (1.959963984540054 / (2 * n)) ** 2)
-        ) / (1 + 1.959963984540054 ** 2 / n), 0), 1)
+        ) / (1 + 1.959963984540054 ** 2 / n)
     END;
 
 -- The chance of no more than k events where `mean` are expected.

@@ -187,6 +187,7 @@ def test_frames_stand_for_their_number_times_the_usual_step():
 def test_wilsons_interval():
     assert wilson(3, 8) == pytest.approx((0.136844, 0.694257), abs=1e-6)
     assert wilson(0, 10) == pytest.approx((0, 0.277533), abs=1e-6)
+    assert all(wilson(0, n)[0] == 0 and wilson(n, n)[1] == 1 for n in range(1, 200))
     assert wilson(0, 0) == (0, 1)
 
 

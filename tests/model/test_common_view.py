@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.optics.common_view import common_view, largest_rectangle
+from auditor.model.optics import common_view as optics
+from auditor.model.optics.common_view import CommonView, common_view, compared_shares, compared_views, largest_rectangle
 from auditor.model.rig import Camera, Rig
 
 
@@ -42,3 +43,23 @@ def test_cameras_that_see_next_to_nothing_have_no_view_in_common(focal_px: float
     )
     with pytest.raises(RigError, match="no view in common"):
         common_view(Rig(None, cameras))
+
+
+def test_the_view_of_each_pair_is_found_once_whoever_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[Rig] = []
+
+    def counted(rig: Rig, **options: bool) -> CommonView:
+        found.append(rig)
+        return common_view(rig, **options)
+
+    monkeypatch.setattr(optics, "common_view", counted)
+    K = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
+    centres = [(-x, y, 0.0) for x, y in ((0, 0), (0.5, 0.3), (1.0, 0))]
+    seen_from = [np.column_stack([np.eye(3), np.array(centre)]) for centre in centres]
+    cameras = (
+        Camera(n, f"c{n}", f"/c{n}", 640, 480, K @ at, rectified=False) for n, at in enumerate(seen_from, start=1)
+    )
+    rig = Rig(None, tuple(cameras))
+    assert [[one.number for one in cameras] for _, cameras in compared_views(rig)] == [[1, 3], [2, 3]]
+    assert compared_shares(rig) == {1: 1.0, 2: 1.0, 3: 1.0}
+    assert len(found) == len(compared_views(rig)) == 2

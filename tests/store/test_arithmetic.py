@@ -23,6 +23,7 @@ def test_wilsons_interval_in_sql_is_pythons_and_stays_within_0_and_1(tmp_path):
             assert (row["low"], row["high"]) == (None, None)
             continue
         assert 0 <= row["low"] < row["high"] <= 1, row
+        assert (row["low"] == 0, row["high"] == 1) == (row["k"] == 0, row["k"] == row["n"]), row
         for found, expected in zip((row["low"], row["high"]), wilson(row["k"], row["n"]), strict=True):
             assert math.isclose(found, expected, rel_tol=0, abs_tol=1e-12), row
 

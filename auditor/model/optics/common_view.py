@@ -46,6 +46,10 @@ class CommonView:
     scale: float
 
 
+SharedView = tuple[CommonView, tuple[Camera, ...]]
+"""A view, and the cameras of a rig that are compared in it."""
+
+
 @cache
 def view_scale(rig: Rig) -> float:
     """How many pixels of the view a recorded pixel of the shortest focal length is wide; 1 where it is not enlarged."""
@@ -121,35 +125,53 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
 
 
 @cache
+def compared_views(rig: Rig) -> tuple[SharedView, ...]:
+    """The views in which cameras are compared, each with these cameras; of none that see nothing in common.
+
+    Cameras that stand on one line are compared in the view that all of them see whole, others pair by pair in what
+    both see.
+    """
+    if rig.n == 1 or rig.shares_view:
+        return _whole_view(rig)
+    views: list[SharedView] = []
+    for i, k in rig.pairs:
+        with suppress(RigError):
+            views.append((common_view(rig.pair(i, k), widest=True), (rig.camera(i), rig.camera(k))))
+    return tuple(views)
+
+
+def _whole_view(rig: Rig) -> tuple[SharedView, ...]:
+    with suppress(RigError):
+        return ((measured_view(rig) or common_view(rig), rig.cameras),)
+    return ()
+
+
+@cache
 def compared_shares(rig: Rig) -> dict[int, float]:
     """The share of each camera's picture, by its number, that is compared with another camera's.
 
-    Cameras that stand on one line are compared in the view that all of them see whole, others pair by pair in what
-    both see. Cameras that see nothing in common have a share of 0, and so has a lone one.
+    Cameras that see nothing in common have a share of 0, and so has a lone one.
     """
     if rig.n == 1:
         return {1: 0.0}
-    return shown_shares(rig) if rig.shares_view else _shares(rig, [(rig.pair(*pair), pair) for pair in rig.pairs])
+    return shown_shares(rig) if rig.shares_view else _shares(rig, compared_views(rig))
 
 
 @cache
 def shown_shares(rig: Rig) -> dict[int, float]:
     """The share of each camera's picture, by its number, that the view shows which all cameras see whole."""
-    cameras = rig.sensors[-rig.n :]
-    return dict.fromkeys(cameras, 1.0) if rig.is_rectified else _shares(rig, [(rig, cameras)])
+    return dict.fromkeys(rig.sensors[-rig.n :], 1.0) if rig.is_rectified else _shares(rig, _whole_view(rig))
 
 
-def _shares(rig: Rig, groups: Sequence[tuple[Rig, Sequence[int]]]) -> dict[int, float]:
-    """The share of each camera's picture that all cameras of a group see, of rigs with their cameras' numbers here."""
+def _shares(rig: Rig, views: Sequence[SharedView]) -> dict[int, float]:
+    """The share of each camera's picture that all cameras of a view see."""
     looked = {camera.number: np.zeros(_cells(camera), dtype=np.bool_) for camera in rig.cameras}
-    for own, numbers in groups:
-        with suppress(RigError):
-            view = common_view(own, widest=own is not rig)
-            places = [recorded_pixels(c, view.view_SO3_rig, view.x[::_STEP], view.y[::_STEP]) for c in own.cameras]
-            step = _STEP / view.scale
-            seen = np.logical_and.reduce([sees(at, c, step) for at, c in zip(places, own.cameras, strict=True)])
-            for number, (u, v) in zip(numbers, places, strict=True):
-                looked[number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = True
+    for view, cameras in views:
+        places = [recorded_pixels(c, view.view_SO3_rig, view.x[::_STEP], view.y[::_STEP]) for c in cameras]
+        step = _STEP / view.scale
+        seen = np.logical_and.reduce([sees(at, c, step) for at, c in zip(places, cameras, strict=True)])
+        for camera, (u, v) in zip(cameras, places, strict=True):
+            looked[camera.number][v[seen].astype(np.intp) // _LOOKED_PX, u[seen].astype(np.intp) // _LOOKED_PX] = True
     return {number: float(cells.mean()) for number, cells in looked.items()}
 
 

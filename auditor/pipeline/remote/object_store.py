@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
-from auditor.errors import AuditorError, RecordingError, SettingError
+from auditor.errors import AuditorError, RecordingError, SettingError, needing
 from auditor.pipeline.remote.addresses import Address
 from auditor.recordings.location import StoredObject
 
@@ -204,12 +204,8 @@ class PassingError(RecordingError):
 
 def _library() -> Any:  # noqa: ANN401 - a module
     """The library for object stores. Raises SettingError where it is not installed."""
-    try:
+    with needing("addresses need", "cloud", "s3://"):
         import obstore  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            "addresses need the package obstore", where="s3://", remedy="pip install 'auditor[cloud]'"
-        ) from error
     return obstore
 
 

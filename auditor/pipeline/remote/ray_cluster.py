@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Any, TypeVar
 
-from auditor.errors import AuditorError, SettingError
+from auditor.errors import AuditorError, SettingError, needing
 from auditor.pipeline.workers import Outcome
 
 Item = TypeVar("Item")
@@ -38,7 +38,8 @@ class Needs:
 @contextmanager
 def connected(address: str | None) -> Iterator["Cluster"]:
     """The cluster at an address inside the block, or the one that Ray finds or starts. Raises SettingError."""
-    ray = _library()
+    with needing("it needs", "ray", "--engine ray"):
+        import ray  # noqa: PLC0415 - an extra
     if ray.is_initialized():
         yield Cluster(ray)
         return
@@ -143,13 +144,3 @@ def _told(error: Exception, item: object) -> AuditorError:
     lost = f"its machine was lost, or ended its process, {_RETRIES + 1} times ({type(error).__name__})"
     what = lost if cause is None else f"auditor failed on it: {type(cause).__name__}: {cause}"
     return AuditorError(what, where=item, remedy="run the same command again to go on")
-
-
-def _library() -> Any:  # noqa: ANN401 - a module
-    try:
-        import ray  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            "it needs the package ray", where="--engine ray", remedy="pip install 'auditor[ray]'"
-        ) from error
-    return ray

@@ -10,14 +10,14 @@ from functools import cached_property
 from heapq import merge
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
-from typing import Self, cast
+from typing import cast
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.formats.opened import OpenedRecording
 from auditor.recordings.formats.part_names import missing_parts
 from auditor.recordings.formats.topics import Channels, Names, Span, total_traffic
 from auditor.recordings.formats.unpacking import Source, source_of
@@ -53,7 +53,7 @@ Streams = tuple[tuple[Path, ...], ...]
 """The files of a recording: those of one stream follow one another, streams run side by side."""
 
 
-class FilesRecording(ABC):
+class FilesRecording(OpenedRecording, ABC):
     """Every read begins at the start; only unpacked content is held between reads. See recording.Recording.
 
     `journals` belong to some of the files; both are the recording's content. A file that cannot be read is damage;
@@ -61,9 +61,9 @@ class FilesRecording(ABC):
     """
 
     def __init__(self, path: Path, streams: Streams, journals: Mapping[Path, Path] = NO_JOURNALS) -> None:
+        super().__init__(Contents())
         self.path = path
         self.files = (*chain.from_iterable(streams), *journals.values())
-        self._contents = Contents()
         of = self._contents.of
         self._streams = tuple(
             tuple(source_of(of(file), of(journals[file]) if file in journals else None) for file in stream)
@@ -77,14 +77,6 @@ class FilesRecording(ABC):
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
         """Free the unpacked content."""
         for source in self._sources:
@@ -96,10 +88,6 @@ class FilesRecording(ABC):
         # Files given together have the id of the folder that holds them.
         named = self.path if self.path in self.files else self.files[0].parent
         return self._contents.recording_id(named, self.files)
-
-    def check_unchanged(self) -> None:
-        """Raise ChangedError where a file is not what it was when it was opened."""
-        self._contents.check_unchanged()
 
     @cached_property
     def clock(self) -> Clock:

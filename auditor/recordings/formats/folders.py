@@ -4,13 +4,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
+from auditor.recordings.formats.opened import OpenedRecording
 from auditor.recordings.recording import Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import MAX_BYTES
 
@@ -22,7 +22,7 @@ class Stream(NamedTuple):
     entries: tuple[tuple[int, Path], ...]
 
 
-class FolderRecording(ABC):
+class FolderRecording(OpenedRecording, ABC):
     """One folder. See recording.Recording.
 
     `others` are files beside those of the `streams` that are part of its id: calibrations and stamps; `contents` has
@@ -39,6 +39,7 @@ class FolderRecording(ABC):
         contents: Contents,
         places: Sequence[Stream] = (),
     ) -> None:
+        super().__init__(contents)
         self.path = path
         self.clock: Clock = clock
         self._folder = folder
@@ -46,11 +47,11 @@ class FolderRecording(ABC):
         self._counts: dict[str, int] = {}
         self._streams = tuple(stream for stream in streams if stream.entries)
         self._places = tuple(stream for stream in places if stream.entries)
+        self._of_places = {file for stream in self._places for _, file in stream.entries}
         if not self._streams:
             raise RecordingError("the drive holds no pictures and no scans", where=path)
         data = (file for stream in self._streams for _, file in stream.entries)
         self.files = tuple(sorted({*data, *others}))
-        self._contents = contents
         for file in self.files:
             contents.of(file)  # as it is now: what changes from here on is found
 
@@ -65,17 +66,6 @@ class FolderRecording(ABC):
         """The message that a file is."""
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, self._data(file))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:  # noqa: B027  # the protocol asks for it
-        """Nothing stays open between reads."""
-
     @cached_property
     def recording_id(self) -> str:
         """The hash of its files; what nobody has read of them is read. Raises RecordingError."""
@@ -83,10 +73,6 @@ class FolderRecording(ABC):
         folder = self._folder
         top = folder if all(folder in file.parents for file in self.files) else folder.parent
         return self._contents.recording_id(top, self.files)
-
-    def check_unchanged(self) -> None:
-        """Raise ChangedError where a file is not what it was when it was opened."""
-        self._contents.check_unchanged()
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -138,10 +124,18 @@ class FolderRecording(ABC):
             content = self._contents.of(file)
             if content.size <= MAX_BYTES:
                 return content.read()
-            self.damage += (Damage(f"it has more than {MAX_BYTES} bytes", file=file.name),)
+            self._note(file, f"it has more than {MAX_BYTES} bytes")
         except OSError as error:
-            self.damage += (Damage(f"it cannot be read ({error.strerror})", file=file.name),)
+            self._note(file, f"it cannot be read ({error.strerror})")
+        except RecordingError:
+            if file not in self._of_places:
+                raise
         return b""
+
+    def _note(self, file: Path, what: str) -> None:
+        """Note the damage of a file; of places there is none, for it is none of what is measured."""
+        if file not in self._of_places:
+            self.damage += (Damage(what, file=file.name),)
 
     def _in_order(self) -> list[tuple[int, Topic, Path]]:
         streams = (*self._streams, *self._places)

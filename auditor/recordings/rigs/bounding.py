@@ -10,6 +10,7 @@ from auditor.model.optics.geometry import Matrix
 from auditor.model.parameters import COMMON_VIEW, RIG_GEOMETRY
 from auditor.model.rig import Camera
 from auditor.recordings.parameters import RIG_LIMITS
+from auditor.recordings.rigs.reasons import Reason
 
 _MOST_NAMED = 100
 _DIGITS = 9  # what differs by rounding alone overlaps alike
@@ -18,7 +19,7 @@ Some = TypeVar("Some")
 
 
 def overlapping_most(
-    cameras: Sequence[Camera], reasons: list[str], most: int = RIG_LIMITS.most_cameras
+    cameras: Sequence[Camera], reasons: list[Reason], most: int = RIG_LIMITS.most_cameras
 ) -> list[Camera]:
     """Of more than `most` cameras those that overlap most, in their order; `reasons` then gets what is left out.
 
@@ -30,19 +31,18 @@ def overlapping_most(
     shared = _overlaps(cameras)
     best = np.sort(shared, axis=1)[:, -most:].sum(axis=1)
     chosen = set(np.argsort(-shared[int(np.argmax(best))], kind="stable")[:most].tolist())
-    left_out = [camera.name for index, camera in enumerate(cameras) if index not in chosen]
-    reasons.append(
-        f"{len(cameras)} cameras look the same way, and at most {most} are compared: those that overlap most. "
-        f"Left out: {names_of(left_out)}"
-    )
+    left_out = tuple(camera.name for index, camera in enumerate(cameras) if index not in chosen)
+    why = f"{len(cameras)} cameras look the same way, and at most {most} are compared: those that overlap most. "
+    reasons.append(Reason(f"{why}Left out: {names_of(left_out)}", others=left_out))
     return [cameras[index] for index in sorted(chosen)]
 
 
-def first_ones(some: Sequence[Some], most: int, what: str, names: Iterable[str], reasons: list[str]) -> list[Some]:
+def first_ones(some: Sequence[Some], most: int, what: str, names: Iterable[str], reasons: list[Reason]) -> list[Some]:
     """The first `most` of some things; `reasons` then gets the `names` of the others. There is one name for each."""
     if len(some) > most:
-        left_out = list(names)[most:]
-        reasons.append(f"{len(some)} {what}, and at most {most} are looked at. Left out: {names_of(left_out)}")
+        left_out = tuple(names)[most:]
+        why = f"{len(some)} {what}, and at most {most} are looked at. Left out: {names_of(left_out)}"
+        reasons.append(Reason(why, others=left_out))
     return list(some[:most])
 
 

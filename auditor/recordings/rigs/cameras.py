@@ -14,6 +14,7 @@ from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
 from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
 from auditor.recordings.rigs.conventions import Axes, Conventions, Scale
+from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
@@ -84,7 +85,7 @@ def optical_frame(frame_id: str, axes: Axes) -> str:
     return frame_id if axes is Axes.OPTICAL else f"{frame_id} (optical)"
 
 
-def find_views(survey: Survey, reasons: list[str]) -> list[View]:
+def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
     """One view a camera: of several topics of the same camera the rectified, then the uncompressed one.
 
     `reasons` gets a sentence for each image topic that is left out.
@@ -95,13 +96,13 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
     for image in sorted(survey.images, key=_preference):
         found = _camera_info_of(image, survey, infos_by_frame)
         if found is None:
-            reasons.append(f"{image.topic.name} has no camera info")
+            reasons.append(Reason(f"{image.topic.name} has no camera info", image.topic.name))
             continue
         topic, info = found
         try:
             view = _view(image, info, survey.conventions.scale)
         except RigError as error:
-            reasons.append(f"{image.topic.name}: {error.what}")
+            reasons.append(Reason(f"{image.topic.name}: {error.what}", image.topic.name))
             continue
         view = _in_known_frame(replace(view, info_topic=topic), in_tf)
         best.setdefault(topic, replace(view, axes=survey.conventions.axes))

@@ -20,7 +20,6 @@ from auditor.recordings.rigs.files import chained_cameras, read_calibrations, re
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.lidar_choice import best_lidar
 from auditor.recordings.rigs.ordering import (
-    AT_ONE_PLACE,
     MAX_SQUINT,
     MIN_BASELINE_M,
     Placed,
@@ -28,6 +27,7 @@ from auditor.recordings.rigs.ordering import (
     grouped_alike,
     place,
 )
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason, TooFew
 from auditor.recordings.synchronisation.given_calibrations import completed
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
@@ -36,14 +36,18 @@ MIN_SENSORS = 3
 
 IDENTIFYING = 4
 """The least number of sensors that identify an attacked one; three can only detect an attack."""
-_SAME_WAY = "looking the same way"
 
 
 class FoundRigs(NamedTuple):
     """The rigs of a recording, largest first, and the reasons why other cameras and LiDARs are not part of them."""
 
     rigs: tuple[Rig, ...]
-    reasons: tuple[str, ...]
+    left_out: tuple[Reason, ...]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The reasons in words."""
+        return tuple(map(str, self.left_out))
 
 
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
@@ -54,7 +58,7 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     found = search_rigs(survey)
     if not found.rigs:
         raise RigError(
-            "no triple possible: " + "; ".join(_summary(survey, found.reasons)),
+            "no triple possible: " + "; ".join(_summary(survey, found.left_out)),
             remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; or a camera "
             "and a LiDAR whose place beside it tf gives; or describe the rig in a rig file",
         )
@@ -69,11 +73,11 @@ def search_rigs(survey: Survey) -> FoundRigs:
     they are measured. Each camera that is in no such rig is one of its own with the LiDAR: its own past stands in for a
     second camera.
     """
-    reasons: list[str] = []
+    reasons: list[Reason] = []
     frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
     views = find_views(survey, reasons)
-    why: list[str] = []
+    why: list[Reason] = []
     for group in grouped(views, frames):
         rigs.extend(_rigs_of(group, survey, frames, why))
     alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
@@ -85,15 +89,15 @@ def search_rigs(survey: Survey) -> FoundRigs:
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
 
-def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
+def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[Reason]) -> Iterator[Rig]:
     alike = grouped_alike(group, frames)
-    why: list[str] = []
-    beside: list[str] = []
+    why: list[Reason] = []
+    beside: list[Reason] = []
     rectified = [rig for views in alike if (rig := _rectified_rig(views, survey, frames, why, beside)) is not None]
     one_kind = [len(views) for views in alike] == [len(group)]
     enough = one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified)
     if not enough or beside:
-        why_mixed: list[str] = []
+        why_mixed: list[Reason] = []
         mixed = list(_mixed_rigs(group, survey, frames, why_mixed))
         if not enough or (mixed and mixed[0].n > max((rig.n for rig in rectified), default=0)):
             reasons.extend(why_mixed)
@@ -103,25 +107,18 @@ def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: 
     yield from rectified
 
 
-def _in_no_rig(views: Sequence[View], rigs: Sequence[Rig], reasons: Sequence[str]) -> list[View]:
+def _in_no_rig(views: Sequence[View], rigs: Sequence[Rig], reasons: Sequence[Reason]) -> list[View]:
     """The views of cameras that no rig has: neither by this topic nor by another of the same frame or place."""
     topics = {camera.topic for rig in rigs for camera in rig.cameras}
     held = {view.frame_id for view in views if view.image.topic.name in topics and view.frame_id}
-    at_one_place = {
-        view.name for view in views if any(why.startswith(f"{view.name} {AT_ONE_PLACE}") for why in reasons)
-    }
+    doubled = {why.of for why in reasons if isinstance(why, AtOnePlace)}
     outside = [view for view in views if view.image.topic.name not in topics and view.frame_id not in held]
-    return [view for view in outside if not (rigs and view.name in at_one_place)]
+    return [view for view in outside if not (rigs and view.name in doubled)]
 
 
-def _of_others(reasons: Sequence[str], names: Collection[str]) -> Iterator[str]:
+def _of_others(reasons: Sequence[Reason], names: Collection[str]) -> Iterator[Reason]:
     """The reasons why cameras are not compared, but for those of cameras of these names: they are after all."""
-    if not names:
-        yield from reasons
-        return
-    for reason in reasons:
-        if _SAME_WAY not in reason and not any(reason.startswith(f"{name} ") for name in names):
-            yield reason
+    return (why for why in reasons if not names or not (isinstance(why, TooFew) or why.of in names))
 
 
 def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
@@ -144,7 +141,7 @@ def _within_reach(placed: Placed, lidar: Lidar) -> bool:
 
 
 def _rectified_rig(
-    views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str], beside: list[str]
+    views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[Reason], beside: list[Reason]
 ) -> Rig | None:
     placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
@@ -154,13 +151,13 @@ def _rectified_rig(
     return _rig(cameras, _lidar(placed, survey.clouds, frames, reasons), reasons)
 
 
-def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[str]) -> Iterator[Rig]:
+def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reasons: list[Reason]) -> Iterator[Rig]:
     """Rigs of the cameras that can be measured together; each camera left out gets a rig with those that fit it."""
     placed = place(views, frames, reasons, survey.conventions.positions)
     if placed is None:
         return
     lidar = _lidar(placed, survey.clouds, frames, reasons)
-    why: list[str] = []
+    why: list[Reason] = []
     cameras = apart([_turned_camera(placed, index) for index in range(len(placed.views))], why)
     cameras = overlapping_most(cameras, reasons)
     covered: set[str] = set()
@@ -174,14 +171,16 @@ def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reason
             covered.update(camera.topic for camera in rig.cameras)
             yield rig
     names = {camera.name for camera in cameras if camera.topic in covered}
-    reasons.extend(reason for reason in why if reason.split(" ")[0] not in names)
+    reasons.extend(reason for reason in why if reason.of not in names)
 
 
-def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> Rig | None:
+def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[Reason]) -> Rig | None:
     if len(cameras) + (lidar is not None) < MIN_SENSORS or len(cameras) < 2:
         beside = f"the LiDAR {lidar.name}" if lidar else "no LiDAR"
-        names = ", ".join(camera.name for camera in cameras)
-        reasons.append(f"{len(cameras)} camera{'s' * (len(cameras) > 1)} {_SAME_WAY} ({names}) with {beside}")
+        names = tuple(camera.name for camera in cameras)
+        count = f"{len(names)} camera{'s' * (len(names) > 1)}"
+        why = f"{count} looking the same way ({', '.join(names)}) with {beside}"
+        reasons.append(TooFew(why, others=names))
         return None
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
@@ -232,14 +231,14 @@ def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
 
     Raises RigError where its cameras form no rig.
     """
-    reasons: list[str] = []
+    reasons: list[Reason] = []
     cameras = chained_cameras(found, path)
     _check_count(len(cameras))
     lidar = _lidar_beside(cameras, survey)
     aside, turn = aligned(cameras, reasons)
     rig = _rig(aside, _turned(lidar, turn), reasons)
     if rig is None:
-        raise RigError("no triple possible: " + "; ".join(reasons), where=path)
+        raise RigError("no triple possible: " + "; ".join(map(str, reasons)), where=path)
     return rig
 
 
@@ -301,7 +300,7 @@ def _times(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
 
 
-def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[int]:
+def _collinear(placed: Placed, reasons: list[Reason], beside: list[Reason]) -> list[int]:
     """Indices of the cameras on one line, right to left; a camera at the place of another is left out.
 
     The reason is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
@@ -316,9 +315,9 @@ def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[in
         total = placed.centres_m[order[0]] - placed.centres_m[index]
         name = placed.views[index].name
         if step[0] < MIN_BASELINE_M:
-            reasons.append(f"{name} {AT_ONE_PLACE} {placed.views[order[-1]].name} lies")
+            reasons.append(AtOnePlace(name, placed.views[order[-1]].name))
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
-            beside.append(f"{name} does not lie on one line with {placed.views[order[0]].name}")
+            beside.append(Reason(f"{name} does not lie on one line with {placed.views[order[0]].name}", name))
         else:
             order.append(index)
     return order
@@ -346,7 +345,7 @@ def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
     return Camera(0, name, topic, width_px, height_px, projection, rectified, view.lens, depth_bits=depth_bits)
 
 
-def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:
+def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[Reason]) -> Lidar | None:
     """The LiDAR that covers most of what the cameras see, among those that tf connects with them."""
     connected: list[tuple[CloudTopic, Matrix]] = []
     for cloud in sorted(clouds, key=lambda cloud: -cloud.points):
@@ -354,10 +353,9 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
         if anchor_SE3_lidar is not None:
             connected.append((cloud, placed.rig_SE3_anchor @ anchor_SE3_lidar))
         elif not connected:
-            reasons.append(
-                f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame "
-                f"{placed.anchor!r}"
-            )
+            frame, topic = f"(frame {cloud.frame_id!r})", cloud.topic.name
+            why = f"tf does not connect {topic} {frame} with the camera frame {placed.anchor!r}"
+            reasons.append(Reason(why, topic))
     best = best_lidar(placed, connected)
     return _lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
 
@@ -369,7 +367,7 @@ def _lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:
     return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep_of(cloud.sectors, float(np.arctan2(y, x))))
 
 
-def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
+def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
     if not survey.camera_infos:
         yield "there is no camera info for any of the images"
     if not survey.clouds:
@@ -377,8 +375,8 @@ def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
     if survey.other_parts and not (survey.camera_infos and survey.transforms):
         yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
     yield from _unreadable(survey)
-    yield from reasons[:12]
-    if any(_SAME_WAY in reason for reason in reasons):
+    yield from map(str, reasons[:12])
+    if any(isinstance(why, TooFew) for why in reasons):
         degrees = round(np.degrees(MAX_SQUINT))
         yield f"two cameras within {degrees} degrees of each other with a LiDAR, or three cameras, can be compared"
 

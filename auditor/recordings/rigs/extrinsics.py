@@ -15,14 +15,15 @@ from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.ordering import AT_ONE_PLACE, MIN_BASELINE_M
+from auditor.recordings.rigs.ordering import MIN_BASELINE_M
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
 
 
 def aligned(
-    cameras: Sequence[Camera], reasons: list[str], through: Camera | None = None
+    cameras: Sequence[Camera], reasons: list[Reason], through: Camera | None = None
 ) -> tuple[list[Camera], Matrix]:
     """The cameras that make a rig, in a frame whose x axis points to their right, and the (3, 3) turn into that frame.
 
@@ -35,7 +36,8 @@ def aligned(
     while len(kept) > 1:
         turn = _turn(kept)
         if turn is None:
-            reasons.append(f"{', '.join(camera.name for camera in kept)} stand one behind the other")
+            names = tuple(camera.name for camera in kept)
+            reasons.append(Reason(f"{', '.join(names)} stand one behind the other", others=names))
             break
         rig = _numbered(sorted((_in_frame(camera, turn) for camera in kept), key=lambda c: -float(c.centre_m[0])))
         odd = _odd_one_out(rig, through, reasons)
@@ -45,14 +47,14 @@ def aligned(
     return standing[:1], np.eye(3)
 
 
-def apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
+def apart(cameras: Sequence[Camera], reasons: list[Reason]) -> list[Camera]:
     """The cameras less those at the place of another; `reasons` gets a sentence for each of these."""
     kept: list[Camera] = []
     centres_m = np.empty((len(cameras), 3))
     for camera in cameras:
         near = np.linalg.norm(centres_m[: len(kept)] - camera.centre_m, axis=1) < MIN_BASELINE_M
         if near.any():
-            reasons.append(f"{camera.name} {AT_ONE_PLACE} {kept[int(np.argmax(near))].name} lies")
+            reasons.append(AtOnePlace(camera.name, kept[int(np.argmax(near))].name))
         else:
             centres_m[len(kept)] = camera.centre_m
             kept.append(camera)
@@ -85,25 +87,28 @@ def _numbered(cameras: Sequence[Camera]) -> Rig:
     return Rig(None, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
 
-def _odd_one_out(rig: Rig, through: Camera | None, reasons: list[str]) -> Camera | None:
+def _odd_one_out(rig: Rig, through: Camera | None, reasons: list[Reason]) -> Camera | None:
     """The camera that has to be left out next, if any; the reason is added to the reasons."""
     if not rig.shares_view and (odd := _least_fitting(rig, _aside, _LEAST_ASIDE, through)):
-        reasons.append(f"{odd[0].name} stands behind {odd[1].name} or in front of it")
-        return odd[0]
+        return _left_out(*odd, "{} stands behind {} or in front of it", reasons)
     alone = min(_seen_px([camera]) for camera in rig.cameras)
     if not _seen_px(rig.cameras) >= _LEAST_SHARED * alone > 0:
         worst = max(rig.cameras, key=lambda left_out: _seen_px([c for c in rig.cameras if c is not left_out]))
         others = ", ".join(camera.name for camera in rig.cameras if camera is not worst)
-        reasons.append(f"{worst.name} shares too little of its view with {others}")
+        reasons.append(Reason(f"{worst.name} shares too little of its view with {others}", worst.name))
         return worst
 
     def shared(a: Camera, b: Camera) -> float:
         return _seen_px([a, b], widest=True) / alone
 
     if not rig.shares_view and (odd := _least_fitting(rig, shared, _LEAST_SHARED, through)):
-        reasons.append(f"{odd[0].name} shares too little of its view with {odd[1].name} once both are rectified")
-        return odd[0]
+        return _left_out(*odd, "{} shares too little of its view with {} once both are rectified", reasons)
     return None
+
+
+def _left_out(odd: Camera, other: Camera, why: str, reasons: list[Reason]) -> Camera:
+    reasons.append(Reason(why.format(odd.name, other.name), odd.name, (other.name,)))
+    return odd
 
 
 def _least_fitting(

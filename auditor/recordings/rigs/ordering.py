@@ -17,10 +17,8 @@ from auditor.recordings.rigs.calibrations import contradicts_size
 from auditor.recordings.rigs.cameras import View, find_views
 from auditor.recordings.rigs.conventions import Axes, Conventions, Positions, Scale
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.survey import Survey
-
-AT_ONE_PLACE = "lies where"
-"""Said of a camera at the place of another: they may be two topics of one."""
 
 MIN_BASELINE_M = 0.005
 
@@ -100,7 +98,7 @@ def _distinguished(a: View, b: View) -> bool:
 
 
 def place(
-    group: Sequence[View], frames: FrameTree, reasons: list[str], positions: Positions = Positions.P
+    group: Sequence[View], frames: FrameTree, reasons: list[Reason], positions: Positions = Positions.P
 ) -> Placed | None:
     """Put the views of a group into one rig frame; None, with the reason, where their positions are not known."""
     origin = _origin(group)
@@ -121,9 +119,9 @@ def place(
         centres = [origin_SE3_view[:3, 3] for origin_SE3_view in by_tf]
         rotations = [origin_SE3_view[:3, :3].T for origin_SE3_view in by_tf]
     else:
-        names = ", ".join(view.name for view in group)
         if len(group) > 1:
-            reasons.append(f"neither P nor tf gives the positions of {names}")
+            names = tuple(view.name for view in group)
+            reasons.append(Reason(f"neither P nor tf gives the positions of {', '.join(names)}", others=names))
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
     return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
@@ -205,7 +203,7 @@ def _has_offsets(offsets: Sequence[Matrix]) -> bool:
     return any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets)
 
 
-def _near(placed: Placed, reasons: list[str]) -> Placed:
+def _near(placed: Placed, reasons: list[Reason]) -> Placed:
     """The views within reach of the one that has most of them within its reach."""
     centres_m = np.array(placed.centres_m)
     apart_m = np.linalg.norm(centres_m[:, None] - centres_m, axis=2)
@@ -213,7 +211,7 @@ def _near(placed: Placed, reasons: list[str]) -> Placed:
     middle = int(np.argmax(near.sum(axis=1)))
     for index in np.flatnonzero(~near[middle]):
         name, other = placed.views[index].name, placed.views[middle].name
-        reasons.append(f"{name} lies {apart_m[middle, index]:.0f} m from {other}: on no vehicle")
+        reasons.append(Reason(f"{name} lies {apart_m[middle, index]:.0f} m from {other}: on no vehicle", name))
     kept = np.flatnonzero(near[middle]).tolist()
     return replace(
         placed,

@@ -10,7 +10,7 @@ from auditor.recordings.parameters import SENSOR_LIKE
 from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
-from auditor.recordings.rigs.ordering import AT_ONE_PLACE
+from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 from auditor.recordings.synchronisation.counts import Counts
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey, UnreadableTopic
 
@@ -149,8 +149,9 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     for topic, kind in outside:
         if own and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording
-        why = _why_left_out(topic, kind, rig, found.rigs, found.reasons)
-        of_one_sensor = not compared.isdisjoint(_frames_of(survey, {topic.name})) or AT_ONE_PLACE in why
+        told = next((why for why in found.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
+        why = _why_left_out(topic, kind, rig, found.rigs, told)
+        of_one_sensor = isinstance(told, AtOnePlace) or not compared.isdisjoint(_frames_of(survey, {topic.name}))
         # Who wrote a rig file chose what it leaves out.
         state = TopicState.LEFT_OUT if not own or of_one_sensor else TopicState.NOT_COMPARED
         yield _outside(topic, kind, state, counted.get(topic.name, 0), why)
@@ -163,14 +164,12 @@ def _frames_of(survey: Survey, topics: Collection[str]) -> set[str]:
 
 
 def _why_left_out(
-    topic: Topic, kind: sensor_types.SensorKind, rig: Rig | None, rigs: Sequence[Rig], reasons: Sequence[str]
+    topic: Topic, kind: sensor_types.SensorKind, rig: Rig | None, rigs: Sequence[Rig], told: Reason | None
 ) -> str:
     if _is_of_any(topic, rigs):
         return "the given rig does not have it"
-    name = sensor_name(topic.name)
-    told = next((why for why in reasons if topic.name in why or f"{name} " in why or f"({name})" in why), "")
-    if told:
-        return told
+    if told is not None:
+        return told.text
     if rig is None:
         return "the recording has no rig"
     if kind == sensor_types.LIDAR and rig.lidar:

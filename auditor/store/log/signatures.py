@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from auditor.errors import SettingError
+from auditor.errors import SettingError, needing
 from auditor.store.log.chains import LOG, Chain
 from auditor.store.log.entry import Entry, Kind
 
@@ -53,11 +53,9 @@ def signing_key(key: Path | None) -> SigningKey | None:
     path = key if key is not None else Path(named) if named else None
     if path is None:
         return None
-    try:
+    with needing("signatures need", "signing"):
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415 - an extra
         from cryptography.hazmat.primitives.serialization import load_pem_private_key  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise _not_installed() from error
     try:
         private = load_pem_private_key(path.read_bytes(), password=None)
     except (OSError, ValueError, TypeError) as error:
@@ -73,11 +71,9 @@ _HOW = "openssl genpkey -algorithm ed25519 -out private.pem makes one"
 
 def public_key(path: Path) -> "Ed25519PublicKey":
     """The public key of a PEM file. Raises SettingError."""
-    try:
+    with needing("signatures need", "signing"):
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey  # noqa: PLC0415 - an extra
         from cryptography.hazmat.primitives.serialization import load_pem_public_key  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise _not_installed() from error
     remedy = "openssl pkey -in private.pem -pubout -out public.pem makes it from a private key"
     try:
         key = load_pem_public_key(path.read_bytes())
@@ -127,7 +123,3 @@ def signs(key: "Ed25519PublicKey", content: bytes, signature: str) -> bool:
 
 def _signed(heads: Mapping[str, str]) -> bytes:
     return json.dumps({"format": _FORMAT, "heads": dict(heads)}, sort_keys=True, separators=(",", ":")).encode()
-
-
-def _not_installed() -> SettingError:
-    return SettingError("signatures need the package cryptography", remedy="pip install 'auditor[signing]'")

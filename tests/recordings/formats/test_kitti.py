@@ -171,3 +171,15 @@ def test_times_that_are_missing_or_ill_formed_are_a_clear_error(small: Path, tex
     (small / "image_00" / "timestamps.txt").write_text(text)
     with pytest.raises(RecordingError, match=r"timestamps.txt: .*time"):
         open_recording(small)
+
+
+def test_a_place_that_is_gone_is_no_damage_and_a_picture_is(real_data: Path, small: Path) -> None:
+    shutil.copytree(drive(real_data, "0001") / small.parent.name / small.name / "oxts", small / "oxts")
+    with open_recording(small) as recording:
+        (small / "oxts" / "data").chmod(0o755)
+        (small / "oxts" / "data" / "0000000001.txt").unlink()
+        (small / "image_00" / "data" / "0000000002.png").unlink()
+        empty = [message.topic for message in recording.messages() if not message.data]
+        damage = list(map(str, recording.damage))
+    assert sorted(empty) == ["/kitti/camera_gray_left/image_rect", "/kitti/oxts"]
+    assert damage == ["0000000002.png: it cannot be read (No such file or directory)"]

@@ -15,6 +15,7 @@ from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs import discovery, extrinsics
 from auditor.recordings.rigs.bounding import first_ones, overlapping_most
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.survey import Survey
 from tests.making.recorded_drives import make_rig
 from tests.recordings.rigs.test_camchain import camchain
@@ -23,8 +24,8 @@ from tests.recordings.rigs.test_discovery import K, P, at, info, look, turned
 BENT = (-0.05, 0.01, 0.0, 0.0)
 
 
-def in_a_row(count: int, *, rectified: bool = True, off_line: bool = False) -> Survey:
-    names = [f"c{number:03}" for number in range(count)]
+def in_a_row(count: int, *, rectified: bool = True, off_line: bool = False, called: str = "c{:03}") -> Survey:
+    names = [called.format(number) for number in range(count)]
     infos = {name: info(name, P(0), distortion=() if rectified else BENT) for name in names}
     places = {name: at(0.1 * number, 0.1 * (number % 2) if off_line else 0.0) for number, name in enumerate(names)}
     return look(infos, {**places, "top": at(0)}, images="image_rect" if rectified else "image_raw")
@@ -43,6 +44,11 @@ def test_a_rig_of_many_cameras_has_those_that_overlap_most(rectified: bool, off_
     assert not any(f"c{number:03}" in cut for number in kept)
     others = {int(one.camera(1).name[1:]) for one in found.rigs[1:] if one.by_time}
     assert others == {*range(24)} - kept, "each of the others is audited by its own past"
+
+
+def test_a_camera_that_is_named_as_a_sentence_begins_hides_no_reason() -> None:
+    found = search_rigs(in_a_row(10, called="1{}"))
+    assert any(reason.startswith("10 cameras look the same way") for reason in found.reasons), found
 
 
 def test_a_rig_of_nine_cameras_is_whole() -> None:
@@ -73,9 +79,12 @@ def test_the_search_does_not_work_more_for_more_cameras_than_a_rig_has(
 
 
 def test_cameras_beyond_those_that_are_looked_at_are_named() -> None:
-    reasons: list[str] = []
+    reasons: list[Reason] = []
     assert first_ones([1, 2, 3, 4], 2, "numbers are there", ["one", "two", "three", "four"], reasons) == [1, 2]
-    assert reasons == ["4 numbers are there, and at most 2 are looked at. Left out: three, four"]
+    [reason] = reasons
+    assert str(reason) == "4 numbers are there, and at most 2 are looked at. Left out: three, four"
+    assert reason.tells_of("/four/image", "four")
+    assert not reason.tells_of("/two/image", "two")
     found = search_rigs(in_a_row(RIG_LIMITS.most_candidates + 1))
     assert any(reason.endswith("Left out: c200") for reason in found.reasons)
 
@@ -99,10 +108,10 @@ def test_footprints_decide_which_cameras_overlap_most() -> None:
         return Camera(0, name, f"/{name}", 640, 480, K @ turn @ seen_from, rectified=False)
 
     cameras = [camera("far", 9), camera("a", 0), camera("turned", 0.1, 18), camera("b", 0.3), camera("c", 0.6)]
-    reasons: list[str] = []
+    reasons: list[Reason] = []
     assert [one.name for one in overlapping_most(cameras, reasons, most=3)] == ["a", "b", "c"]
     [reason] = reasons
-    assert reason.endswith("Left out: far, turned")
+    assert str(reason).endswith("Left out: far, turned")
 
 
 def test_a_rig_file_of_too_many_cameras_is_refused() -> None:

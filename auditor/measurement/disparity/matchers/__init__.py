@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from auditor.errors import SettingError
+from auditor.errors import SettingError, needing
 from auditor.measurement.disparity.matchers.interface import Matcher, MatcherOptions, libraries
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
@@ -47,19 +47,15 @@ def _sgbm_full(options: MatcherOptions) -> Matcher:
 
 
 def _psmnet(options: MatcherOptions) -> Matcher:
-    try:
+    with needing("psmnet needs", "psmnet", "--matcher"):
         from auditor.measurement.disparity.matchers.psmnet import open_psmnet  # noqa: PLC0415 - torch takes seconds to import
-    except ModuleNotFoundError as error:
-        raise _not_installed("psmnet", "psmnet", error) from error
     return open_psmnet(options)
 
 
 def _onnx(path: Path, options: MatcherOptions) -> Matcher:
     options.only("onnx", "device")
-    try:
+    with needing("onnx needs", "onnx", "--matcher"):
         from auditor.measurement.disparity.matchers.own_networks import open_onnx  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise _not_installed("onnx", "onnx", error) from error
     return open_onnx(path, device=options.device, threads=options.threads)
 
 
@@ -75,16 +71,8 @@ def preflight(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) ->
 
 def psmnet_module(name: str, package: str = "auditor.measurement.disparity.matchers.psmnet") -> ModuleType:
     """A module that needs PSMNet's packages, such as `weights`. Raises SettingError where they are missing."""
-    try:
+    with needing("psmnet needs", "psmnet", "--matcher"):
         return import_module(f"{package}.{name}")
-    except ModuleNotFoundError as error:
-        raise _not_installed("psmnet", "psmnet", error) from error
-
-
-def _not_installed(matcher: str, extra: str, error: ModuleNotFoundError) -> SettingError:
-    return SettingError(
-        f"{matcher} needs the package {error.name}", where="--matcher", remedy=f"pip install 'auditor[{extra}]'"
-    )
 
 
 BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {

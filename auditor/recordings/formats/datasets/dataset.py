@@ -89,7 +89,7 @@ class DatasetRecording(FolderRecording):
             try:
                 data = self._maker.point_cloud(sensor.read(data)[:MAX_POINTS], stamp_ns, sensor.name)
             except (ValueError, DecodingError) as error:
-                self.damage += (Damage(f"its points cannot be read ({error})", file=file.name),)
+                self._note(file, f"its points cannot be read ({error})")
                 data = b""  # its message is then damaged
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
 

@@ -17,7 +17,6 @@ from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PI
 from auditor.recordings.formats.folders import FolderRecording, Stream
 from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_calibration, read_small_text
 from auditor.recordings.recording import Clock, Topic
-from auditor.safety.budget import MAX_BYTES
 
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
 TRANSFORMS_TOPIC = "/tf_static"
@@ -82,18 +81,6 @@ class KittiRecording(FolderRecording):
     ) -> None:
         super().__init__(path, folder, streams, (*others, *calibration.files), clock, contents, places)
         self._calibration = calibration
-
-    def _message(self, stamp_ns: int, topic: Topic, file: Path) -> Message:
-        data = self._place(file) if topic == OXTS_TOPIC else self._data(file)
-        return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
-
-    def _place(self, file: Path) -> bytes:
-        """The bytes of a file of places; none where it cannot be read, which is no damage of what is measured."""
-        try:
-            content = self._contents.of(file)
-            return content.read() if content.size <= MAX_BYTES else b""
-        except (OSError, RecordingError):
-            return b""
 
     def _fixed_messages(self) -> Iterator[Message]:
         stamp_ns = min(stream.entries[0][0] for stream in self._streams)

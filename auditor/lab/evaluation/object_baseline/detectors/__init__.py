@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from auditor.errors import SettingError
+from auditor.errors import SettingError, needing
 from auditor.lab.evaluation.object_baseline.detectors.geometric import GEOMETRIC, SETTINGS
 from auditor.lab.evaluation.object_baseline.detectors.interface import (
     CAR,
@@ -78,25 +78,17 @@ def _named(name: str) -> tuple[CameraDetector | None, CloudDetector | None]:
 
 
 def _streets() -> tuple[CameraDetector, CloudDetector]:
-    try:
+    with needing("this detector needs", "psmnet", "--detector"):
         from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            f"this detector needs the package {error.name}", where="--detector", remedy="pip install 'auditor[psmnet]'"
-        ) from error
     return images.shipped_images(), clouds.shipped_clouds()
 
 
 def _opened(path: Path) -> tuple[CameraDetector | None, CloudDetector | None]:
-    try:
+    with needing("a detector needs", "onnx", "--detector"):
         from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector  # noqa: PLC0415
         from auditor.lab.evaluation.object_baseline.detectors.described import read_description  # noqa: PLC0415
         from auditor.lab.evaluation.object_baseline.detectors.networks import OnnxCameraDetector  # noqa: PLC0415 - an extra
         from auditor.measurement.disparity.matchers.onnx_models import OnnxModel  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            f"a detector needs the package {error.name}", where="--detector", remedy="pip install 'auditor[onnx]'"
-        ) from error
     description = read_description(path)
     model = OnnxModel(path)
     if description.sensor == "camera":
