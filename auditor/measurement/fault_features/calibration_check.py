@@ -29,7 +29,7 @@ class CalibrationCheck:
 
     In every tried clean frame of KITTI's drives at least 63 % of the points followed lie on the same row, and at least
     60 % of LiDAR points agree with stereo within 1 px. Half a degree of roll leaves at most 24 % on the same row, an
-    image that is not rectified 35 %, a LiDAR half a degree too low 40 % agreeing (tests/benchmarks/fitting.py).
+    image that is not rectified 35 %, a LiDAR half a degree too low 40 % agreeing.
     """
 
     def __init__(self) -> None:
