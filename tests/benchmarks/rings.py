@@ -84,6 +84,16 @@ def clean(folder: Path, rig: PublishedRig, seed: int) -> Counter[str]:
     return Counter(row["kind"] if row["frame"] else "first" for row in rows)
 
 
+def told(what: str, camera: str, sensor: int, rows: Sequence[Mapping[str, Any]], incidents: int) -> None:
+    """Print in how many attacked frames the rig of the camera names the attacked sensor, and those of others do."""
+    named = Counter(row["camera"] for row in rows if row["attacked"] == [sensor] and row["frame"] in ATTACKED)
+    print(
+        f"{what} {camera}: named in {named.pop(camera, 0)} of {len(ATTACKED)}, by others {dict(named)}; "
+        f"{incidents} incidents",
+        flush=True,
+    )
+
+
 def walled(folder: Path, rig: PublishedRig, seed: int) -> None:
     pictures, clouds = seen(make_ring_drive(rig, seed, WALLED_FRAMES), WALLED_FRAMES)
     yaws = {camera.name: camera.yaw_deg for camera in rig.cameras}
@@ -95,13 +105,7 @@ def walled(folder: Path, rig: PublishedRig, seed: int) -> None:
             {**cloud, lidar: wall.apply(PointCloud(n, cloud[lidar]), lone).xyz_m} if n in ATTACKED else cloud
             for n, cloud in enumerate(clouds)
         ]
-        rows, incidents = scanned(folder, rig, pictures, attacked)
-        named = Counter(row["camera"] for row in rows if row["attacked"] == [0] and row["frame"] in ATTACKED)
-        print(
-            f"{seed}: wall {wall.range_m:g} m before {camera}: named in {named.pop(camera, 0)} of {len(ATTACKED)}, "
-            f"by others {dict(named)}; {incidents} incidents",
-            flush=True,
-        )
+        told(f"{seed}: wall {wall.range_m:g} m before", camera, 0, *scanned(folder, rig, pictures, attacked))
 
 
 def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
@@ -116,13 +120,8 @@ def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
             {**one, camera.name: light.apply(CameraImage(1, n, one[camera.name])).pixels} if n in ATTACKED else one
             for n, one in enumerate(pictures)
         ]
-        rows, incidents = scanned(folder, rig, attacked, clouds)
-        named = Counter(row["camera"] for row in rows if row["attacked"] == [1] and row["frame"] in ATTACKED)
-        print(
-            f"{seed}: facula at {place[0]:.0f}, {place[1]:.0f} on {camera.name}: named in {named.pop(camera.name, 0)} "
-            f"of {len(ATTACKED)}, others {dict(named)}; {incidents} incidents",
-            flush=True,
-        )
+        what = f"{seed}: facula at {place[0]:.0f}, {place[1]:.0f} on"
+        told(what, camera.name, 1, *scanned(folder, rig, attacked, clouds))
 
 
 def cost(folder: Path, rig: PublishedRig, seed: int) -> None:

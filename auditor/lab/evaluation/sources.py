@@ -105,10 +105,10 @@ class Street:
         """Its style and condition."""
         return f"{self.style}, {self.condition}"
 
-    @contextmanager
-    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
-        """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
-        drive = make_drive(
+    @property
+    def drive(self) -> SyntheticDrive:
+        """The drive along it, made anew."""
+        return make_drive(
             self.seed,
             self.frames,
             n_cameras=self.cameras,
@@ -118,6 +118,11 @@ class Street:
             vehicle=self.seed,
             condition=self.condition,
         )
+
+    @contextmanager
+    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
+        drive = self.drive
         given = (self.seed, self.frames, self.cameras, self.scale, self.family)
         frames = drive.frames() if colour else map(_grey, drive.frames())
         yield (

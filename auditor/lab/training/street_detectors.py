@@ -15,7 +15,6 @@ from auditor.lab.evaluation.object_baseline.detectors.streets.network import STR
 from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel
 from auditor.lab.evaluation.object_baseline.street_labels import street_labels
 from auditor.lab.evaluation.sources import Street
-from auditor.lab.simulation.drives import make_drive
 from auditor.model.arrays import Floats, Floats32, Image, Points
 
 LEFT_OUT_STYLES, LEFT_OUT_CONDITIONS = ("industrial",), ("wet", "dusk")
@@ -62,14 +61,7 @@ def training_streets(count: int) -> list[Street]:
 
 def street_frames(street: Street, frames: int) -> Iterator[StreetFrame]:
     """So many frames spread over a street, each as one of its cameras sees it, in turn."""
-    drive = make_drive(
-        street.seed,
-        street.frames,
-        n_cameras=street.cameras,
-        style=street.style,
-        vehicle=street.seed,
-        condition=street.condition,
-    )
+    drive = street.drive
     assert drive.rig.lidar is not None
     motion = drive.rig.lidar.rig_SE3_lidar.astype(np.float32)
     for turn, number in enumerate(np.linspace(0, street.frames - 1, frames).astype(int).tolist()):

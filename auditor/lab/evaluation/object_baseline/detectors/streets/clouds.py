@@ -1,6 +1,5 @@
 """The detector of cars in point clouds that was trained on synthetic streets: it looks at them from above."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from auditor.lab.evaluation.object_baseline.detectors.streets.network import (
     MOST_OVERLAP,
     STRIDE,
     CentreNet,
-    Trained,
+    StreetDetector,
     unpacked,
 )
 from auditor.model.arrays import Floats, Floats32, Points
@@ -35,23 +34,8 @@ _DENSE = 32.0
 """Points of a cell that count as many."""
 
 
-@dataclass(frozen=True, eq=False)
-class StreetClouds:
+class StreetClouds(StreetDetector):
     """A trained network as a detector for point clouds."""
-
-    trained: Trained
-    name: str = "streets"
-    labels: frozenset[str] = frozenset({CAR})
-
-    @property
-    def settings(self) -> str:
-        """Canonical JSON of all that can change a box."""
-        return self.trained.settings
-
-    @property
-    def libraries(self) -> dict[str, str]:
-        """Versions of the libraries that run it, by name."""
-        return dict(self.trained.libraries)
 
     def detect(self, xyz_m: Points, rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
         """The cars among (N, 3) points in the LiDAR frame, as boxes in the rig frame."""

@@ -1,6 +1,5 @@
 """The detector of cars in images that was trained on synthetic streets."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,7 +12,7 @@ from auditor.lab.evaluation.object_baseline.detectors.streets.network import (
     MULTIPLE,
     STRIDE,
     CentreNet,
-    Trained,
+    StreetDetector,
     unpacked,
 )
 from auditor.measurement.disparity.half_resolution import grey
@@ -30,23 +29,8 @@ _USUAL = 8.0
 """A usual side of a box, in cells of the map."""
 
 
-@dataclass(frozen=True, eq=False)
-class StreetImages:
+class StreetImages(StreetDetector):
     """A trained network as a detector for images."""
-
-    trained: Trained
-    name: str = "streets"
-    labels: frozenset[str] = frozenset({CAR})
-
-    @property
-    def settings(self) -> str:
-        """Canonical JSON of all that can change a box."""
-        return self.trained.settings
-
-    @property
-    def libraries(self) -> dict[str, str]:
-        """Versions of the libraries that run it, by name."""
-        return dict(self.trained.libraries)
 
     def detect(self, pixels: Image) -> tuple[Detection, ...]:
         """The cars in an (H, W) grey or (H, W, 3) BGR image."""

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from auditor.errors import SettingError
+from auditor.lab.evaluation.object_baseline.detectors.interface import CAR
 from auditor.model.arrays import Floats, Floats32
 
 STRIDE = 4
@@ -83,17 +84,6 @@ class Trained:
     network: CentreNet
     sha256: str
 
-    @property
-    def settings(self) -> str:
-        """Canonical JSON of all that can change a box."""
-        given = {"sha256": self.sha256, "least_score": LEAST_SCORE, "most_overlap": MOST_OVERLAP}
-        return json.dumps(given, sort_keys=True, separators=(",", ":"))
-
-    @property
-    def libraries(self) -> Mapping[str, str]:
-        """Versions of the libraries that run it, by name."""
-        return {"torch": version("torch")}
-
     def peaks(self, shown: Floats32) -> tuple[Floats, Floats]:
         """Of a (C, H, W) input the (M, 3) score, row and column of objects' middles, and the (M, numbers) there."""
         with torch.inference_mode():
@@ -106,6 +96,26 @@ class Trained:
             places = torch.stack([heat[row, column], row.float(), column.float()], dim=1)
             numbers = answer[1:, row, column].T
         return places.numpy().astype(np.float64), numpy_of(numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class StreetDetector:
+    """What both detectors are: a trained network that finds cars."""
+
+    trained: Trained
+    name: str = "streets"
+    labels: frozenset[str] = frozenset({CAR})
+
+    @property
+    def settings(self) -> str:
+        """Canonical JSON of all that can change a box."""
+        given = {"sha256": self.trained.sha256, "least_score": LEAST_SCORE, "most_overlap": MOST_OVERLAP}
+        return json.dumps(given, sort_keys=True, separators=(",", ":"))
+
+    @property
+    def libraries(self) -> Mapping[str, str]:
+        """Versions of the libraries that run it, by name."""
+        return {"torch": version("torch")}
 
 
 def numpy_of(numbers: Tensor) -> Floats:
