@@ -67,6 +67,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
     "measurement/checks/parallax_conflict.py": ((10, 9, 3), "nanoseconds; cells that touch"),
+    "measurement/checks/free_space_conflict.py": (
+        (10, 9, 3, 5, 1e6, 0.5),
+        "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
+    ),
     "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
     "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (

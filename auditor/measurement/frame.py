@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.checks.collect import with_scans
+from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
@@ -109,17 +111,24 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
     an absent sensor has no counts. One frame alone has no past, so that a lone camera is compared with nothing. Raises
     RigError where the cameras have no view in common.
     """
-    return _measured(frame, rig, matcher, _past_of(rig))
+    return _measured(frame, rig, matcher, _Past.of(rig))
 
 
-def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: OwnPast | None) -> Measured:
+@dataclass(frozen=True)
+class _Past:
+    """What frames of a recording are compared with: the LiDAR's last scan, and of a lone camera its own past."""
+
+    scans: OwnScans
+    camera: OwnPast | None
+
+    @classmethod
+    def of(cls, rig: Rig) -> "_Past":
+        return cls(OwnScans(), OwnPast() if rig.by_time else None)
+
+
+def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> Measured:
     prepared = _prepare(frame, rig, matcher)
     return _compare(prepared, _match([prepared], matcher)[0], past)
-
-
-def _past_of(rig: Rig) -> OwnPast | None:
-    """What a lone camera is compared with; None where there are others."""
-    return OwnPast() if rig.by_time else None
 
 
 def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
@@ -128,7 +137,7 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
     A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
     the caller's thread compares the last. Other matchers get frame after frame, and there is no thread.
     """
-    past = _past_of(rig)
+    past = _Past.of(rig)
     at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
     if pairs_at_once(matcher) == 1:
         yield from (item if isinstance(item, Skipped) else _measured(item, rig, matcher, past) for item in frames)
@@ -201,15 +210,17 @@ def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) ->
     return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
-def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: OwnPast | None) -> Measured:
-    if past is not None:
-        arrays = past.compare(prepared.whole)
+def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Measured:
+    if past.camera is not None:
+        arrays = past.camera.compare(prepared.whole)
     elif prepared.views:
         parts = {pair: compare(part, its) for (pair, part), its in zip(prepared.parts.items(), maps, strict=True)}
         arrays = join(prepared.whole, parts, prepared.views)
     else:
         arrays = compare(prepared.whole, maps[0])
     frame, comparisons = prepared.whole.frame, arrays.comparisons
+    from_nowhere = past.scans.conflicts(frame.cloud, arrays.rig)
+    arrays = replace(arrays, frame_checks=with_scans(arrays.frame_checks, from_nowhere, arrays.lidar, arrays.rig))
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,

@@ -27,7 +27,7 @@ from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.arrays import Image, Indices
+from auditor.model.arrays import Image, Indices, Points
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     SHARE_CHECKS,
@@ -47,7 +47,8 @@ Subject = TypeVar("Subject", bound=tuple[int, ...])
 _BY_PAIRS = tuple(one for one in Check if one in DIRECTION_CHECKS and one.kind.of in (Of.PAIRS, Of.SEVERAL_PAIRS))
 _OF_CAMERAS = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
 _IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
-"""The checks that are measured by their names, of pairs that check the LiDAR, of matched pairs, and of views."""
+_BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
+"""The checks measured by their names: of pairs that check the LiDAR, of matched pairs, of views, of its last scan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +68,13 @@ class FrameChecks:
     """The results of all checks, by camera pair (i, k), where (k, k) is a camera and its own past, or by camera.
 
     `by_direction` are counts of the LiDAR's points, or of surfaces, by its directions, `counts` what cameras see
-    otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what the
-    reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera;
-    `of_pasts` what its own past says of a camera; None where it cannot be told. `isolated_shares`: how many points are
-    isolated. `ranges`: what pairs say of the LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range
-    masks changed, without it. `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted:
-    they are not stored.
+    otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what
+    the reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference
+    camera; `of_pasts` what its own past says of a camera; None where it cannot be told. `from_nowhere` (K, 3) are
+    the LiDAR's points that conflict with its last scan, None where there was none. `isolated_shares`: how many
+    points are isolated. `ranges`: what pairs say of the LiDAR's ranges. `unmasked` are those of `counts` that the
+    LiDAR's range masks changed, without it. `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel
+    what is counted: they are not stored.
     """
 
     by_direction: Mapping[Check, Mapping[Pair, Cells]]
@@ -86,6 +88,7 @@ class FrameChecks:
     consistencies: Mapping[Pair, PairConsistency]
     lights: Mapping[Pair, LightDifference]
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
+    from_nowhere: Points | None = None
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
@@ -221,6 +224,14 @@ def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, som
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
+
+
+def with_scans(found: FrameChecks, from_nowhere: Points | None, views: Iterable[int], rig: Rig) -> FrameChecks:
+    """The checks of a frame and of what conflicts with the LiDAR's last scan, (K, 3) points; None where none was."""
+    if from_nowhere is None:
+        return found
+    said = {check: {(k,): measuring(check)(from_nowhere, rig, k) for k in views} for check in _BY_SCANS}
+    return replace(found, of_views={**found.of_views, **said}, from_nowhere=from_nowhere)
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:

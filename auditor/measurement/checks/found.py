@@ -28,7 +28,7 @@ def _numbers(*of: Of) -> tuple["DataclassInstance", ...]:
     return tuple(group for group in found if group is not None)
 
 
-_IN_VIEWS = _numbers(Of.VIEW)
+_IN_VIEWS = _numbers(Of.VIEW, Of.OWN_SCANS)
 _BY_PAIRS = _numbers(Of.PAIRS, Of.SEVERAL_PAIRS, Of.CAMERAS)
 _BY_THE_PAST = _numbers(Of.LONE_CAMERA, Of.LIDAR)
 

@@ -42,6 +42,8 @@ def _of_lidar(arrays: FrameArrays, shown: Rig) -> Region | None:
     damaged = (
         damaged_points(view, verified_conflicts, rig) if verified_conflicts else np.zeros(view.row.size, dtype=np.bool_)
     )
+    if (from_nowhere := arrays.frame_checks.from_nowhere) is not None and len(from_nowhere):
+        damaged |= among(view.point_m, from_nowhere)
     if not damaged.any():
         return None
     mask = _pixels(view, damaged, rig)

@@ -18,6 +18,8 @@ from auditor.model.rig import LIDAR, Rig
 LIDAR_CHECKS = frozenset(one for one in Check if one.kind.of is Of.VIEW)
 """The checks of the LiDAR alone, in the view of a camera."""
 
+_BY_VIEW = frozenset(one for one in Check if one.kind.of in (Of.VIEW, Of.OWN_SCANS))
+
 DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counted.POINTS, Counted.SURFACES))
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
@@ -119,6 +121,7 @@ def sensor_checks_of(
         Of.PAIRS: [(LIDAR, cameras) for cameras in by_pairs],
         Of.SEVERAL_PAIRS: [(LIDAR, cameras) for cameras in by_pairs if len(cameras) > FEWEST_VOTERS],
         Of.VIEW: [(LIDAR, (k,)) for k in views],
+        Of.OWN_SCANS: [(LIDAR, (k,)) for k in (*views, *pasts)],
         Of.LONE_CAMERA: [(LIDAR, (k,)) for k in pasts],
         Of.CAMERAS: [(one, others) for one in sorted(partners) for others in _voters(tuple(sorted(partners[one])))],
         Of.LIDAR: [(k, (LIDAR,)) for k in pasts],
@@ -138,7 +141,7 @@ def counting_checks(sensor_checks: Sequence[SensorCheck], absent: frozenset[int]
     for (check, _), group in groupby(sorted(there, key=subject), key=subject):
         places = list(group)
         most = max(len(sensor_checks[place].others) for place in places)
-        found += [place for place in places if check in LIDAR_CHECKS or len(sensor_checks[place].others) == most]
+        found += [place for place in places if check in _BY_VIEW or len(sensor_checks[place].others) == most]
     return tuple(sorted(found))
 
 

@@ -248,6 +248,19 @@ class Check(StrEnum):
             of_light=True,
         ),
     )
+    FREE_SPACE_CONFLICT = (
+        "free_space_conflict",
+        Kind(
+            Of.OWN_SCANS,
+            Words(
+                "free-space conflict",
+                "points stand where its beams passed a moment ago",
+                "has points where its beams passed a moment ago",
+                "the LiDAR has points where its beams passed a moment ago",
+            ),
+            (PriorOf("free_space_conflict", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN),),
+        ),
+    )
 
     _value_: str
     kind: Kind

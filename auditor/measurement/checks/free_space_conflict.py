@@ -1,0 +1,253 @@
+"""The LiDAR against its own last scan: what stands where its beams passed a moment ago, and nothing stood near.
+
+What a LiDAR shows moves, and beams meet something new behind what hid it. But nothing real stands at once where a beam
+just passed, with nothing around from which it could have come: only what is spoofed does. What came so is followed for
+as long as nothing else is near.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
+from auditor.model.frames import PointCloud
+from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.rig import Rig
+
+_CHOSEN = "three real drives and streets 42000 to 43023, clean and attacked: chosen on them (docs/decisions.md)"
+_SECOND_NS = 10**9
+
+
+@dataclass(frozen=True)
+class FreeSpaceConflict:
+    """What stands where the LiDAR's beams passed a moment ago, seen from above in cells."""
+
+    farthest_m: float = parameter(35.0, unit="m", source=_CHOSEN)
+    nearest_m: float = parameter(3.0, unit="m: nearer is the vehicle itself", source=BY_HAND)
+    cell_m: float = parameter(0.5, unit="m, side of a cell", source=_CHOSEN)
+    ground_cells: int = parameter(4, unit="cells, side of those whose lowest point is the ground's", source=BY_HAND)
+    road_quantile: float = parameter(0.95, unit="quantile of how far points lie below the LiDAR", source=BY_HAND)
+    sampled: int = parameter(8, unit="points, of which one tells it", source="bounds the work; by hand")
+    under_m: float = parameter(1.0, unit="m below it: deeper is an echo of an echo, not the ground", source=_CHOSEN)
+    stands_m: float = parameter(0.3, unit="m above the ground from which on a point is an object's", source=BY_HAND)
+    clearly_m: float = parameter(0.5, unit="m above the ground from which on one is asked about", source=_CHOSEN)
+    most_s: float = parameter(0.16, unit="s between the two scans", source="scans at 10 Hz; by hand")
+    most_shift_cells: int = parameter(12, unit="cells that the vehicle moves in between", source="6 m: 60 m/s; by hand")
+    moves_m_s: float = parameter(35.0, unit="m/s of other vehicles, along the way", source=_CHOSEN)
+    beside_m: float = parameter(1.5, unit="m, across the way: what turns and crosses", source=_CHOSEN)
+    beam_rad: float = parameter(0.0105, unit="radians, side of a cell of beams", source="0.6 degrees; by hand")
+    behind_m: float = parameter(3.0, unit="m behind it at which beams ended, at least", source=_CHOSEN)
+    scanned_cells: int = parameter(16, unit="cells of beams aside that were scanned too", source="10 degrees; by hand")
+    fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
+    least_share: float = parameter(0.3, unit="of an object's points that had nothing near", source=_CHOSEN)
+    narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source="street 43008")
+    half_points: float = parameter(40.0, unit="points at which the statistic is a half", source=BY_HAND)
+
+
+NUMBERS = FreeSpaceConflict()
+
+_REACH_M = NUMBERS.farthest_m + NUMBERS.most_shift_cells * NUMBERS.cell_m
+_SIDE = -(-int(2 * _REACH_M / NUMBERS.cell_m) // NUMBERS.ground_cells) * NUMBERS.ground_cells
+_GROUND_SIDE = _SIDE // NUMBERS.ground_cells
+_DOWN, _AROUND = int(np.pi / NUMBERS.beam_rad) + 1, int(2 * np.pi / NUMBERS.beam_rad) + 1
+_BESIDE = np.ones((3, 3), dtype=np.uint8)
+_NOWHERE_M = np.float32(1e6)
+_AZIMUTH = np.arctan2(*(np.indices((_SIDE, _SIDE))[::-1] - _SIDE / 2 + 0.5)).ravel().astype(np.float32)
+"""By cell: to the right of ahead, in radians."""
+
+
+class _Shift(NamedTuple):
+    """By how many cells what stands still lay elsewhere a moment ago: ahead and to the right."""
+
+    ahead: int
+    right: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """One scan, its points within reach, seen from above.
+
+    `xyz_m` is (3, M), right, down and ahead; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that
+    are asked about, `from_nowhere` those of objects that came from nowhere.
+    """
+
+    stamp_ns: int
+    points: Points
+    xyz_m: Floats32
+    cell: Indices
+    solid: Mask
+    clearly: Mask
+    from_nowhere: Mask
+
+    @classmethod
+    def of(cls, cloud: PointCloud, rig: Rig) -> "_Scan":
+        """The scan of a cloud, upright as the rig is."""
+        assert rig.lidar is not None
+        xyz = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ cloud.xyz_m.T
+        within = np.flatnonzero(np.maximum(np.abs(xyz[0]), np.abs(xyz[2])) < _REACH_M - NUMBERS.cell_m)
+        xyz = xyz.take(within, axis=1)
+        right, down, ahead = xyz
+        row, column = (((along + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for along in (ahead, right))
+        above = _above_ground_m(row, column, down)
+        away = right * right + ahead * ahead
+        solid = (above > NUMBERS.stands_m) & (away > NUMBERS.nearest_m**2)
+        clearly = solid & (above > NUMBERS.clearly_m) & (away < NUMBERS.farthest_m**2)
+        nothing = np.zeros(within.size, dtype=np.bool_)
+        points = cloud.xyz_m.take(within, axis=0)
+        return cls(cloud.stamp_ns, points, xyz, row * _SIDE + column, solid, clearly, nothing)
+
+    def follows(self, before: "_Scan") -> bool:
+        """Whether the other scan is the one of a moment ago."""
+        return 0 < self.stamp_ns - before.stamp_ns <= NUMBERS.most_s * _SECOND_NS
+
+    def passed(self, xyz_m: Floats32) -> Mask:
+        """(K,) whether its beams around points (3, K) of the next scan went on behind them, and none ended before."""
+        down, around, range_m = _directions(xyz_m)
+        middle = np.arctan2(xyz_m[0].mean(), xyz_m[2].mean())
+        reach = np.abs(_turned(_AZIMUTH, middle)) <= np.abs(_turned(np.arctan2(xyz_m[0], xyz_m[2]), middle)).max() + (
+            2 * NUMBERS.scanned_cells * NUMBERS.beam_rad
+        )
+        its_down, its_around, its_range_m = _directions(self.xyz_m.take(np.flatnonzero(reach[self.cell]), axis=1))
+        nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
+        np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
+        grid = nearest.reshape(_DOWN, _AROUND)
+        beside = NUMBERS.scanned_cells
+        hit = _ring(np.any(grid < _NOWHERE_M, axis=0, keepdims=True).astype(np.float32), beside)
+        closed = np.asarray(cv2.morphologyEx(hit, cv2.MORPH_CLOSE, np.ones((1, 5), np.uint8)), dtype=np.float32)
+        scanned = _eroded(closed, np.ones((1, 2 * beside + 1), dtype=np.uint8))[0, beside:-beside]
+        near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
+        behind = (near_m < _NOWHERE_M) & (near_m > range_m + NUMBERS.behind_m)
+        return np.asarray(behind & (scanned[around] > 0))
+
+
+class OwnScans:
+    """Compares the LiDAR's scans of one recording, in their order, each with the one before."""
+
+    def __init__(self) -> None:
+        self._last: _Scan | None = None
+
+    def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
+        """(K, 3) the points of the next cloud that stand where its beams passed; None where none was a moment ago."""
+        before, self._last = self._last, None
+        if cloud is None or rig.lidar is None:
+            return None
+        now = _Scan.of(cloud, rig)
+        if before is None or not now.follows(before):
+            self._last = now
+            return None
+        found = _from_nowhere(now, before)
+        now.from_nowhere[:] = found
+        self._last = now
+        return now.points[found]
+
+
+def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
+    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of k."""
+    if not len(points):
+        return 0.0
+    seen = lidar_view(PointCloud(0, points), rig, k).returns
+    return seen / (seen + NUMBERS.half_points)
+
+
+def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
+    """(M,) how far points are above the lowest one in the cells of ground around theirs."""
+    ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
+    lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
+    some = down_m[:: NUMBERS.sampled]
+    deepest = np.quantile(some, NUMBERS.road_quantile) + NUMBERS.under_m if some.size else 0.0
+    np.maximum.at(lowest, ground, np.where(down_m < deepest, down_m, -_NOWHERE_M))
+    around = np.asarray(cv2.dilate(lowest.reshape(_GROUND_SIDE, _GROUND_SIDE), _BESIDE)).ravel()
+    return np.asarray(around[ground] - down_m)
+
+
+def _from_nowhere(now: _Scan, before: _Scan) -> Mask:
+    """(M,) the points of objects that came from nowhere, or that did earlier and are still alone."""
+    shift = _shift(now, before)
+    around = _around(shift, (now.stamp_ns - before.stamp_ns) / _SECOND_NS)
+    alone = ~_near(before.cell[before.solid & ~before.from_nowhere], shift, around)[now.cell]
+    asked = np.flatnonzero(now.clearly & alone)
+    if not asked.size:
+        return now.from_nowhere
+    earlier = _near(before.cell[before.from_nowhere], shift, around)
+    new = asked[before.passed(now.xyz_m[:, asked]) | earlier[now.cell[asked]]]
+    count, objects = cv2.connectedComponents(_occupied(now.cell[now.solid]))
+    of = np.asarray(objects, dtype=np.intp).ravel()[now.cell]
+    unexplained, every = (np.bincount(of[mask], minlength=count) for mask in (now.solid & alone, now.solid))
+    wide = _widths_m(of[new], now.xyz_m[:, new], count) >= NUMBERS.narrowest_m
+    found = (np.bincount(of[new], minlength=count) >= NUMBERS.fewest) & wide
+    found &= unexplained >= NUMBERS.least_share * every
+    return np.asarray(now.solid & found[of])
+
+
+def _shift(now: _Scan, before: _Scan) -> _Shift:
+    """How what stands still moved: by the shift at which most cells that are occupied now were so before."""
+    most = NUMBERS.most_shift_cells
+    here, there = (_occupied(one.cell[one.solid]).astype(np.float32) for one in (now, before))
+    together = cv2.GaussianBlur(cv2.matchTemplate(there, here[most:-most, most:-most], cv2.TM_CCORR), (3, 3), 0)
+    row, column = np.unravel_index(int(np.argmax(together)), together.shape)
+    return _Shift(int(row) - most, int(column) - most)
+
+
+def _near(cell: Indices, shift: _Shift, around: Image) -> Mask:
+    """By cell of now: whether a thing of these cells of a moment ago can have come there."""
+    row, column = cell // _SIDE - shift.ahead, cell % _SIDE - shift.right
+    within = (row >= 0) & (row < _SIDE) & (column >= 0) & (column < _SIDE)
+    return np.asarray(cv2.dilate(_occupied((row * _SIDE + column)[within]), around)).ravel() > 0
+
+
+def _around(shift: _Shift, seconds: float) -> Image:
+    """The cells around a thing that stands still in which it can be if it does not: an ellipse along the way."""
+    along = NUMBERS.moves_m_s * seconds / NUMBERS.cell_m
+    half = int(along)
+    ahead, right = np.mgrid[-half : half + 1, -half : half + 1]
+    way = float(np.hypot(*shift))
+    to_ahead, to_right = (shift.ahead / way, shift.right / way) if way else (1.0, 0.0)
+    across = NUMBERS.beside_m / NUMBERS.cell_m if way else along  # of a vehicle that stands nobody knows the way
+    along_way, across_way = ahead * to_ahead + right * to_right, right * to_ahead - ahead * to_right
+    return np.asarray((along_way / along) ** 2 + (across_way / across) ** 2 <= 1, dtype=np.uint8)
+
+
+def _occupied(cell: Indices) -> Image:
+    grid = np.zeros(_SIDE * _SIDE, dtype=np.uint8)
+    grid[cell] = 1
+    return grid.reshape(_SIDE, _SIDE)
+
+
+def _widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:
+    """(count,) how wide the points (3, K) of each object are, seen from above: the longer side."""
+    sides = []
+    for along in (xyz_m[0], xyz_m[2]):
+        least, most = np.full(count, _NOWHERE_M), np.full(count, -_NOWHERE_M)
+        np.minimum.at(least, of, along)
+        np.maximum.at(most, of, along)
+        sides.append(most - least)
+    return np.asarray(np.maximum(*sides))
+
+
+def _directions(xyz_m: Floats32) -> tuple[Indices, Indices, Floats32]:
+    """The cells of direction of points (3, M), down and around, and their ranges in m."""
+    right, down, ahead = xyz_m
+    level = np.sqrt(right * right + ahead * ahead)
+    cells = (
+        (angle / NUMBERS.beam_rad).astype(np.intp)
+        for angle in (np.arctan2(down, level) + np.float32(np.pi / 2), np.arctan2(right, ahead) + np.float32(np.pi))
+    )
+    below, around = cells
+    return below, np.minimum(around, _AROUND - 1), np.sqrt(level * level + down * down)
+
+
+def _turned(angle: Floats32, by: float) -> Floats32:
+    """Angles as seen from another, within half a turn of it."""
+    return np.asarray((angle - by + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _eroded(grid: Floats32, around: Image) -> Floats32:
+    return np.asarray(cv2.erode(grid, around), dtype=np.float32)
+
+
+def _ring(grid: Floats32, cells: int) -> Floats32:
+    """(D, A) cells around, with some of those of the other end on both sides."""
+    return np.concatenate([grid[:, -cells:], grid, grid[:, :cells]], axis=1)
