@@ -77,9 +77,7 @@ def tallied(drives: Sequence[Drive]) -> dict[str, Tally]:
                 cases = {
                     place: of_sensors[LIDAR,][place] for place in range(start, min(start + LASTS, len(drive.clean)))
                 }
-                series = drive.series(cases, MEASURED_HZ)
-                kind = attack.partition(" #")[0]
-                found[kind].add(drive.judged(series), series.stamps_ns, sorted(cases), (LIDAR,))
+                found[attack.partition(" #")[0]].add(drive, cases, (LIDAR,))
     return found
 
 
