@@ -19,12 +19,11 @@ import numpy as np
 
 from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.kinds import Drawing
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import MATCHER, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Case, Scene
@@ -75,9 +74,7 @@ def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Fr
             yield one.name, camera.number, replace(frame, images={**frame.images, camera.number: image})
 
 
-def measured(
-    source: Recorded | Street, name: str, family: str, attacked: int, *, changes: Changes = attacks_on
-) -> Scene:
+def measured(source: Source, name: str, family: str, attacked: int, *, changes: Changes = attacks_on) -> Scene:
     """All frames of a source clean, and `attacked` of them, evenly spread, under every attack."""
     features, cases = FaultFeatures(), []
     with source.open(colour=True) as [drive]:

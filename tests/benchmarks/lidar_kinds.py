@@ -25,7 +25,6 @@ from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
 from auditor.lab.attacks.spoofing import find_object
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.collect import shares_of_ranges
 from auditor.measurement.checks.false_ranges import directed_points, pair_ranges
@@ -45,7 +44,7 @@ from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_che
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import MATCHER, Altered, Resized, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, counts, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Scene
@@ -151,7 +150,7 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays) -> Floa
 
 
 def measured(
-    source: Recorded | Resized | Altered | Street,
+    source: Source,
     name: str,
     family: str,
     most: int,

@@ -24,7 +24,7 @@ from time import process_time
 import numpy as np
 
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import Recorded
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.checks.still_light import OfThePast
@@ -36,7 +36,7 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
 from tests.benchmarks.benign import faults
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
+from tests.benchmarks.clean_statistics import DRIVES, MATCHER, Source, case_of, sources_of
 from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drives_of
 from tests.benchmarks.lasting_faults import on
 from tests.benchmarks.lone_cameras import R, frames_of, moments
@@ -122,7 +122,7 @@ def series_of(frames: Sequence[Frame], rig: Rig, places: int, seed: int) -> Iter
             yield Series(f"fault: {fault.name}", lasts, (), measured(changes, rig), range(begins, len(frames)))
 
 
-def measure_into(path: Path, name: str, family: str, source: Recorded | Street, options: argparse.Namespace) -> None:
+def measure_into(path: Path, name: str, family: str, source: Source, options: argparse.Namespace) -> None:
     rig, frames = frames_of(source, options.camera)
     clean = tuple(measured(frames, rig).values())
     series = [] if options.clean else list(series_of(frames, rig, options.places, zlib.crc32(path.name.encode())))
@@ -208,13 +208,8 @@ def main() -> None:
         judge(options.judge)
         return
     options.into.mkdir(parents=True, exist_ok=True)
-    sources: list[tuple[str, str, Recorded | Street]] = []
-    if options.drives:
-        sources += [(name, name, Recorded(options.drives / path)) for name, path in DRIVES.items()]
-    for seed in range(options.first, options.first + options.streets):
-        street = Street(seed, options.frames, 1)
-        sources.append((str(street), street.family, street))
-    for name, family, source in sources:
+    streets = range(options.first, options.first + options.streets)
+    for name, family, source in sources_of(options.drives, streets, options.frames, 1):
         path = options.into / f"{name} {options.camera}.lone"
         if not path.exists():
             measure_into(path, name, family, source, options)
