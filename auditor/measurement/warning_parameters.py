@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from auditor.model.parameter import BY_HAND, parameter
 
 _DECISIONS = "docs/decisions.md"
-_WARNINGS = "docs/decisions.md, a rig that does not fit: between clean frames and false geometry (benchmark fitting)"
+_WARNINGS = "docs/decisions.md, a rig that does not fit: clean frames and false geometry (benchmark of commit 2f670669)"
 
 _FIT = "docs/decisions.md, verdicts withheld: between clean, attacked and wrong geometry (benchmark geometry_fit)"
 

@@ -25,7 +25,7 @@ from auditor.identification.evidence_parameters import THROWN_LIGHT as LIT
 from auditor.model.checks import Check
 from auditor.model.verdict import Cause, VerdictKind
 from tests.benchmarks import durations, held_light, measured_series, rates
-from tests.benchmarks.incident_series import MEASURED_HZ, drives_of
+from tests.benchmarks.incident_series import MEASURED_HZ, Tally, drives_of
 from tests.benchmarks.judged_drives import calibrated_by, outcome
 from tests.benchmarks.lasting_faults import CLEAN
 from tests.benchmarks.measured_series import Drive, judged, kept_drive, learn
@@ -182,9 +182,9 @@ def lasting(scenes: Sequence[Scene], cameras: Sequence[int]) -> str:
             for who, cases in drive.attacks.get(attack, {}).items():
                 for lasts, chosen in durations.series_of(cases, len(drive.clean)):
                     if lasts in found:
-                        tally = durations.Tally()
+                        tally = Tally()
                         tally.add(drive, chosen, who)
-                        found[lasts] += tally.incident
+                        found[lasts] += tally["incident"]
     return " ".join(map(str, found.values()))
 
 

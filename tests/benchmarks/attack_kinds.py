@@ -11,7 +11,7 @@ sensor, or take a fault of another one for the likeliest cause; `suspect` have a
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,14 +19,13 @@ import numpy as np
 
 from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.kinds import Drawing
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import MATCHER, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
-from tests.benchmarks.rates import Judged, judge_all
+from tests.benchmarks.rates import Judged, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Case, Scene
 
 
@@ -58,6 +57,9 @@ KINDS = (
     Kind("electromagnetic stripes", "electromagnetic"),
 )
 
+Changes = Callable[[Frame, Rig, int], Iterator[tuple[str, int, Frame]]]
+"""The kinds of change of a frame by a seed: the name, the camera, and the frame."""
+
 SETS = ((1, 2, 3, 4), (1, 2, 3), (1, 2, 4))
 """The cameras that are judged by: all, and three. Of the real drives S_2 and S_4 are colour cameras."""
 
@@ -72,7 +74,7 @@ def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Fr
             yield one.name, camera.number, replace(frame, images={**frame.images, camera.number: image})
 
 
-def measured(source: Recorded | Street, name: str, family: str, attacked: int) -> Scene:
+def measured(source: Source, name: str, family: str, attacked: int, *, changes: Changes = attacks_on) -> Scene:
     """All frames of a source clean, and `attacked` of them, evenly spread, under every attack."""
     features, cases = FaultFeatures(), []
     with source.open(colour=True) as [drive]:
@@ -84,7 +86,7 @@ def measured(source: Recorded | Street, name: str, family: str, attacked: int) -
             if frame.number in chosen:
                 cases += [
                     case_of(measure(changed, drive.rig, MATCHER)[0], drive.rig, kind, (camera,))
-                    for kind, camera, changed in attacks_on(frame, drive.rig, len(name))
+                    for kind, camera, changed in changes(frame, drive.rig, len(name))
                 ]
         return Scene(name, family, drive.rig, kinds_of(frames[0]), tuple(cases))
 
@@ -104,24 +106,16 @@ def report(judged: Sequence[Judged], *, by_camera: bool) -> Iterator[str]:
     for (name, where), cases in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1])):
         counts = {
             what: sum(is_so(one.robust, one.case) for one in cases)
-            for what, is_so in (("found", _found), ("named", _named), ("others", _others), ("suspect", _suspect))
+            for what, is_so in (("found", not_clean), ("named", named), ("others", _others), ("suspect", _suspect))
         }
         yield f"{name:26} {where:10} {len(cases):4} frames: " + ", ".join(f"{k} {v:3}" for k, v in counts.items())
-
-
-def _found(verdict: Verdict, _case: Case) -> bool:
-    return verdict.kind is not VerdictKind.CLEAN
-
-
-def _named(verdict: Verdict, case: Case) -> bool:
-    return verdict.attacked == case.attacked
 
 
 def _others(verdict: Verdict, case: Case) -> bool:
     if verdict.kind is VerdictKind.SUSPECT and verdict.causes:
         sensor = verdict.causes[0].sensor
         return sensor is not None and sensor not in case.attacked
-    return bool(set(verdict.attacked) - set(case.attacked))
+    return misnamed(verdict, case)
 
 
 def _suspect(verdict: Verdict, _case: Case) -> bool:

@@ -13,7 +13,7 @@ attacked, and those that end a scan in 1; and the same of the recordings beside 
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -22,33 +22,19 @@ from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import Verdict
 from auditor.pipeline.calibrations.batch import FEWEST_CLEAN, MOST_PASSES
 from tests.benchmarks.durations import R
-from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
 from tests.benchmarks.rates import frames_of, thresholds_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 ATTACKED = 2
 
 
-@dataclass
-class Tally:
+class Recordings(Tally):
     """Recordings, those with an incident, those whose attacked sensors it names, and those found at all."""
 
-    recordings: int = 0
-    incident: int = 0
-    named: int = 0
-    found: int = 0
-
-    def add(self, verdicts: Sequence[Verdict], who: tuple[int, ...]) -> None:
-        """Count a recording in which these sensors were attacked."""
-        findings = [verdict.finding for verdict in verdicts if verdict.finding is not None]
-        incidents = [one for one in findings if not one.alert]
-        self.recordings += 1
-        self.incident += bool(incidents)
-        self.named += any(one.attacked == who for one in incidents)
-        self.found += bool(findings)
-
     def __str__(self) -> str:
-        return f"incident {self.incident}, named {self.named}, found {self.found} of {self.recordings}"
+        named = f"named {self['by incident']}"
+        return f"incident {self['incident']}, {named}, found {self['found']} of {self['series']}"
 
 
 def cut(scene: Scene, frames: int) -> Iterator[Scene]:
@@ -86,9 +72,9 @@ def _judged(drive: Drive, cases: Sequence[Case]) -> list[Verdict]:
     return drive.judged(drive.series(dict(enumerate(cases)), MEASURED_HZ))
 
 
-def tallies(drives: Sequence[Drive]) -> dict[str, tuple[Tally, Tally]]:
+def tallies(drives: Sequence[Drive]) -> dict[str, tuple[Recordings, Recordings]]:
     """By attack, over all pairs of attacked recordings, and all sensors of them alike: attacked, and clean beside."""
-    found: dict[str, tuple[Tally, Tally]] = defaultdict(lambda: (Tally(), Tally()))
+    found: dict[str, tuple[Recordings, Recordings]] = defaultdict(lambda: (Recordings(), Recordings()))
     for attack, of_sensors in drives[0].attacks.items():
         for who in of_sensors:
             for pair in combinations(range(len(drives)), ATTACKED):
@@ -101,7 +87,7 @@ def tallies(drives: Sequence[Drive]) -> dict[str, tuple[Tally, Tally]]:
                     continue
                 for place, verdicts in enumerate(batch(recordings, drives)):
                     attacked = place in pair
-                    found[attack][not attacked].add(verdicts, who if attacked else ())
+                    found[attack][not attacked].count(verdicts, who if attacked else ())
     return found
 
 
@@ -114,9 +100,9 @@ def main() -> None:
     for cameras in RIGS:
         drives = drives_of(scenes, cameras, R, prior=True)
         print(f"LiDAR and {len(cameras)} cameras: {len(drives)} recordings, of which {ATTACKED} are attacked")
-        clean = Tally()
+        clean = Recordings()
         for verdicts in batch([drive.clean for drive in drives], drives):
-            clean.add(verdicts, ())
+            clean.count(verdicts, ())
         print(f"{'none attacked':22} {clean}")
         for attack, (attacked, beside) in sorted(tallies(drives).items()):
             print(f"{attack:22} {attacked}; clean ones beside: {beside}", flush=True)

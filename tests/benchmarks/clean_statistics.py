@@ -13,13 +13,13 @@ which each attacked frame follows one that is attacked alike.
 """
 
 import argparse
-import pickle
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -40,7 +40,7 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
 from auditor.model.optics.common_view import resized
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.scenes import Case, Scene
+from tests.benchmarks.scenes import Case, Scene, keep
 
 MATCHER = find_matcher("sgbm")
 DRIVES = {
@@ -229,6 +229,19 @@ def drives_in(data: Path, scale: float, altered: str | None = None) -> dict[str,
     return {name: drive if altered is None else Altered(drive, altered) for name, drive in resized.items()}
 
 
+Source = Recorded | Resized | Altered | Street
+
+
+def sources_of(
+    data: Path | None, streets: range, frames: int, cameras: int = 4, scale: float = 1.0, altered: str | None = None
+) -> Iterator[tuple[str, str, Source]]:
+    """The name, the family and the source of each real drive, where there are data, and of each street."""
+    if data is not None:
+        yield from ((name, name, drive) for name, drive in drives_in(data, scale, altered).items())
+    for street in (Street(seed, frames, cameras, scale) for seed in streets):
+        yield str(street), street.family, street
+
+
 def alone(frame: Frame, camera: int) -> Frame:
     """What one camera and the LiDAR have of a frame."""
     image, presence = replace(frame.images[camera], sensor=1), {LIDAR: frame.presence[LIDAR], 1: frame.presence[camera]}
@@ -236,7 +249,7 @@ def alone(frame: Frame, camera: int) -> Frame:
 
 
 def scene_of(
-    source: Recorded | Resized | Altered | Street,
+    source: Source,
     name: str,
     family: str,
     *,
@@ -282,30 +295,12 @@ def main() -> None:
     parser.add_argument("--stretch", type=int, nargs=2, default=(0, None), help="first frame, and one past the last")
     options = parser.parse_args()
     use_one_thread()
-    options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Resized | Altered | Street]] = []
-    if options.drives:
-        todo += [
-            (name, name, drive) for name, drive in drives_in(options.drives, options.scale, options.altered).items()
-        ]
-    for seed in range(options.first, options.first + options.streets):
-        street = Street(seed, options.frames, options.cameras, options.scale)
-        todo.append((f"street {seed}", street.family, street))
-    for name, family, source in todo:
-        path = options.into / f"{name}.scene"
-        if not path.exists():
-            scene = scene_of(
-                source,
-                name,
-                family,
-                attacked=options.attacked,
-                every=options.every,
-                stretch=tuple(options.stretch),
-                constant=options.constant,
-                camera=options.alone,
-            )
-            path.write_bytes(pickle.dumps(scene))
-            print(f"{name}: {len(scene.cases)} cases, {family}, cameras {scene.kinds}", flush=True)
+    streets = range(options.first, options.first + options.streets)
+    sizes = options.cameras, options.scale, options.altered
+    how = {"attacked": options.attacked, "every": options.every, "constant": options.constant, "camera": options.alone}
+    for name, family, source in sources_of(options.drives, streets, options.frames, *sizes):
+        if keep(options.into, name, partial(scene_of, source, name, family, stretch=tuple(options.stretch), **how)):
+            print(f"{name}, {family}", flush=True)
 
 
 if __name__ == "__main__":

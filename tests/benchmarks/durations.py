@@ -13,44 +13,23 @@ with an incident, and those that are found at all: by an incident or an alert, s
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
-from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
 from tests.benchmarks.scenes import Case, Scene, load
 
 R = Decimal("0.01")
 LASTS = ("one frame", "a quarter", "a half", "all")
 
 
-@dataclass
-class Tally:
+def cell(n: Tally) -> str:
     """Series of one attack and one duration."""
-
-    series: int = 0
-    incident: int = 0
-    found: int = 0
-    attacked: int = 0
-    named: int = 0
-
-    def add(self, drive: Drive, attacked: Mapping[int, Case], who: tuple[int, ...]) -> None:
-        """Judge a drive in which these cases take the places of clean ones."""
-        verdicts = drive.judged(drive.series(attacked, MEASURED_HZ))
-        self.series += 1
-        self.incident += any(verdict.in_incident for verdict in verdicts)
-        self.found += any(verdict.finding is not None for verdict in verdicts)
-        self.attacked += len(attacked)
-        self.named += sum(verdicts[place].attacked == who for place in attacked)
-
-    def __str__(self) -> str:
-        if not self.series:
-            return f"{'-':>22}"
-        named, incident, found = (
-            100 * hits / of
-            for hits, of in ((self.named, self.attacked), (self.incident, self.series), (self.found, self.series))
-        )
-        return f"{named:6.0f} /{incident:5.0f} /{found:5.0f}  "
+    if not n["series"]:
+        return f"{'-':>22}"
+    shares = (("named", "frames"), ("incident", "series"), ("found", "series"))
+    named, incident, found = (100 * n[hits] / n[of] for hits, of in shares)
+    return f"{named:6.0f} /{incident:5.0f} /{found:5.0f}  "
 
 
 def series_of(cases: Mapping[int, Case], frames: int) -> Iterator[tuple[str, dict[int, Case]]]:
@@ -84,7 +63,7 @@ def main() -> None:
             drives = drives_of(scenes, cameras, R, prior=prior)
             print(f"{'':22}" + "".join(f"{lasts:>22}" for lasts in LASTS))
             for attack, by_duration in sorted(tallies(drives).items()):
-                print(f"{attack:22}" + "".join(f"{by_duration[lasts]!s:>22}" for lasts in LASTS), flush=True)
+                print(f"{attack:22}" + "".join(f"{cell(by_duration[lasts]):>22}" for lasts in LASTS), flush=True)
             clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
             print(f"clean drives found: {sum(any(one.finding for one in each) for each in clean)} of {len(clean)}")
 

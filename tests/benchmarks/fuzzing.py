@@ -232,9 +232,6 @@ def one(seed: int, seeds: Seeds, folder: Path) -> str:
 
 def run(first: int, count: int, limit_s: float, only: str = "") -> bool:
     """Run on what has one of the words in its name, and print; True where nothing was found."""
-    found, slowest, touched = 0, (0.0, 0), Counter[str]()
-    signal.signal(signal.SIGPROF, _hang)
-    signal.signal(signal.SIGALRM, _hang)
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         (Path(name) / "seeds").mkdir()
         seeds = Seeds(Path(name) / "seeds")
@@ -245,40 +242,59 @@ def run(first: int, count: int, limit_s: float, only: str = "") -> bool:
         if only:
             seeds.keep(only.split(","))
         idle_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        started = perf_counter()
-        for seed in range(first, first + count):
-            before = process_time()
-            signal.setitimer(signal.ITIMER_PROF, limit_s)
-            signal.setitimer(signal.ITIMER_REAL, _PATIENCE * limit_s)
-            try:
-                touched[" ".join(one(seed, seeds, Path(name)).split()[: 3 if only else 1])] += 1
-            except Exception:  # noqa: BLE001 - a foreign exception is what this looks for
-                found += 1
-                print(f"seed {seed}:\n{traceback.format_exc()}", flush=True)
-            finally:
-                signal.setitimer(signal.ITIMER_PROF, 0)
-                signal.setitimer(signal.ITIMER_REAL, 0)
-            slowest = max(slowest, (process_time() - before, seed))
-        seconds = perf_counter() - started
+        words = 3 if only else 1
+        found, _ = looped(
+            range(first, first + count), limit_s, lambda seed: " ".join(one(seed, seeds, Path(name)).split()[:words])
+        )
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{count} iterations in {seconds:.0f} s ({count / seconds:.0f} a second), {found} foreign exceptions or hangs; "
-        f"slowest {slowest[0]:.2f} s (seed {slowest[1]}); peak memory {peak_mb - idle_mb:.0f} MB above the start"
-    )
-    print(", ".join(f"{name} {number}" for name, number in sorted(touched.items())))
+    print(f"peak memory {peak_mb - idle_mb:.0f} MB above the start")
     return found == 0
+
+
+def looped(seeds: Sequence[int], limit_s: float, one: Callable[[int], str]) -> tuple[int, Counter[str]]:
+    """Run an iteration of each seed, and print; the foreign exceptions and hangs, and how often each end came."""
+    found, slowest, ends = 0, (0.0, 0), Counter[str]()
+    signal.signal(signal.SIGPROF, _hang)
+    signal.signal(signal.SIGALRM, _hang)
+    started = perf_counter()
+    for seed in seeds:
+        before = process_time()
+        signal.setitimer(signal.ITIMER_PROF, limit_s)
+        signal.setitimer(signal.ITIMER_REAL, _PATIENCE * limit_s)
+        try:
+            ends[one(seed)] += 1
+        except Exception:  # noqa: BLE001 - a foreign exception is what this looks for
+            found += 1
+            print(f"seed {seed}:\n{traceback.format_exc()}", flush=True)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        slowest = max(slowest, (process_time() - before, seed))
+    seconds = perf_counter() - started
+    print(
+        f"{len(seeds)} iterations in {seconds:.0f} s ({len(seeds) / seconds:.0f} a second), {found} foreign exceptions "
+        f"or hangs; slowest {slowest[0]:.2f} s (seed {slowest[1]})"
+    )
+    print(", ".join(f"{name}: {number}" for name, number in sorted(ends.items())))
+    return found, ends
 
 
 def _hang(_signal: int, _frame: object) -> None:
     raise HangError
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--iterations", type=int, default=10_000)
+def options_of(text: str | None, iterations: int) -> argparse.ArgumentParser:
+    """The options of a mutation loop."""
+    parser = argparse.ArgumentParser(description=text.splitlines()[0] if text else None)
+    parser.add_argument("--iterations", type=int, default=iterations)
     parser.add_argument("--seed", type=int, default=0, help="number of the first iteration")
     parser.add_argument("--limit", type=float, default=5.0, help="seconds of computing that one iteration may take")
+    return parser
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = options_of(__doc__, 10_000)
     parser.add_argument("--only", default="", help="words, with commas, of which names have one: av1,draco")
     options = parser.parse_args()
     cv2.setNumThreads(1)

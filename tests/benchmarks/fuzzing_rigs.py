@@ -6,18 +6,13 @@ rectified picture of each. Anything raised but our own errors, every warning of 
 for more than --limit seconds is printed with the seed that repeats it (--seed N --iterations 1); the exit code is 1.
 """
 
-import argparse
 import random
-import signal
 import sys
-import traceback
 import warnings
-from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from time import perf_counter, process_time
 from typing import Any
 
 import cv2
@@ -32,6 +27,7 @@ from auditor.model.rig import Rig
 from auditor.recordings import check_rig, schemas, search_rigs, survey
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.messages import MessageMaker
+from tests.benchmarks.fuzzing import looped, options_of
 
 START_NS = 1_700_000_000 * 10**9
 SIZE_PX = (64, 48)
@@ -46,10 +42,6 @@ NUMBERS = (0.0, -1.0, 1.0, 0.5, 1e-9, 1e-300, 1e300, 1e9, -1e9, 1e6, 2.0**31, fl
 SIZES = (0, 1, 2, 31, 63, 64, 128, 640, 65_535, 65_536, 2**31, 2**32 - 1)
 WORDS = ("", "/", "base", "cam0", "camera", "\0", "ä" * 50, "a\nb", "image_rect", "1e300")
 MODELS = ("", "plumb_bob", "rational_polynomial", "equidistant", "fisheye", "none", "unknown", "PLUMB_BOB", "\0")
-
-
-class HangError(Exception):
-    """An iteration took too long."""
 
 
 @dataclass
@@ -315,45 +307,19 @@ def _rectify(rig: Rig) -> None:
 
 def run(first: int, count: int, limit_s: float) -> bool:
     """Run and print; True where nothing was found, and rigs were found in enough vehicles to say so."""
-    found, slowest, ends, maker = 0, (0.0, 0), Counter[str](), MessageMaker("cdr")
-    signal.signal(signal.SIGPROF, _hang)
-    started = perf_counter()
+    maker = MessageMaker("cdr")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for seed in range(first, first + count):
-            before = process_time()
-            signal.setitimer(signal.ITIMER_PROF, limit_s)
-            try:
-                ends[one(seed, maker)] += 1
-            except Exception:  # noqa: BLE001 - a foreign exception is what this looks for
-                found += 1
-                print(f"seed {seed}:\n{traceback.format_exc()}", flush=True)
-            finally:
-                signal.setitimer(signal.ITIMER_PROF, 0)
-            slowest = max(slowest, (process_time() - before, seed))
-    seconds = perf_counter() - started
-    print(
-        f"{count} iterations in {seconds:.0f} s ({count / seconds:.0f} a second), {found} foreign exceptions, warnings "
-        f"or hangs; slowest {slowest[0]:.2f} s (seed {slowest[1]})"
-    )
-    print(", ".join(f"{name}: {number}" for name, number in sorted(ends.items())))
+        found, ends = looped(range(first, first + count), limit_s, lambda seed: one(seed, maker))
     with_rigs = sum(number for name, number in ends.items() if name.endswith("rigs") and name != "0 rigs")
     if with_rigs < FEWEST_WITH_RIGS * count:
         print(f"only {with_rigs} vehicles have rigs: the fuzzer makes nothing that could be audited")
     return found == 0 and with_rigs >= FEWEST_WITH_RIGS * count
 
 
-def _hang(_signal: int, _frame: object) -> None:
-    raise HangError
-
-
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--iterations", type=int, default=5_000)
-    parser.add_argument("--seed", type=int, default=0, help="number of the first iteration")
-    parser.add_argument("--limit", type=float, default=5.0, help="seconds of computing that one iteration may take")
-    options = parser.parse_args()
+    options = options_of(__doc__, 5_000).parse_args()
     cv2.setNumThreads(1)
     sys.exit(0 if run(options.seed, options.iterations, options.limit) else 1)
 

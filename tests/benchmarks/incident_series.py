@@ -11,8 +11,8 @@ taken at ten a second are stamped anew for other rates, or every so many of them
 """
 
 import argparse
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -105,37 +105,43 @@ def drive_of(scene: Scene, system: System, thresholds: RobustThresholds) -> Driv
     return Drive(scene, system, thresholds, clean, attacks)
 
 
-@dataclass
-class Tally:
-    """Attacked series: how many there are, with an incident, with exactly one, and named by one."""
+class Tally(Counter[str]):
+    """Attacked series, by what became of them, and their attacked frames, raised and named.
 
-    series: int = 0
-    found: int = 0
-    once: int = 0
-    named: int = 0
-    raised: int = 0
-    attacked: int = 0
+    `once` there is a single `incident`; what is `found` may be an alert. `by incident` says that an incident
+    names exactly who is attacked, `by finding` that an incident or an alert does, `others` that one names others.
+    """
 
     def add(
-        self, verdicts: Sequence[Verdict], stamps: np.ndarray, attacked: Sequence[int], who: tuple[int, ...]
+        self,
+        drive: Drive,
+        cases: Mapping[int, Case],
+        who: tuple[int, ...],
+        attacked: Collection[int] | None = None,
+        rate_hz: float = MEASURED_HZ,
     ) -> None:
+        """Judge a drive with these cases at their places, of which those `attacked` (else all) are attacked."""
+        series = drive.series(cases, rate_hz)
+        verdicts = drive.judged(series)
+        self.count(verdicts, who, cases if attacked is None else attacked)
+        self["once"] += count_incidents([one.finding for one in verdicts], series.stamps_ns) == 1
+
+    def count(self, verdicts: Sequence[Verdict], who: tuple[int, ...], attacked: Collection[int] = ()) -> None:
         """Count one series, in which the frames at these places were attacked."""
-        findings = [verdict.finding for verdict in verdicts]
-        incidents = count_incidents(findings, stamps)
-        own = [f for f in findings if f is not None and not f.alert]
-        self.series += 1
-        self.found += incidents > 0
-        self.once += incidents == 1
-        self.named += any(finding.attacked == who for finding in own)
-        self.raised += sum(verdicts[place].kind in FINDINGS for place in attacked)
-        self.attacked += len(attacked)
+        findings = [verdict.finding for verdict in verdicts if verdict.finding is not None]
+        self["series"] += 1
+        self["incident"] += any(not one.alert for one in findings)
+        self["found"] += bool(findings)
+        self["by incident"] += any(one.attacked == who and not one.alert for one in findings)
+        self["by finding"] += any(one.attacked == who for one in findings)
+        self["others"] += any(one.attacked and one.attacked != who for one in findings)
+        self["frames"] += len(attacked)
+        self["raised"] += sum(verdicts[place].kind in FINDINGS for place in attacked)
+        self["named"] += sum(verdicts[place].attacked == who for place in attacked)
 
     def __str__(self) -> str:
-        if not self.series:
-            return "-"
-        return (
-            f"{self.found}/{self.series} ({self.once} once, {self.named} named; frames {self.raised}/{self.attacked})"
-        )
+        named = f"{self['once']} once, {self['by incident']} named; frames {self['raised']}/{self['frames']}"
+        return f"{self['incident']}/{self['series']} ({named})" if self["series"] else "-"
 
 
 def patterns() -> dict[str, tuple[Pattern, int]]:
@@ -170,8 +176,7 @@ def tally_attacks(drives: Sequence[Drive], name: str, rate_hz: float, fewest: in
             continue
         starts = range(phases) if phases else range(0, F - 4, 3)
         for attack, who, cases in attacked_series(drive, pattern, starts):
-            series = drive.series(cases, rate_hz)
-            found[attack].add(drive.judged(series), series.stamps_ns, sorted(cases), who)
+            found[attack].add(drive, cases, who, rate_hz=rate_hz)
     return found
 
 

@@ -2,23 +2,20 @@
 
 import argparse
 import os
-import pickle
 from collections.abc import Callable, Sequence
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import use_one_thread
 from auditor.model.frames import Frame
-from tests.benchmarks.clean_statistics import Altered, Resized, drives_in
-from tests.benchmarks.scenes import Scene, load
+from tests.benchmarks.clean_statistics import Source, sources_of
+from tests.benchmarks.scenes import Scene, keep, load
 
-Measure = Callable[[Recorded | Resized | Altered | Street, str, str, int], Scene]
+Measure = Callable[[Source, str, str, int], Scene]
 """The scene of a source with its name and family, and the number of its frames that are attacked."""
-
-CAMERAS = 4
 
 
 def options_of(text: str | None, *, frames: int, attacked: int) -> argparse.ArgumentParser:
@@ -37,19 +34,10 @@ def options_of(text: str | None, *, frames: int, attacked: int) -> argparse.Argu
 def scenes_of(options: argparse.Namespace, measured: Measure) -> list[Scene]:
     """The scenes of the real drives, or of streets; what is in the folder is not measured again."""
     use_one_thread()
-    options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Resized | Altered | Street]] = [
-        (f"street {seed}", source.family, source)
-        for seed in range(options.first, options.first + options.streets)
-        for source in (Street(seed, options.frames, CAMERAS, options.scale),)
-    ]
-    if not todo:
-        data = Path(os.environ["AUDITOR_TEST_DATA"])
-        todo = [(name, name, drive) for name, drive in drives_in(data, options.scale).items()]
-    for name, family, source in todo:
-        path = options.into / f"{name}.scene"
-        if not path.exists():
-            path.write_bytes(pickle.dumps(measured(source, name, family, options.attacked)))
+    data = None if options.streets else Path(os.environ["AUDITOR_TEST_DATA"])
+    streets = range(options.first, options.first + options.streets)
+    for name, family, source in sources_of(data, streets, options.frames, scale=options.scale):
+        keep(options.into, name, partial(measured, source, name, family, options.attacked))
     return load(options.into)
 
 

@@ -13,7 +13,7 @@ sensor. Objects are removed only where something stands that looks like a car: `
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +25,6 @@ from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
 from auditor.lab.attacks.spoofing import find_object
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.collect import shares_of_ranges
 from auditor.measurement.checks.false_ranges import directed_points, pair_ranges
@@ -45,9 +44,9 @@ from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_che
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import MATCHER, Altered, Resized, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
 from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
-from tests.benchmarks.rates import Judged, judge_all
+from tests.benchmarks.rates import Judged, counts, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Scene
 
 KINDS: tuple[tuple[str, float | None] | tuple[str, float, float], ...] = (
@@ -151,7 +150,7 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays) -> Floa
 
 
 def measured(
-    source: Recorded | Resized | Altered | Street,
+    source: Source,
     name: str,
     family: str,
     most: int,
@@ -195,26 +194,14 @@ def report(after: Sequence[Judged], before: Sequence[Judged]) -> Iterator[str]:
     for pair in zip(after, before, strict=True):
         by_kind[pair[0].case.attack].append(pair)
     for kind, pairs in by_kind.items():
-        counts = [
-            f"{what} {sum(is_so(new) for new, _ in pairs):3} ({sum(is_so(old) for _, old in pairs):3})"
+        told = [
+            "{} {:3} ({:3})".format(what, *(counts(some, is_so)[0] for some in zip(*pairs, strict=True)))
             for what, is_so in OUTCOMES.items()
         ]
-        yield f"{kind or 'clean':20} {len(pairs):4} frames: " + ", ".join(counts)
+        yield f"{kind or 'clean':20} {len(pairs):4} frames: " + ", ".join(told)
 
 
-def _found(one: Judged) -> bool:
-    return bool(one.robust.kind != "clean")
-
-
-def _named(one: Judged) -> bool:
-    return one.robust.attacked == one.case.attacked
-
-
-def _others(one: Judged) -> bool:
-    return bool(set(one.robust.attacked) - set(one.case.attacked))
-
-
-OUTCOMES: dict[str, Callable[[Judged], bool]] = {"found": _found, "named": _named, "others": _others}
+OUTCOMES = {"found": not_clean, "named": named, "others": misnamed}
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ from time import process_time
 import numpy as np
 
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import Street
 from auditor.measurement import measure_stream, use_one_thread
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.disparity.half_resolution import grey
@@ -30,7 +30,7 @@ from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, alone, case_of
+from tests.benchmarks.clean_statistics import MATCHER, Source, alone, case_of, sources_of
 from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drives_of
 from tests.benchmarks.scenes import Case, Scene
 
@@ -47,7 +47,7 @@ def walls(count: int, seed: int) -> Iterator[tuple[str, BogusWall]]:
         yield f"{NARROW} #{number}", BogusWall(10.0, lateral_m, width_m=1.0, seed=number)
 
 
-def frames_of(source: Recorded | Street, camera: int) -> tuple[Rig, list[Frame]]:
+def frames_of(source: Source, camera: int) -> tuple[Rig, list[Frame]]:
     with source.open(colour=True) as drives:
         rig, lone = drives[0].rig, Rig(drives[0].rig.lidar, (replace(drives[0].rig.camera(camera), number=1),))
         whole = [frame for frame in drives[0].frames if isinstance(frame, Frame)]
@@ -61,7 +61,7 @@ def cases_of(frames: Sequence[Frame], rig: Rig, attack: str = "") -> Iterator[Ca
             yield case_of(one[0], rig, attack, (LIDAR,) if attack else ())
 
 
-def scene_of(name: str, family: str, source: Recorded | Street, camera: int, count: int) -> Scene:
+def scene_of(name: str, family: str, source: Source, camera: int, count: int) -> Scene:
     rig, frames = frames_of(source, camera)
     cases = list(cases_of(frames, rig))
     for attack, wall in walls(count, zlib.crc32(name.encode())):
@@ -77,9 +77,7 @@ def tallied(drives: Sequence[Drive]) -> dict[str, Tally]:
                 cases = {
                     place: of_sensors[LIDAR,][place] for place in range(start, min(start + LASTS, len(drive.clean)))
                 }
-                series = drive.series(cases, MEASURED_HZ)
-                kind = attack.partition(" #")[0]
-                found[kind].add(drive.judged(series), series.stamps_ns, sorted(cases), (LIDAR,))
+                found[attack.partition(" #")[0]].add(drive, cases, (LIDAR,))
     return found
 
 
@@ -112,12 +110,11 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=20)
     options = parser.parse_args()
     use_one_thread()
-    sources: list[tuple[str, str, Recorded | Street, int]] = []
-    if options.drives:
-        sources += [(name, name, Recorded(options.drives / path), options.camera) for name, path in DRIVES.items()]
-    for seed in range(options.first, options.first + options.streets):
-        street = Street(seed, options.frames, 1)
-        sources.append((str(street), street.family, street, 1))
+    streets = range(options.first, options.first + options.streets)
+    sources = [
+        (name, family, source, 1 if isinstance(source, Street) else options.camera)
+        for name, family, source in sources_of(options.drives, streets, options.frames, 1)
+    ]
     scenes = [scene_of(*source, options.walls) for source in sources]
     for how, prior in (("learnt from other families", False), ("by the prior", True)):
         drives = drives_of(scenes, (1,), R, prior=prior)

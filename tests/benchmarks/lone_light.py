@@ -24,7 +24,7 @@ from time import process_time
 import numpy as np
 
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import Recorded
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.checks.still_light import OfThePast
@@ -36,8 +36,8 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
 from tests.benchmarks.benign import faults
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
-from tests.benchmarks.incident_series import MEASURED_HZ, Drive, drives_of
+from tests.benchmarks.clean_statistics import DRIVES, MATCHER, Source, case_of, sources_of
+from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drives_of
 from tests.benchmarks.lasting_faults import on
 from tests.benchmarks.lone_cameras import R, frames_of, moments
 from tests.benchmarks.scenes import Case, Scene
@@ -122,7 +122,7 @@ def series_of(frames: Sequence[Frame], rig: Rig, places: int, seed: int) -> Iter
             yield Series(f"fault: {fault.name}", lasts, (), measured(changes, rig), range(begins, len(frames)))
 
 
-def measure_into(path: Path, name: str, family: str, source: Recorded | Street, options: argparse.Namespace) -> None:
+def measure_into(path: Path, name: str, family: str, source: Source, options: argparse.Namespace) -> None:
     rig, frames = frames_of(source, options.camera)
     clean = tuple(measured(frames, rig).values())
     series = [] if options.clean else list(series_of(frames, rig, options.places, zlib.crc32(path.name.encode())))
@@ -130,34 +130,12 @@ def measure_into(path: Path, name: str, family: str, source: Recorded | Street, 
     print(f"{path.name}: {len(clean)} frames, {len(series)} series", flush=True)
 
 
-@dataclass
-class Count:
-    """Series, and how many have an incident, a finding, and name who was attacked alone; attacked frames raised."""
-
-    series: int = 0
-    incident: int = 0
-    found: int = 0
-    named: int = 0
-    misnamed: int = 0
-    frames: int = 0
-    raised: int = 0
-
-    def add(self, drive: Drive, one: Series) -> None:
-        verdicts = drive.judged(drive.series(one.cases, MEASURED_HZ))
-        findings = [verdict.finding for verdict in verdicts if verdict.finding is not None]
-        self.series += 1
-        self.incident += any(verdict.in_incident for verdict in verdicts)
-        self.found += bool(findings)
-        self.named += any(finding.attacked == one.who for finding in findings)
-        self.misnamed += any(finding.attacked and finding.attacked != one.who for finding in findings)
-        self.frames += len(one.attacked)
-        self.raised += sum(verdicts[place].kind in FINDINGS for place in one.attacked)
+class Count(Tally):
+    """Series of one kind that last as long."""
 
     def __str__(self) -> str:
-        return (
-            f"incident {self.incident}/{self.series}, found {self.found}, named {self.named}, "
-            f"other named {self.misnamed}, frames {self.raised}/{self.frames}"
-        )
+        told = f"incident {self['incident']}/{self['series']}, found {self['found']}, named {self['by finding']}"
+        return f"{told}, other named {self['others']}, frames {self['raised']}/{self['frames']}"
 
 
 def judge(folders: Sequence[Path]) -> None:
@@ -181,7 +159,7 @@ def told(drives: Sequence[tuple[Drive, Sequence[Series]]]) -> Iterator[str]:
     counts: dict[tuple[str, str], Count] = defaultdict(Count)
     for drive, series in drives:
         for one in series:
-            counts[one.kind, one.lasts].add(drive, one)
+            counts[one.kind, one.lasts].add(drive, one.cases, one.who, one.attacked)
     yield from (f"  {kind}, {lasts}: {count}" for (kind, lasts), count in sorted(counts.items()))
 
 
@@ -230,13 +208,8 @@ def main() -> None:
         judge(options.judge)
         return
     options.into.mkdir(parents=True, exist_ok=True)
-    sources: list[tuple[str, str, Recorded | Street]] = []
-    if options.drives:
-        sources += [(name, name, Recorded(options.drives / path)) for name, path in DRIVES.items()]
-    for seed in range(options.first, options.first + options.streets):
-        street = Street(seed, options.frames, 1)
-        sources.append((str(street), street.family, street))
-    for name, family, source in sources:
+    streets = range(options.first, options.first + options.streets)
+    for name, family, source in sources_of(options.drives, streets, options.frames, 1):
         path = options.into / f"{name} {options.camera}.lone"
         if not path.exists():
             measure_into(path, name, family, source, options)

@@ -13,7 +13,7 @@ triples of the leftmost reference, under the paper's faculas and walls: threshol
 import argparse
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from itertools import combinations
 from pathlib import Path
@@ -22,6 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.robust import judge_frames
+from auditor.identification.scores import thresholds_from
 from auditor.identification.thresholds import threshold
 from auditor.lab.attacks.paper import Facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
@@ -29,15 +32,16 @@ from auditor.lab.evaluation.experiments import Attacks
 from auditor.lab.evaluation.object_baseline.agreement import scenarios
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
+from auditor.model.calibration import CleanFrames
 from auditor.model.frames import Frame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.verdict import Verdict, VerdictKind
+from auditor.pipeline.judge import system_of
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from tests.benchmarks.clean_statistics import DRIVES
 from tests.benchmarks.kinds import spread
 from tests.benchmarks.real_drives import without
-from tests.benchmarks.single_frames import judge_alone
 from tests.making.named_on_frames import Errors, disparity_errors, drawn, maxima, named
 
 AUDITED, LEARNT = "0009", ("0001", "04")
@@ -45,6 +49,10 @@ RATES = ("0", "0.01", "0.02", "0.03", "0.05")
 STRENGTHS = ("mild", "opaque")
 FACULAS = {"facula R 75 opaque": 2000.0, "facula R 75 mild": 255.0}
 RADIUS_PX = 75.0
+R, PERIOD_NS = Decimal("0.01"), 10**8
+
+Statistics = Sequence[Sequence[float | None]]
+"""Of some frames, in the order of the rig's sensor checks."""
 
 
 class Case(NamedTuple):
@@ -88,6 +96,26 @@ def outcome(attacked: tuple[int, ...], answer: tuple[int, ...], raised: bool) ->
     if not raised:
         return "not raised"
     return "named" if answer and answer == attacked else "others named" if answer else "no name"
+
+
+def judge_alone(rig: Rig, drives: Sequence[Statistics], tested: Statistics) -> list[Verdict]:
+    """The verdicts of the robust method by thresholds from the clean frames of drives, each on one frame by itself.
+
+    Rules over successive frames are left out: causes that are not attacks, and frozen sensors.
+    """
+    system, F = system_of(rig), len(tested)
+    clean = [_clean_frames(str(number), rig, statistics) for number, statistics in enumerate(drives)]
+    thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, R)
+    nothing = np.zeros((F, len(system.sensors)), dtype=np.bool_)
+    each = np.arange(F, dtype=np.int64)
+    series = FrameSeries(each, each, np.array(tested, dtype=np.float64), present=~nothing, frozen=nothing)
+    return judge_frames(series, system, thresholds, without_causes=True)
+
+
+def _clean_frames(name: str, rig: Rig, statistics: Statistics) -> CleanFrames:
+    columns = np.array(statistics, dtype=np.float64).T
+    stamps = np.arange(len(statistics), dtype=np.int64) * PERIOD_NS
+    return CleanFrames(name, stamps, {}, dict(zip(system_of(rig).sensor_checks, columns, strict=True)), {})
 
 
 def report(rig: Rig, cases: list[Case], drives: dict[str, list[Case]]) -> Iterator[str]:

@@ -204,13 +204,13 @@ def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, pr
 def report(judged: Sequence[Judged]) -> Iterator[str]:
     """Clean frames first: not clean, a sensor named; then by attack: named exactly, found, another sensor named."""
     clean = [one for one in judged if not one.case.attack]
-    yield f"clean: {share(clean, _not_clean)} not clean, {share(clean, _some_named)} name a sensor; " + (
-        f"paper {share(clean, _not_clean, paper=True)} not clean"
+    yield f"clean: {share(clean, not_clean)} not clean, {share(clean, some_named)} name a sensor; " + (
+        f"paper {share(clean, not_clean, paper=True)} not clean"
     )
     for attack in dict.fromkeys(one.case.attack for one in judged if one.case.attack):
         cases = [one for one in judged if one.case.attack == attack]
-        yield f"{attack}: named {share(cases, _named)}, found {share(cases, _not_clean)}, " + (
-            f"misnamed {share(cases, _misnamed)}; paper named {share(cases, _named, paper=True)}"
+        yield f"{attack}: named {share(cases, named)}, found {share(cases, not_clean)}, " + (
+            f"misnamed {share(cases, misnamed)}; paper named {share(cases, named, paper=True)}"
         )
 
 
@@ -227,14 +227,14 @@ def table(judged: Sequence[Judged], attacks: Sequence[str]) -> Iterator[str]:
 
     def row(name: str, cases: Sequence[Judged]) -> str:
         clean = [one for one in cases if not one.case.attack]
-        of_attacks = [cell([one for one in cases if one.case.attack == attack], _named) for attack in attacks]
-        return " | ".join(["", name, cell(clean, _not_clean), *of_attacks, ""]).strip()
+        of_attacks = [cell([one for one in cases if one.case.attack == attack], named) for attack in attacks]
+        return " | ".join(["", name, cell(clean, not_clean), *of_attacks, ""]).strip()
 
     def worst(group: tuple[str, list[Judged]]) -> float:
         clean = [one for one in group[1] if not one.case.attack]
         attacked = [one for one in group[1] if one.case.attack in attacks]
-        (raised, frames), (named, cases) = counts(clean, _not_clean), counts(attacked, _named)
-        return named / max(cases, 1) - raised / max(frames, 1)
+        (raised, frames), (hits, cases) = counts(clean, not_clean), counts(attacked, named)
+        return hits / max(cases, 1) - raised / max(frames, 1)
 
     yield "| family | clean frames raised | " + " | ".join(attacks) + " |"
     yield "|---" * (2 + len(attacks)) + "|"
@@ -266,19 +266,19 @@ def share(cases: Sequence[Judged], is_so: Outcome, *, paper: bool = False) -> st
     return f"{text} [{100 * low:.1f}, {100 * high:.1f}]"
 
 
-def _not_clean(verdict: Verdict, case: Case) -> bool:
+def not_clean(verdict: Verdict, case: Case) -> bool:
     return verdict.kind is not VerdictKind.CLEAN
 
 
-def _some_named(verdict: Verdict, case: Case) -> bool:
+def some_named(verdict: Verdict, case: Case) -> bool:
     return verdict.kind is VerdictKind.ATTACKED
 
 
-def _named(verdict: Verdict, case: Case) -> bool:
+def named(verdict: Verdict, case: Case) -> bool:
     return verdict.attacked == case.attacked
 
 
-def _misnamed(verdict: Verdict, case: Case) -> bool:
+def misnamed(verdict: Verdict, case: Case) -> bool:
     return bool(set(verdict.attacked) - set(case.attacked))
 
 

@@ -1,7 +1,7 @@
 """Measured scenes as `clean_statistics` keeps them: a module of its own, since pickles name the module of a class."""
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -44,6 +44,16 @@ class Scene:
     rig: Rig
     kinds: str
     cases: tuple[Case, ...]
+
+
+def keep(folder: Path, name: str, make: Callable[[], Scene]) -> bool:
+    """Make the scene of this name where the folder has none, and keep it; whether it was made."""
+    path = folder / f"{name}.scene"
+    if path.exists():
+        return False
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(pickle.dumps(make()))
+    return True
 
 
 def load(folder: Path) -> list[Scene]:

@@ -4,15 +4,13 @@
     python -m tests.benchmarks.street_detectors score
     python -m tests.benchmarks.street_detectors walls [RECORDING]
     python -m tests.benchmarks.street_detectors baseline [RECORDING...] [--known] --out STORE
-    python -m tests.benchmarks.street_detectors show RECORDING --out FOLDER
 
 `train` renders streets and writes images_fp16.safetensors and clouds_fp16.safetensors, with their hashes. `score` has
 average precision of cars by family, of streets that were never trained on, some of other styles and conditions.
 `walls` puts the paper's bogus wall into clean clouds and counts those in which it is found as a car that was not there
 (the paper's PIXOR: 986 of 1,000). `baseline` is the object-level baseline and average precision under attack alone,
 without the method's own tables, which `auditor evaluate` has too: on streets, every second frame attacked, with
-`--known` on those of families trained on, or on recordings. `show` draws what is found in the first frames of a
-recording.
+`--known` on those of families trained on, or on recordings.
 """
 
 import argparse
@@ -23,7 +21,6 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 
@@ -40,7 +37,6 @@ from auditor.lab.evaluation.sources import Recorded, Source, Street
 from auditor.lab.training.street_detectors import (
     CLOUDS,
     IMAGES,
-    StreetFrame,
     Training,
     families_trained_on,
     street_frames,
@@ -59,20 +55,16 @@ SURE = 0.5
 NEAR_M = 3.0
 
 
-def train(out: Path, streets: int, frames: int, seed: int, steps: dict[str, int]) -> None:
+def train(out: Path, streets: int, frames: int) -> None:
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(mode=True)
     started = time.process_time()
     made = [frame for street in training_streets(streets) for frame in street_frames(street, frames)]
     print(f"{len(made)} frames of {streets} streets: {time.process_time() - started:.0f} CPU s", flush=True)
-    train_on(out, made, seed, steps)
-
-
-def train_on(out: Path, made: list[StreetFrame], seed: int, steps: dict[str, int]) -> None:
     out.mkdir(parents=True, exist_ok=True)
-    for name, count in steps.items():
+    for name, count in STEPS.items():
         started, losses = time.process_time(), []
-        kind, how = {"images": IMAGES, "clouds": CLOUDS}[name], Training(count, seed=seed)
+        kind, how = {"images": IMAGES, "clouds": CLOUDS}[name], Training(count)
         for step, loss, now in trained(kind, made, how):
             losses.append(loss)
             network = now
@@ -183,59 +175,26 @@ def evaluated_streets(first: int, count: int, frames: int, *, known: bool) -> li
     return list(islice((one for one in streets if not known or families_trained_on(one)), count))
 
 
-def show(recording: Path, out: Path, frames: int) -> None:
-    out.mkdir(parents=True, exist_ok=True)
-    of_images, of_clouds = images.shipped_images(), clouds.shipped_clouds()
-    with Recorded(recording).open() as drives:
-        drive = drives[0]
-        for frame in drive.frames:
-            if not isinstance(frame, Frame) or frame.number >= frames:
-                break
-            camera = drive.rig.camera(drive.rig.n)
-            pixels = frame.images[camera.number].pixels
-            canvas = pixels.copy() if pixels.ndim == 3 else cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
-            for found in of_images.detect(pixels):
-                _draw(canvas, found.box, found.score, (0, 255, 0))
-            if frame.cloud is not None and drive.rig.lidar is not None:
-                for one in of_clouds.detect(frame.cloud.xyz_m, drive.rig.lidar.rig_SE3_lidar):
-                    box = in_view(one.box, camera)
-                    if box is not None:
-                        _draw(canvas, box, one.score, (0, 0, 255))
-            cv2.imwrite(str(out / f"{frame.number:03}.png"), canvas)
-
-
-def _draw(canvas: np.ndarray, box: images.ImageBox, sure: float, colour: tuple[int, int, int]) -> None:
-    corner = int(box.left), int(box.top)
-    cv2.rectangle(canvas, corner, (int(box.right), int(box.bottom)), colour, 1 + (sure > 0.5))
-    cv2.putText(canvas, f"{sure:.2f}", corner, cv2.FONT_HERSHEY_SIMPLEX, 0.4, colour)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["train", "score", "walls", "baseline", "show"])
+    parser.add_argument("what", choices=["train", "score", "walls", "baseline"])
     parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--known", action="store_true", help="streets of families that are trained on")
     parser.add_argument("--out", type=Path, default=Path("detectors"))
-    parser.add_argument("--only", choices=["images", "clouds"])
-    parser.add_argument("--steps", type=int, help="of each, in place of those of the weights that ship")
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--streets", type=int)
     parser.add_argument("--frames", type=int)
     parser.add_argument("--first", type=int, default=1000, help="the first street that is scored")
     given = parser.parse_args()
     recorded: list[Source] = [Recorded(path) for path in given.recordings]
     if given.what == "train":
-        steps = {name: given.steps or count for name, count in STEPS.items() if given.only in (None, name)}
-        train(given.out, given.streets or STREETS, given.frames or FRAMES, given.seed, steps)
+        train(given.out, given.streets or STREETS, given.frames or FRAMES)
     elif given.what == "score":
         score(given.first, given.streets or 36, given.frames or 4)
     elif given.what == "walls":
         walls(recorded or evaluated_streets(given.first, given.streets or 36, given.frames or 4, known=given.known))
-    elif given.what == "baseline":
+    else:
         streets = evaluated_streets(given.first, given.streets or 36, given.frames or 6, known=given.known)
         baseline(recorded or streets, given.out)
-    else:
-        show(given.recordings[0], given.out, given.frames or 4)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ family left out of its fit.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,16 +30,13 @@ from auditor.identification.scores import normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
-from auditor.lab.evaluation.sources import Recorded, Street
 from auditor.lab.simulation.stray_light import SunSeen
-from auditor.measurement import measure
 from auditor.model.arrays import Flags, Floats
 from auditor.model.frames import Frame
-from auditor.model.rig import Rig
-from tests.benchmarks.attack_kinds import KINDS
+from auditor.model.rig import Camera, Rig
+from tests.benchmarks.attack_kinds import KINDS, measured
 from tests.benchmarks.benign import Glare, faults
-from tests.benchmarks.clean_statistics import MATCHER, case_of
-from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
+from tests.benchmarks.kinds import options_of, scenes_of
 from tests.benchmarks.lasting_faults import on, patterns
 from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
 from tests.benchmarks.scenes import Scene
@@ -58,38 +56,28 @@ KNOTS = (
 )
 
 
-def changes(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, object]]:
-    """Each camera under faults of its lens, and under every light, drawn anew."""
+def changes(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Frame]]:
+    """The frame with each camera under faults of its lens, and under every light, drawn anew."""
     for camera in rig.cameras:
-        rng = np.random.default_rng([seed, frame.number, camera.number])
-        size = camera.width_px, camera.height_px
-        for fault in faults(seed + frame.number, *size):
-            if not fault.together and any(word in fault.name for word in OF_LENS):
-                yield LENS + fault.name, camera.number, fault.what
-        sun = SunSeen(rng.uniform(0, size[0]), rng.uniform(0, size[1] / 2), 1.0)
-        yield f"{LENS}glare of the sun anywhere", camera.number, Glare(sun, seed + 1)
-        for one in KINDS:
-            yield one.name, camera.number, ON_CAMERA[one.kind](Drawing(rng, one.strength, one.size), camera)
-        for strength in STRENGTHS:
-            yield f"facula, {strength}", camera.number, draw_facula(rng, *size, strength)
-        for pattern in patterns():
-            yield f"pattern, {pattern.title}", camera.number, pattern
+        for name, what in changes_of(frame, camera, seed):
+            yield name, camera.number, on(camera.number, what, rig)(frame)
 
 
-def measured(source: Recorded | Street, name: str, family: str, attacked: int) -> Scene:
-    """All frames of a source clean, and `attacked` of them under every change."""
-    cases = []
-    with source.open(colour=True) as [drive]:
-        frames = [item for item in drive.frames if isinstance(item, Frame)]
-        chosen, rig = spread(frames, attacked), drive.rig
-        for frame in frames:
-            cases.append(case_of(measure(frame, rig, MATCHER)[0], rig))
-            if frame.number in chosen:
-                cases += [
-                    case_of(measure(on(camera, what, rig)(frame), rig, MATCHER)[0], rig, kind, (camera,))
-                    for kind, camera, what in changes(frame, rig, len(name))
-                ]
-        return Scene(name, family, rig, kinds_of(frames[0]), tuple(cases))
+def changes_of(frame: Frame, camera: Camera, seed: int) -> Iterator[tuple[str, object]]:
+    """What changes the picture of a camera."""
+    rng = np.random.default_rng([seed, frame.number, camera.number])
+    size = camera.width_px, camera.height_px
+    for fault in faults(seed + frame.number, *size):
+        if not fault.together and any(word in fault.name for word in OF_LENS):
+            yield LENS + fault.name, fault.what
+    sun = SunSeen(rng.uniform(0, size[0]), rng.uniform(0, size[1] / 2), 1.0)
+    yield f"{LENS}glare of the sun anywhere", Glare(sun, seed + 1)
+    for one in KINDS:
+        yield one.name, ON_CAMERA[one.kind](Drawing(rng, one.strength, one.size), camera)
+    for strength in STRENGTHS:
+        yield f"facula, {strength}", draw_facula(rng, *size, strength)
+    for pattern in patterns():
+        yield f"pattern, {pattern.title}", pattern
 
 
 class Shown(NamedTuple):
@@ -192,7 +180,7 @@ def print_fit(found: Sequence[Shown], heavy: float, smooth: float) -> None:
 
 
 def main() -> None:
-    scenes = scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), measured)
+    scenes = scenes_of(options_of(__doc__, frames=8, attacked=2).parse_args(), partial(measured, changes=changes))
     print_fit(list(shown(scenes, ALL)), 3.0, 0.01)
 
 

@@ -6,9 +6,9 @@ tests.benchmarks.fleet_nights.
 """
 
 import argparse
-import pickle
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from tests.benchmarks.clean_statistics import MATCHER, case_of
-from tests.benchmarks.scenes import Case, Scene
+from tests.benchmarks.scenes import Case, Scene, keep
 from tests.benchmarks.turned_frames import STEP_DEG, TURNED, turned_frame
 
 STEPS = (1, 2, 4, 6, 7, 8, 10, 16)
@@ -38,22 +38,22 @@ def _case(frame: Frame, rig: Rig, name: str = "") -> Case:
     return case_of(replace(found, fault_features=FaultFeatures().update(arrays)), rig, name, (TURNED,) if name else ())
 
 
+def turned(street: Street) -> Scene:
+    """The cases of a frame of a street."""
+    with street.open() as (drive,):
+        frame = next(one for one in islice(drive.frames, PLACE, None) if isinstance(one, Frame))
+        return Scene(str(street), street.family, drive.rig, "", tuple(cases(frame, drive.rig)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--into", type=Path, required=True)
     parser.add_argument("--streets", type=int, nargs="+", default=[9000, 9019, 9040, 9061])
     options = parser.parse_args()
     use_one_thread()
-    options.into.mkdir(parents=True, exist_ok=True)
-    for seed in options.streets:
-        path, street = options.into / f"street {seed}.scene", Street(seed, 100, 4)
-        if path.exists():
-            continue
-        with street.open() as (drive,):
-            frame = next(one for one in islice(drive.frames, PLACE, None) if isinstance(one, Frame))
-            scene = Scene(str(street), street.family, drive.rig, "", tuple(cases(frame, drive.rig)))
-        path.write_bytes(pickle.dumps(scene))
-        print(path.stem, flush=True)
+    for street in (Street(seed, 100, 4) for seed in options.streets):
+        if keep(options.into, str(street), partial(turned, street)):
+            print(street, flush=True)
 
 
 if __name__ == "__main__":

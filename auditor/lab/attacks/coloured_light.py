@@ -138,8 +138,11 @@ def _projected(draw: Drawing, camera: Camera, height: float) -> ProjectedObject:
 
 
 ON_CAMERA: Mapping[str, CameraKind] = {
-    **{colour: CameraKind(f"a laser's {colour} light in one channel", RADIUS, None, _of(colour)) for colour in COLOURS},
+    **{
+        colour: CameraKind(f"a laser's {colour} light in one channel", RADIUS, None, _of(colour), evaluated=True)
+        for colour in COLOURS
+    },
     "infrared": CameraKind("near infrared, alike in all channels", RADIUS, None, _infrared),
     "veil": CameraKind("an even light over the image", "grey levels", 60.0, lambda _draw, _, size: Veil(size)),
-    "projected": CameraKind("a sign that is thrown into the lens", _HEIGHT, 120.0, _projected),
+    "projected": CameraKind("a sign that is thrown into the lens", _HEIGHT, 120.0, _projected, evaluated=True),
 }

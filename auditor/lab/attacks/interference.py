@@ -159,7 +159,9 @@ def _lost_rows(draw: Drawing, camera: Camera, stripes: float) -> Electromagnetic
 
 ON_CAMERA: Mapping[str, CameraKind] = {
     "stripes": CameraKind("rows that are brighter in turn", "grey levels", 120, _stripes),
-    "shutter": CameraKind("narrow bright rows, as of a pulsed light", "share of the rows", 0.1, _shutter),
-    "blur": CameraKind("sound that shakes the stabiliser", "px", 15.0, _blur),
-    "electromagnetic": CameraKind("radio waves that lose rows", "stripes", 4, _lost_rows),
+    "shutter": CameraKind(
+        "narrow bright rows, as of a pulsed light", "share of the rows", 0.1, _shutter, evaluated=True
+    ),
+    "blur": CameraKind("sound that shakes the stabiliser", "px", 15.0, _blur, evaluated=True),
+    "electromagnetic": CameraKind("radio waves that lose rows", "stripes", 4, _lost_rows, evaluated=True),
 }

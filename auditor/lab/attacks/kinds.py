@@ -74,9 +74,13 @@ class Kind:
 
 @dataclass(frozen=True)
 class CameraKind(Kind):
-    """A kind that is put on a camera: `draw` makes one of a size, which is None where it is to be drawn as well."""
+    """A kind that is put on a camera: `draw` makes one of a size, which is None where it is to be drawn as well.
+
+    `evaluated`: the further experiment has it at its usual size; a change of that raises EXPERIMENTS_VERSION.
+    """
 
     draw: Callable[[Drawing, Camera, Any], OnCamera]
+    evaluated: bool = field(default=False, kw_only=True)
 
     def __call__(self, draw: Drawing, camera: Camera) -> OnCamera:
         """One on this camera, of the size that was asked for or the usual one."""

@@ -255,7 +255,7 @@ def _far_wall(draw: Drawing, range_m: float) -> BogusWall:
 
 ON_CAMERA: Mapping[str, CameraKind] = {
     "facula": CameraKind("a round light, brightest at its centre", RADIUS, None, drawn_facula),
-    "spot": CameraKind("a small facula, opaque", RADIUS, 40.0, _spot),
+    "spot": CameraKind("a small facula, opaque", RADIUS, 40.0, _spot, evaluated=True),
 }
 ON_LIDAR: Mapping[str, LidarKind] = {
     "wall": LidarKind("a bogus wall near the vehicle", "width, m", None, _wall),

@@ -62,8 +62,8 @@ DELAYS = (1, 3, 10)
 STRIPES_PX = 40.0
 STRIPE_LEVELS = (60.0, 120.0)
 
-LIGHTS = (*COLOURS, "spot", "projected", "shutter", "blur", "electromagnetic")
-"""Kinds of the catalogue on cameras, each at its own size."""
+LIGHTS = sorted((kind for kind, one in ON_CAMERA.items() if one.evaluated), key=lambda kind: kind not in COLOURS)
+"""Kinds of the catalogue on cameras, each at its own size, lasers of one colour first."""
 
 VEILS_LEVELS = (30.0, 60.0)
 

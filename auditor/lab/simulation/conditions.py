@@ -15,7 +15,7 @@ Range = tuple[float, float]
 Spectrum = tuple[float, float, float, float]
 
 _REFLECTANCE = "by hand, after the shapes of published reflectance spectra; no experiment recorded"
-_KITTI = "by hand, so that ratios of materials are like KITTI's; tests/benchmarks/spectral_realism.py prints both"
+_KITTI = "by hand, so that ratios of materials are like KITTI's; spectral_realism of commit b4d652d9 prints both"
 
 
 @dataclass(frozen=True)
