@@ -1,0 +1,119 @@
+"""What stands where the LiDAR's beams passed: what appears is found; what moves, comes up or was hidden is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.attacks.spoofing import GhostCar
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement.checks.free_space_conflict import OwnScans, measure_free_space_conflict
+from auditor.model.arrays import Points
+from auditor.model.frames import PointCloud
+
+PERIOD_NS = 100_000_000
+DRIVE = make_drive(45003, 6, style="residential")
+CLOUDS = [DRIVE.cloud(number) for number in range(6)]
+RIG = DRIVE.rig
+
+
+def conflicts(clouds: list[PointCloud]) -> list[int | None]:
+    """How many points conflict in each of these scans."""
+    scans = OwnScans()
+    return [None if found is None else len(found) for found in (scans.conflicts(cloud, RIG) for cloud in clouds)]
+
+
+def road(number: int, *things: Points) -> PointCloud:
+    """A scan of a plain road, 1.7 m below, from a vehicle that stands, and of things on it."""
+    return PointCloud(number * PERIOD_NS, np.concatenate([ROAD, *things]).astype(np.float32))
+
+
+def thing(ahead_m: float, right_m: float, width_m: float = 1.8, height_m: float = 1.5, points: int = 200) -> Points:
+    """Points of an upright surface in the LiDAR's frame: x ahead, y to the left, z up."""
+    y, z = np.random.default_rng(1).uniform(0, 1, (2, points))
+    return np.stack([np.full(points, ahead_m), -right_m + width_m * (y - 0.5), -1.7 + height_m * z], axis=1)
+
+
+def beams() -> Points:
+    """A road by 40 beams of 0.2 degrees, and a far hedge all around, at which the beams above it end."""
+    azimuth = np.radians(np.arange(-180, 180, 0.2))
+    below = np.radians(np.linspace(2.5, 30, 40))[:, None]
+    reach = 1.7 / np.tan(below)
+    ground = [reach * np.cos(azimuth), reach * np.sin(azimuth), np.full((40, azimuth.size), -1.7)]
+    above = np.radians(np.linspace(-2.5, 3, 12))[:, None]
+    hedge = [38 * np.cos(azimuth) + 0 * above, 38 * np.sin(azimuth) + 0 * above, 38 * np.tan(above) + 0 * azimuth]
+    return np.concatenate([np.stack([axis.ravel() for axis in one], axis=1) for one in (ground, hedge)])
+
+
+ROAD = beams()
+
+
+def test_the_first_scan_and_one_behind_a_gap_are_compared_with_nothing() -> None:
+    late = replace(CLOUDS[2], stamp_ns=CLOUDS[1].stamp_ns + 3 * PERIOD_NS)
+    assert conflicts([CLOUDS[0], late]) == [None, None]
+    assert conflicts([CLOUDS[0], CLOUDS[1], CLOUDS[1]])[2] is None, "a repeated stamp is no moment ago"
+
+
+def test_without_a_cloud_nothing_is_compared_nor_kept() -> None:
+    scans = OwnScans()
+    assert scans.conflicts(CLOUDS[0], RIG) is None
+    assert scans.conflicts(None, RIG) is None
+    assert scans.conflicts(CLOUDS[1], RIG) is None
+
+
+def test_a_clean_drive_with_traffic_has_none() -> None:
+    assert conflicts(CLOUDS) == [None, 0, 0, 0, 0, 0]
+
+
+def test_a_ghost_car_is_found_as_it_appears_and_as_long_as_it_stays() -> None:
+    ghost = GhostCar(60, 8.0)
+    found = conflicts([*CLOUDS[:2], *(ghost.apply(cloud, RIG) for cloud in CLOUDS[2:])])
+    assert found[:2] == [None, 0]
+    assert all(number is not None and number > 40 for number in found[2:])
+
+
+def test_what_is_there_from_the_first_scan_on_is_not_found() -> None:
+    assert conflicts([BogusWall(8.0, 0.0).apply(cloud, RIG) for cloud in CLOUDS]) == [None, 0, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("moved_m", [0.0, 3.0, -3.0])
+def test_a_vehicle_that_was_near_a_moment_ago_has_moved(moved_m: float) -> None:
+    assert conflicts([road(1, thing(20, 0)), road(2, thing(20 + moved_m, 0))]) == [None, 0]
+
+
+def test_a_thing_that_stands_where_beams_passed_is_found_by_all_its_points() -> None:
+    assert conflicts([road(1), road(2, thing(20, 0))]) == [None, pytest.approx(200 * 1.2 / 1.5, abs=25)]
+
+
+def test_what_was_hidden_behind_another_thing_is_not() -> None:
+    hidden = thing(24, 0, width_m=1.0)
+    lorry = thing(12, 0, width_m=3.0, height_m=3.0, points=4000)
+    behind = np.hypot(*ROAD[:, :2].T) > 12
+    shadow = behind & (np.abs(np.arctan2(ROAD[:, 1], ROAD[:, 0])) < np.arctan(1.5 / 12))
+    before = PointCloud(PERIOD_NS, np.concatenate([ROAD[~shadow], lorry]).astype(np.float32))
+    assert conflicts([before, road(2, hidden)]) == [None, 0]
+
+
+def test_a_post_that_beams_missed_is_not() -> None:
+    assert conflicts([road(1), road(2, thing(30, 2, width_m=0.1))]) == [None, 0]
+
+
+def test_a_direction_that_was_not_scanned_says_nothing() -> None:
+    ahead = np.abs(np.arctan2(ROAD[:, 1], ROAD[:, 0])) > np.radians(12)
+    before = PointCloud(PERIOD_NS, ROAD[ahead].astype(np.float32))
+    assert conflicts([before, road(2, thing(20, 0))]) == [None, 0]
+
+
+def test_echoes_from_below_the_road_do_not_make_the_road_a_thing() -> None:
+    echoes = np.column_stack([*np.random.default_rng(2).uniform(-20, 20, (2, 60)), np.full(60, -7.0)])
+    assert conflicts([road(1, echoes), road(2, thing(20, 0))])[1] == conflicts([road(1), road(2, thing(20, 0))])[1]
+
+
+def test_the_statistic_grows_with_the_points_in_view_and_is_a_half_at_forty() -> None:
+    there = (thing(20, 0, points=40) + np.array([0, 0, 1.0])).astype(np.float32)
+    behind = there * np.array([-1, 1, 1], dtype=np.float32)
+    assert measure_free_space_conflict(there, RIG, 3) == pytest.approx(0.5)
+    assert measure_free_space_conflict(np.concatenate([there, behind]), RIG, 3) == pytest.approx(0.5)
+    assert measure_free_space_conflict(behind, RIG, 3) == 0
+    assert measure_free_space_conflict(there[:0], RIG, 3) == 0
