@@ -9,10 +9,15 @@ from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.checks.free_space_conflict import OwnScans, measure_free_space_conflict
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.frame import measure_stream
+from auditor.measurement.localisation.regions import localise
 from auditor.model.arrays import Points
+from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import PointCloud
 
 PERIOD_NS = 100_000_000
+MATCHER = SgbmMatcher()
 DRIVE = make_drive(45003, 6, style="residential")
 CLOUDS = [DRIVE.cloud(number) for number in range(6)]
 RIG = DRIVE.rig
@@ -108,6 +113,22 @@ def test_a_direction_that_was_not_scanned_says_nothing() -> None:
 def test_echoes_from_below_the_road_do_not_make_the_road_a_thing() -> None:
     echoes = np.column_stack([*np.random.default_rng(2).uniform(-20, 20, (2, 60)), np.full(60, -7.0)])
     assert conflicts([road(1, echoes), road(2, thing(20, 0))])[1] == conflicts([road(1), road(2, thing(20, 0))])[1]
+
+
+def test_a_stream_of_frames_has_the_statistic_from_its_second_scan_on_and_says_where() -> None:
+    frames = [DRIVE.frame(number) for number in range(3)]
+    assert frames[2].cloud is not None
+    ghost = replace(frames[2], cloud=GhostCar(60, 8.0).apply(frames[2].cloud, RIG))
+    measured = list(measure_stream([*frames[:2], ghost], RIG, MATCHER))
+    of_views = [one[0].shares.get(SensorCheck(Check.FREE_SPACE_CONFLICT, 0, (3,))) for one in measured]
+    assert of_views[:2] == [None, 0]
+    assert of_views[2] is not None
+    assert of_views[2] > 0.5
+    [region] = localise(measured[2][1], [0], RIG)
+    assert region.points is not None
+    assert region.points > 40
+    assert region.solid is not None
+    assert np.linalg.norm(region.solid.centre_m) == pytest.approx(8, abs=0.8)
 
 
 def test_the_statistic_grows_with_the_points_in_view_and_is_a_half_at_forty() -> None:
