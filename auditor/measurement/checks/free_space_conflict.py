@@ -41,6 +41,12 @@ class FreeSpaceConflict:
     beam_rad: float = parameter(0.0105, unit="radians, side of a cell of beams", source="0.6 degrees; by hand")
     behind_m: float = parameter(3.0, unit="m behind it at which beams ended, at least", source=_CHOSEN)
     scanned_cells: int = parameter(16, unit="cells of beams aside that were scanned too", source="10 degrees; by hand")
+    most_alone: float = parameter(
+        0.06,
+        unit="of the cells with objects that had nothing near: beyond it the scans are of two places",
+        source="0.034 at most of clean scans, 0.033 of walls, 0.07 to 0.7 of scans of two places (docs/decisions.md)",
+    )
+    most_cells: int = parameter(16, unit="such cells, where few hold objects at all", source="walls fill 6 to 14")
     fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
     least_share: float = parameter(0.3, unit="of an object's points that had nothing near", source=_CHOSEN)
     narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source="street 43008")
@@ -130,7 +136,7 @@ class OwnScans:
         self._last: _Scan | None = None
 
     def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
-        """(K, 3) the points of the next cloud that stand where its beams passed; None where none was a moment ago."""
+        """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
         before, self._last = self._last, None
         if cloud is None or rig.lidar is None:
             return None
@@ -138,9 +144,11 @@ class OwnScans:
         if before is None or not now.follows(before):
             self._last = now
             return None
-        found = _from_nowhere(now, before)
-        now.from_nowhere[:] = found
         self._last = now
+        found = _from_nowhere(now, before)
+        if found is None:
+            return None
+        now.from_nowhere[:] = found
         return now.points[found]
 
 
@@ -163,14 +171,20 @@ def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32
     return np.asarray(around[ground] - down_m)
 
 
-def _from_nowhere(now: _Scan, before: _Scan) -> Mask:
-    """(M,) the points of objects that came from nowhere, or that did earlier and are still alone."""
+def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:
+    """(M,) the points of objects that came from nowhere, or that did earlier and are still alone.
+
+    None where too much did: a recording that was cut or put together goes on at another place.
+    """
     shift = _shift(now, before)
     around = _around(shift, (now.stamp_ns - before.stamp_ns) / _SECOND_NS)
     alone = ~_near(before.cell[before.solid & ~before.from_nowhere], shift, around)[now.cell]
     asked = np.flatnonzero(now.clearly & alone)
     if not asked.size:
         return now.from_nowhere
+    here, there = (np.count_nonzero(_occupied(now.cell[some])) for some in (asked, now.clearly))
+    if here > max(NUMBERS.most_alone * there, NUMBERS.most_cells):
+        return None
     earlier = _near(before.cell[before.from_nowhere], shift, around)
     new = asked[before.passed(now.xyz_m[:, asked]) | earlier[now.cell[asked]]]
     count, objects = cv2.connectedComponents(_occupied(now.cell[now.solid]))

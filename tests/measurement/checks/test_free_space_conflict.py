@@ -60,6 +60,12 @@ def test_the_first_scan_and_one_behind_a_gap_are_compared_with_nothing() -> None
     assert conflicts([CLOUDS[0], CLOUDS[1], CLOUDS[1]])[2] is None, "a repeated stamp is no moment ago"
 
 
+def test_scans_of_two_places_are_not_compared_and_those_behind_are() -> None:
+    elsewhere = make_drive(45010, 3, style="city")
+    later = [replace(elsewhere.cloud(n), stamp_ns=CLOUDS[1].stamp_ns + (n + 1) * PERIOD_NS) for n in range(3)]
+    assert conflicts([*CLOUDS[:2], *later]) == [None, 0, None, 0, 0]
+
+
 def test_without_a_cloud_nothing_is_compared_nor_kept() -> None:
     scans = OwnScans()
     assert scans.conflicts(CLOUDS[0], RIG) is None
