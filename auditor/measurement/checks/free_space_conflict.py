@@ -91,12 +91,13 @@ class _Scan:
     @classmethod
     def of(cls, cloud: PointCloud, rig: Rig) -> "_Scan":
         """The scan of a cloud, upright as the rig is."""
-        assert rig.lidar is not None
-        xyz = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ cloud.xyz_m.T
+        along = np.ascontiguousarray(cloud.xyz_m.T)
+        # Row by row: a product of so thin matrices takes several cores longer than this takes one.
+        xyz = np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in _rotation(rig)])
         within = np.flatnonzero(np.maximum(np.abs(xyz[0]), np.abs(xyz[2])) < _REACH_M - NUMBERS.cell_m)
         xyz = xyz.take(within, axis=1)
         right, down, ahead = xyz
-        row, column = (((along + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for along in (ahead, right))
+        row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for axis in (ahead, right))
         above = _above_ground_m(row, column, down)
         away = right * right + ahead * ahead
         solid = (above > NUMBERS.stands_m) & (away > NUMBERS.nearest_m**2)
@@ -160,12 +161,18 @@ def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
     return seen / (seen + NUMBERS.half_points)
 
 
+def _rotation(rig: Rig) -> Floats32:
+    """(3, 3), from the LiDAR's axes to those of the rig."""
+    assert rig.lidar is not None
+    return np.asarray(rig.lidar.rig_SE3_lidar[:3, :3], dtype=np.float32)
+
+
 def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
     """(M,) how far points are above the lowest one in the cells of ground around theirs."""
     ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
     lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
     some = down_m[:: NUMBERS.sampled]
-    deepest = np.quantile(some, NUMBERS.road_quantile) + NUMBERS.under_m if some.size else 0.0
+    deepest = float(np.quantile(some, NUMBERS.road_quantile)) + NUMBERS.under_m if some.size else 0.0
     np.maximum.at(lowest, ground, np.where(down_m < deepest, down_m, -_NOWHERE_M))
     around = np.asarray(cv2.dilate(lowest.reshape(_GROUND_SIDE, _GROUND_SIDE), _BESIDE)).ravel()
     return np.asarray(around[ground] - down_m)
