@@ -21,7 +21,7 @@ from auditor.safety.budget import MAX_BYTES, MAX_POINTS
 TRANSFORMS_TOPIC = "/tf_static"
 _VEHICLE = "vehicle"
 
-ReadPoints = Callable[[bytes], NDArray[np.float32]]
+ReadPoints = Callable[[bytes], NDArray[np.float32 | np.float64]]
 """The (N, 4) points of a file: x, y, z in metres in the frame of the LiDAR, and intensity. Raises ValueError."""
 
 
@@ -34,13 +34,17 @@ class Pinhole(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points."""
+    """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points.
+
+    Points that are read in the frame of the world have `sensor_SE3_world` by the stamps of their files.
+    """
 
     name: str
     vehicle_SE3_sensor: Matrix
     entries: tuple[tuple[int, Path], ...]
     pinhole: Pinhole | None = None
     read: ReadPoints | None = None
+    sensor_SE3_world: Mapping[int, Matrix] | None = None
 
 
 class DatasetRecording(FolderRecording):
@@ -87,11 +91,21 @@ class DatasetRecording(FolderRecording):
             data = self._maker.compressed_image(data, file.suffix[1:].lower(), stamp_ns, sensor.name)
         elif data and sensor.read is not None:
             try:
-                data = self._maker.point_cloud(sensor.read(data)[:MAX_POINTS], stamp_ns, sensor.name)
+                points = sensor.read(data)[:MAX_POINTS]
+                if sensor.sensor_SE3_world is not None:
+                    points = _moved(points, sensor.sensor_SE3_world[stamp_ns])
+                data = self._maker.point_cloud(points.astype(np.float32, copy=False), stamp_ns, sensor.name)
             except (ValueError, DecodingError) as error:
                 self._note(file, f"its points cannot be read ({error})")
                 data = b""  # its message is then damaged
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
+
+
+def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix) -> NDArray[np.float64]:
+    """The (N, 4) points in another frame."""
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are no distances become none
+        xyz_m = points[:, :3] @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
+    return np.column_stack([xyz_m, points[:, 3]])
 
 
 def load_table(file: Path, contents: Contents) -> Any:  # noqa: ANN401  # what JSON holds
