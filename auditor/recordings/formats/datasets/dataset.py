@@ -22,7 +22,7 @@ TRANSFORMS_TOPIC = "/tf_static"
 _VEHICLE = "vehicle"
 
 ReadPoints = Callable[[bytes], NDArray[np.float32 | np.float64]]
-"""The (N, 4) points of a file: x, y, z in metres in the frame of the LiDAR, and intensity. Raises ValueError."""
+"""The (N, 4) points of a file: x, y, z in metres, and intensity. Raises ValueError."""
 
 
 class Pinhole(NamedTuple):
@@ -36,7 +36,7 @@ class Pinhole(NamedTuple):
 class Sensor(NamedTuple):
     """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points.
 
-    Points that are read in the frame of the world have `sensor_SE3_world` by the stamps of their files.
+    Points are in the frame of the LiDAR, or in that of the world: then `sensor_SE3_world` is by the stamps of the files.
     """
 
     name: str
@@ -94,18 +94,18 @@ class DatasetRecording(FolderRecording):
                 points = sensor.read(data)[:MAX_POINTS]
                 if sensor.sensor_SE3_world is not None:
                     points = _moved(points, sensor.sensor_SE3_world[stamp_ns])
-                data = self._maker.point_cloud(points.astype(np.float32, copy=False), stamp_ns, sensor.name)
+                data = self._maker.point_cloud(points, stamp_ns, sensor.name)
             except (ValueError, DecodingError) as error:
                 self._note(file, f"its points cannot be read ({error})")
                 data = b""  # its message is then damaged
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
 
 
-def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix) -> NDArray[np.float64]:
-    """The (N, 4) points in another frame."""
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are no distances become none
+def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix) -> NDArray[np.float32]:
+    """The (N, 4) points in another frame. Numbers that are no distances stay none."""
+    with np.errstate(over="ignore", invalid="ignore"):
         xyz_m = points[:, :3] @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
-    return np.column_stack([xyz_m, points[:, 3]])
+        return np.column_stack([xyz_m, points[:, 3]]).astype(np.float32)
 
 
 def load_table(file: Path, contents: Contents) -> Any:  # noqa: ANN401  # what JSON holds
