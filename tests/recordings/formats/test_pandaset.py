@@ -184,7 +184,8 @@ def test_rows_beyond_those_of_a_sweep_are_refused_before_they_are_laid_out() -> 
 
 def test_numbers_that_are_no_distances_give_no_warning(tmp_path: Path) -> None:
     path = write_pandaset(tmp_path / "001", RIG, FRAMES)
-    far = {name: np.array([1e300, np.nan, np.inf, 5.0]) for name in "xyz"}
+    none = np.array([0x7F800001], "<u4").view("<f4")  # a NaN that signals
+    far = {name: np.array([1e300, np.nan, np.inf, 5.0]) for name in "xy"} | {"z": np.tile(none, 4)}
     (path / "lidar" / "01.pkl.gz").write_bytes(gzip.compress(pickled(far)))
     with open_recording(path) as recording:
         assert all(message.data for message in recording.messages())

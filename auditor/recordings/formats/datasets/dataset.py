@@ -36,7 +36,7 @@ class Pinhole(NamedTuple):
 class Sensor(NamedTuple):
     """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points.
 
-    Points are in the frame of the LiDAR, or in that of the world: then `sensor_SE3_world` is by the stamps of the files.
+    Points are in the frame of the LiDAR, or in that of the world: then `sensor_SE3_world` is by the files' stamps.
     """
 
     name: str
@@ -91,9 +91,8 @@ class DatasetRecording(FolderRecording):
             data = self._maker.compressed_image(data, file.suffix[1:].lower(), stamp_ns, sensor.name)
         elif data and sensor.read is not None:
             try:
-                points = sensor.read(data)[:MAX_POINTS]
-                if sensor.sensor_SE3_world is not None:
-                    points = _moved(points, sensor.sensor_SE3_world[stamp_ns])
+                poses = sensor.sensor_SE3_world
+                points = _moved(sensor.read(data)[:MAX_POINTS], None if poses is None else poses[stamp_ns])
                 data = self._maker.point_cloud(points, stamp_ns, sensor.name)
             except (ValueError, DecodingError) as error:
                 self._note(file, f"its points cannot be read ({error})")
@@ -101,8 +100,10 @@ class DatasetRecording(FolderRecording):
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
 
 
-def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix) -> NDArray[np.float32]:
-    """The (N, 4) points in another frame. Numbers that are no distances stay none."""
+def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix | None) -> NDArray[np.float32]:
+    """The (N, 4) points in another frame, or as they are. Numbers that are no distances stay none."""
+    if dst_SE3_src is None:
+        return points.astype(np.float32, copy=False)
     with np.errstate(over="ignore", invalid="ignore"):
         xyz_m = points[:, :3] @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
         return np.column_stack([xyz_m, points[:, 3]]).astype(np.float32)

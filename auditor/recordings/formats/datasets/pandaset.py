@@ -158,9 +158,10 @@ def points_of_pickle(data: bytes) -> NDArray[np.float64]:
     if len(columns["x"]) > _MOST_ROWS:
         raise ValueError(f"its table has {len(columns['x'])} rows")
     points = np.zeros((len(columns["x"]), 4))
-    for place, name in enumerate(_COLUMNS[:4]):
-        if name in columns:
-            points[:, place] = columns[name]
+    with np.errstate(invalid="ignore"):  # of numbers that are none there are those that warn
+        for place, name in enumerate(_COLUMNS[:4]):
+            if name in columns:
+                points[:, place] = columns[name]
     return points[columns["d"] == _PANDAR64] if "d" in columns else points
 
 

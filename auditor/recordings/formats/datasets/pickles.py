@@ -6,7 +6,8 @@ with its arguments, keys are text, and the steps are counted. Format: the standa
 """
 
 import pickletools
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +38,7 @@ def said_by(data: bytes, names: frozenset[str]) -> Any:  # noqa: ANN401  # what 
     """
     reading = _Reading(names)
     try:
-        for number, (step, argument, _) in enumerate(pickletools.genops(data)):
+        for number, (step, argument, _) in enumerate(_steps(data)):
             if number == _MOST_STEPS:
                 raise ValueError(f"its pickle has more than {_MOST_STEPS} steps")
             reading.take(step.name, argument)
@@ -45,6 +46,18 @@ def said_by(data: bytes, names: frozenset[str]) -> Any:  # noqa: ANN401  # what 
     except (IndexError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"its pickle is ill-formed ({type(error).__name__})") from error
     return only
+
+
+def _steps(data: bytes) -> Iterator[tuple[pickletools.OpcodeInfo, Any, int | None]]:
+    """The steps with their arguments. Raises ValueError."""
+    steps = pickletools.genops(data)
+    while True:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of odd escapes in what is damaged
+            step = next(steps, None)
+        if step is None:
+            return
+        yield step
 
 
 class _Reading:
