@@ -48,7 +48,8 @@ _TEXT_BYTES = 4096
 """So much of a file's beginning says whether it is text."""
 
 KINDS = (
-    "an .mcap, .bag or .db3 file, a rosbag2 folder, or the folder of a drive of KITTI, DDAD, Argoverse 2 or nuScenes"
+    "an .mcap, .bag or .db3 file, a rosbag2 folder, "
+    "or the folder of a drive of KITTI, DDAD, Argoverse 2, nuScenes or PandaSet"
 )
 
 

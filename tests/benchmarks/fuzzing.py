@@ -7,6 +7,7 @@ with the seed that repeats it (--seed N --iterations 1) and makes the exit code 
 """
 
 import argparse
+import gzip
 import random
 import resource
 import signal
@@ -33,12 +34,14 @@ from auditor.recordings.decoding.pictures import decode_picture
 from auditor.recordings.decoding.points.compressed import of_draco
 from auditor.recordings.formats.datasets.argoverse import table_of
 from auditor.recordings.formats.datasets.dgp import points_of_npz
+from auditor.recordings.formats.datasets.pandaset import points_of_pickle
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.camchains import camchain
 from tests.making.datasets import write_argoverse, write_dgp
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import FORMS, draco_cloud, drive, file_of
+from tests.making.pickled_tables import LAYOUTS
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
@@ -141,6 +144,8 @@ class Seeds:
         self.parts = {
             "npz": (npz, points_of_npz, ValueError),
             "feather": (feather, table_of, ValueError),
+            **{f"pickle {name}": (pickle, points_of_pickle, ValueError) for name, pickle in LAYOUTS.items()},
+            "pickle packed": (gzip.compress(LAYOUTS["2.2.3, joined"]), points_of_pickle, ValueError),
             "camchain": (camchain(make_rig()).encode(), _calibrations, DecodingError),
             "avif file": (file_of(moving_picture(3), "avif"), _picture, DecodingError),
         }

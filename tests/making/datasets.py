@@ -1,5 +1,6 @@
 """The same drive in the layouts of published data sets, of their documents' own fields."""
 
+import gzip
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -13,9 +14,17 @@ import pyarrow
 import pyarrow.feather
 
 from auditor.model.frames import Frame
-from auditor.model.optics.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.optics.geometry import (
+    Matrix,
+    compose,
+    invert,
+    motion,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.decoding.pictures import encode_picture
+from tests.making.pickled_tables import pickled
 
 WriteFolder = Callable[[Path, Rig, list[Frame]], Path]
 
@@ -178,6 +187,44 @@ def write_kitti_360(folder: Path, rig: Rig, frames: list[Frame]) -> Path:
     for place in (pictures / "image_00", pictures / "image_01", scans):
         (place / "timestamps.txt").write_text(stamps)
     return pictures
+
+
+def world_SE3_rig(stamp_ns: int, first_ns: int) -> Matrix:
+    """A vehicle that drives evenly at 12 m/s and turns by 0.1 rad a second, somewhere in the world."""
+    seconds = (stamp_ns - first_ns) / 1e9
+    angle = 0.7 + 0.1 * seconds
+    turned = rotation_from_quaternion(0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2))
+    return motion(turned, np.array([300.0 + 12 * seconds, -50.0, 2.0]))
+
+
+def write_pandaset(folder: Path, rig: Rig, frames: list[Frame]) -> Path:
+    """Its front camera is S_1; points of another LiDAR (d = 1) lie before each picture, 1 m away."""
+    names = {1: "front_camera"} | {n: f"left_camera_{n}" for n in range(2, rig.n + 1)}
+    first_ns, rig_SE3_lidar = frames[0].stamp_ns, rig.lidar.rig_SE3_lidar if rig.lidar else np.eye(4)
+    for number, name in names.items():
+        at, camera = folder / "camera" / name, rig.camera(number)
+        (fx, _, cx), (_, fy, cy), _ = camera.intrinsics.tolist()
+        poses, stamps = [], []
+        for frame in frames:
+            image = frame.images[number]
+            picture = cv2.imencode(".jpg", image.pixels, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
+            _put(at / f"{frame.number:02}.jpg", picture)
+            pose = compose(world_SE3_rig(image.stamp_ns, first_ns), vehicle_SE3_camera(camera))
+            x, y, z, w = map(float, quaternion_from_rotation(pose[:3, :3]))
+            position = dict(zip("xyz", map(float, pose[:3, 3]), strict=True))
+            poses.append({"position": position, "heading": {"w": w, "x": x, "y": y, "z": z}})
+            stamps.append(image.stamp_ns / 1e9)
+        described = {"intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy}, "poses": poses, "timestamps": stamps}
+        for what, content in described.items():
+            _put(at / f"{what}.json", json.dumps(content).encode())
+    for frame in frames:
+        world_SE3_lidar = compose(world_SE3_rig(frame.stamp_ns, first_ns), rig_SE3_lidar)
+        near = np.tile(rig.camera(1).centre_m + rig.camera(1).rotation.T @ [0, 0, 1.0], (5, 1))
+        there = np.vstack([frame.cloud.xyz_m, near]) @ world_SE3_lidar[:3, :3].T + world_SE3_lidar[:3, 3]
+        columns = dict(zip("xyz", there.T, strict=True)) | {"i": np.full(len(there), 7.0)}
+        columns |= {"t": np.full(len(there), frame.stamp_ns / 1e9), "d": np.repeat([0, 1], [len(there) - 5, 5])}
+        _put(folder / "lidar" / f"{frame.number:02}.pkl.gz", gzip.compress(pickled(columns)))
+    return folder
 
 
 def _text(matrix: Matrix) -> str:

@@ -42,23 +42,41 @@ ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
 """By form an encoder and its options: one picture a packet, parameters with every key picture."""
 
 
-def encoded(pictures: list[NDArray[np.uint8]], quality: int = 12, form: str = "h264") -> list[bytes]:
+WITH_B_FRAMES: dict[str, tuple[str, dict[str, str]]] = {
+    "h264": (
+        "libx264",
+        {"x264-params": f"keyint={KEY_EVERY}:scenecut=0:repeat-headers=1:annexb=1:bframes=2:b-adapt=0"},
+    ),
+    "h265": (
+        "libx265",
+        {
+            "x265-params": f"keyint={KEY_EVERY}:scenecut=0:repeat-headers=1:annexb=1:bframes=2:b-adapt=0"
+            ":pools=none:frame-threads=1:log-level=none"
+        },
+    ),
+}
+"""The same where pictures depend on later ones: packets stand in the order of decoding."""
+
+
+def encoded(
+    pictures: list[NDArray[np.uint8]], quality: int = 12, form: str = "h264", *, b_frames: bool = False
+) -> list[bytes]:
     """One packet a picture, grey or BGR; needs the package `av`.
 
     Where it may, svtav1 gives this process real-time priority, which all that it starts later would inherit.
     """
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
-        return _encoded(pictures, quality, form)
+        return _encoded(pictures, quality, WITH_B_FRAMES[form] if b_frames else ENCODERS[form])
     finally:
         os.sched_setscheduler(0, policy, priority)
 
 
-def _encoded(pictures: list[NDArray[np.uint8]], quality: int, form: str) -> list[bytes]:
+def _encoded(pictures: list[NDArray[np.uint8]], quality: int, encoder: tuple[str, dict[str, str]]) -> list[bytes]:
     import av  # noqa: PLC0415 - an extra
 
     os.environ.setdefault("SVT_LOG", "-1")  # svtav1 prints by itself
-    name, options = ENCODERS[form]
+    name, options = encoder
     codec = av.CodecContext.create(name, "w")
     height, width = pictures[0].shape[:2]
     codec.width, codec.height, codec.pix_fmt, codec.time_base = width, height, "yuv420p", Fraction(1, 10)

@@ -27,7 +27,16 @@ from tests.making.foxglove_messages import (
     write_protobuf,
 )
 from tests.making.recorded_drives import make_frames, make_rig, split, stream_of
-from tests.making.videos import ENCODERS, KEY_EVERY, VIDEO, encoded, moving_picture, video_fields, video_messages
+from tests.making.videos import (
+    ENCODERS,
+    KEY_EVERY,
+    VIDEO,
+    WITH_B_FRAMES,
+    encoded,
+    moving_picture,
+    video_fields,
+    video_messages,
+)
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
@@ -129,6 +138,13 @@ def test_pictures_behind_a_lost_one_are_damaged_up_to_the_next_key_picture(form:
     damaged = range(lost + 1, -(-lost // KEY_EVERY) * KEY_EVERY)
     states = [isinstance(one, str) for one in decoded(packets, form)]
     assert states == [number in damaged for number in range(COUNT) if number != lost]
+
+
+@pytest.mark.parametrize("form", WITH_B_FRAMES)
+def test_pictures_that_depend_on_later_ones_are_damaged_and_said(form: str) -> None:
+    found = decoded(encoded([moving_picture(number) for number in range(COUNT)], form=form, b_frames=True), form)
+    assert all(isinstance(one, str) for one in found)
+    assert "(B-frames), which is not read" in found[0]
 
 
 def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:

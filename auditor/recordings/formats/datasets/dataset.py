@@ -21,8 +21,8 @@ from auditor.safety.budget import MAX_BYTES, MAX_POINTS
 TRANSFORMS_TOPIC = "/tf_static"
 _VEHICLE = "vehicle"
 
-ReadPoints = Callable[[bytes], NDArray[np.float32]]
-"""The (N, 4) points of a file: x, y, z in metres in the frame of the LiDAR, and intensity. Raises ValueError."""
+ReadPoints = Callable[[bytes], NDArray[np.float32 | np.float64]]
+"""The (N, 4) points of a file: x, y, z in metres, and intensity. Raises ValueError."""
 
 
 class Pinhole(NamedTuple):
@@ -34,13 +34,17 @@ class Pinhole(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points."""
+    """A sensor with its files by their stamps, and where it sits; a camera has a pinhole, a LiDAR reads points.
+
+    Points are in the frame of the LiDAR, or in that of the world: then `sensor_SE3_world` is by the files' stamps.
+    """
 
     name: str
     vehicle_SE3_sensor: Matrix
     entries: tuple[tuple[int, Path], ...]
     pinhole: Pinhole | None = None
     read: ReadPoints | None = None
+    sensor_SE3_world: Mapping[int, Matrix] | None = None
 
 
 class DatasetRecording(FolderRecording):
@@ -87,11 +91,22 @@ class DatasetRecording(FolderRecording):
             data = self._maker.compressed_image(data, file.suffix[1:].lower(), stamp_ns, sensor.name)
         elif data and sensor.read is not None:
             try:
-                data = self._maker.point_cloud(sensor.read(data)[:MAX_POINTS], stamp_ns, sensor.name)
+                poses = sensor.sensor_SE3_world
+                points = _moved(sensor.read(data)[:MAX_POINTS], None if poses is None else poses[stamp_ns])
+                data = self._maker.point_cloud(points, stamp_ns, sensor.name)
             except (ValueError, DecodingError) as error:
                 self._note(file, f"its points cannot be read ({error})")
                 data = b""  # its message is then damaged
         return Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
+
+
+def _moved(points: NDArray[np.float32 | np.float64], dst_SE3_src: Matrix | None) -> NDArray[np.float32]:
+    """The (N, 4) points in another frame, or as they are. Numbers that are no distances stay none."""
+    if dst_SE3_src is None:
+        return points.astype(np.float32, copy=False)
+    with np.errstate(over="ignore", invalid="ignore"):
+        xyz_m = points[:, :3] @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
+        return np.column_stack([xyz_m, points[:, 3]]).astype(np.float32)
 
 
 def load_table(file: Path, contents: Contents) -> Any:  # noqa: ANN401  # what JSON holds
