@@ -5,7 +5,7 @@ just passed, with nothing around from which it could have come: only what is spo
 as long as nothing else is near.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -91,9 +91,10 @@ class _Scan:
     @classmethod
     def of(cls, cloud: PointCloud, rig: Rig) -> "_Scan":
         """The scan of a cloud, upright as the rig is."""
-        along = np.ascontiguousarray(cloud.xyz_m.T)
+        assert rig.lidar is not None
+        rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(cloud.xyz_m.T)
         # Row by row: a product of so thin matrices takes several cores longer than this takes one.
-        xyz = np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in _rotation(rig)])
+        xyz = np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in rotation])
         within = np.flatnonzero(np.maximum(np.abs(xyz[0]), np.abs(xyz[2])) < _REACH_M - NUMBERS.cell_m)
         xyz = xyz.take(within, axis=1)
         right, down, ahead = xyz
@@ -106,18 +107,18 @@ class _Scan:
         points = cloud.xyz_m.take(within, axis=0)
         return cls(cloud.stamp_ns, points, xyz, row * _SIDE + column, solid, clearly, nothing)
 
+    def after_s(self, before: "_Scan") -> float:
+        """The seconds from another scan to this one."""
+        return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
+
     def follows(self, before: "_Scan") -> bool:
         """Whether the other scan is the one of a moment ago."""
-        return 0 < self.stamp_ns - before.stamp_ns <= NUMBERS.most_s * _SECOND_NS
+        return 0 < self.after_s(before) <= NUMBERS.most_s
 
     def passed(self, xyz_m: Floats32) -> Mask:
         """(K,) whether its beams around points (3, K) of the next scan went on behind them, and none ended before."""
         down, around, range_m = _directions(xyz_m)
-        middle = np.arctan2(xyz_m[0].mean(), xyz_m[2].mean())
-        reach = np.abs(_turned(_AZIMUTH, middle)) <= np.abs(_turned(np.arctan2(xyz_m[0], xyz_m[2]), middle)).max() + (
-            2 * NUMBERS.scanned_cells * NUMBERS.beam_rad
-        )
-        its_down, its_around, its_range_m = _directions(self.xyz_m.take(np.flatnonzero(reach[self.cell]), axis=1))
+        its_down, its_around, its_range_m = _directions(self._towards(xyz_m))
         nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
         np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
         grid = nearest.reshape(_DOWN, _AROUND)
@@ -128,6 +129,13 @@ class _Scan:
         near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
         behind = (near_m < _NOWHERE_M) & (near_m > range_m + NUMBERS.behind_m)
         return np.asarray(behind & (scanned[around] > 0))
+
+    def _towards(self, xyz_m: Floats32) -> Floats32:
+        """(3, M) the scan's points in the directions around points (3, K), and as far aside as `passed` asks."""
+        middle = np.arctan2(xyz_m[0].mean(), xyz_m[2].mean())
+        widest = np.abs(_turned(np.arctan2(xyz_m[0], xyz_m[2]), middle)).max()
+        reached = np.abs(_turned(_AZIMUTH, middle)) <= widest + 2 * NUMBERS.scanned_cells * NUMBERS.beam_rad
+        return self.xyz_m.take(np.flatnonzero(reached[self.cell]), axis=1)
 
 
 class OwnScans:
@@ -142,15 +150,9 @@ class OwnScans:
         if cloud is None or rig.lidar is None:
             return None
         now = _Scan.of(cloud, rig)
-        if before is None or not now.follows(before):
-            self._last = now
-            return None
-        self._last = now
-        found = _from_nowhere(now, before)
-        if found is None:
-            return None
-        now.from_nowhere[:] = found
-        return now.points[found]
+        found = _from_nowhere(now, before) if before is not None and now.follows(before) else None
+        self._last = now if found is None else replace(now, from_nowhere=found)
+        return None if found is None else now.points[found]
 
 
 def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
@@ -159,12 +161,6 @@ def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
         return 0.0
     seen = lidar_view(PointCloud(0, points), rig, k).returns
     return seen / (seen + NUMBERS.half_points)
-
-
-def _rotation(rig: Rig) -> Floats32:
-    """(3, 3), from the LiDAR's axes to those of the rig."""
-    assert rig.lidar is not None
-    return np.asarray(rig.lidar.rig_SE3_lidar[:3, :3], dtype=np.float32)
 
 
 def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
@@ -184,7 +180,7 @@ def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:
     None where too much did: a recording that was cut or put together goes on at another place.
     """
     shift = _shift(now, before)
-    around = _around(shift, (now.stamp_ns - before.stamp_ns) / _SECOND_NS)
+    around = _around(shift, now.after_s(before))
     alone = ~_near(before.cell[before.solid & ~before.from_nowhere], shift, around)[now.cell]
     asked = np.flatnonzero(now.clearly & alone)
     if not asked.size:

@@ -19,6 +19,7 @@ LIDAR_CHECKS = frozenset(one for one in Check if one.kind.of is Of.VIEW)
 """The checks of the LiDAR alone, in the view of a camera."""
 
 _BY_VIEW = frozenset(one for one in Check if one.kind.of in (Of.VIEW, Of.OWN_SCANS))
+"""Those that are measured in every view by itself: no view stands for the others."""
 
 DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counted.POINTS, Counted.SURFACES))
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
