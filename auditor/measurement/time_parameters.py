@@ -47,14 +47,6 @@ class ParallaxConflict:
         unit="px of parallax beyond which points are compared at half resolution, beyond twice as many at a quarter",
         source="cameras that look aside, rendered rings: docs/decisions.md",
     )
-    halved_consistent: float = parameter(
-        0.9, unit="`consistent` in halved pictures", source="as halved_from_px: 0.85, 0.9 and 0.93 tried"
-    )
-    halved_clearly_less: float = parameter(
-        0.35,
-        unit="NCC as `clearly_less`, in halved pictures",
-        source="as halved_from_px: 16 and 4 of 461 frames raised",
-    )
     most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
     nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
     most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")
@@ -63,7 +55,19 @@ class ParallaxConflict:
     nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)
     beside_px: int = parameter(1, unit="px either way that count as at the LiDAR's range", source=_DRIVES)
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
-    clearly_less: float = parameter(0.2, unit="NCC elsewhere less that at the LiDAR's range", source=_DRIVES)
+    clearly_less: float = parameter(
+        0.2, unit="NCC elsewhere less that at the LiDAR's range, of a patch and of each half", source=_DRIVES
+    )
+    alike_px: float = parameter(
+        2.0,
+        unit="px of parallax by which neighbouring conflicts are found otherwise, at most",
+        source="as alike_share: 1, 1.5 and 3 tried",
+    )
+    alike_share: float = parameter(
+        0.7,
+        unit="share of the conflicts within a patch that are found as far away, at least",
+        source="drives 0009, 0001 and 04 and rendered rings: docs/decisions.md; 0.5 tried",
+    )
     agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
     nearby_px: tuple[int, int] = parameter(
         (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND

@@ -4,8 +4,7 @@ A camera that moves sees a scene from two places. The LiDAR's range of a point s
 ago: somewhere on the point's epipolar line. A parallax conflict is a point whose surroundings are found elsewhere on
 that line, clearly better. Where the vehicle stands, at the focus of expansion and without texture nothing is compared.
 
-What moves by itself is found elsewhere, too. The LiDAR saw it a moment ago as well: a group of conflicts whose
-pictures fit one rigid thing, that moved as far towards the camera or away from it as the LiDAR says, is none.
+What moves by itself is found elsewhere, too (`moving_things`), and is no conflict.
 """
 
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
+from auditor.measurement.checks.moving_things import FoundElsewhere, moving
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import textured
@@ -30,24 +30,15 @@ from auditor.model.rig import Camera
 
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
+_HALVES = _DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0
 _BESIDE = PARALLAX_CONFLICT.beside_px
 _SECOND_NS = 10**9
 _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1)
 _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
+_AT_ONCE = 256
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
-
-
-class _Least(NamedTuple):
-    """The NCC above which a point is found elsewhere, and by how much it has to be above that at its range."""
-
-    consistent: float
-    above: float
-
-
-_WHOLE = _Least(PARALLAX_CONFLICT.consistent, PARALLAX_CONFLICT.clearly_less)
-_COARSER = _Least(PARALLAX_CONFLICT.halved_consistent, PARALLAX_CONFLICT.halved_clearly_less)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +151,14 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
             moved_m = float(np.linalg.norm(motion.translation_m))
             sought = _seen_before(now, some, motion)
             agrees, found, place = _compared(now, before, sought)
-            things = sought.chosen(found)
             valid[sought.point[agrees]] = True
-            conflicts[things.point[~_moving(before, things, place)]] = True
+            alike = _alike(sought.chosen(found), place)
+            things, place = sought.chosen(found[alike]), place[alike]
+            K = before.camera.intrinsics
+            moves = moving(
+                K, before.nearest_m, FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
+            )
+            conflicts[things.point[~moves]] = True
     return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
 
 
@@ -208,7 +204,7 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
     for times in np.unique(sought.halvings).tolist():
         some = np.flatnonzero(sought.halvings == times)
         agrees, elsewhere, there = _compared_at(
-            now.halved(times), before.halved(times), sought.chosen(some).halved(times), _COARSER if times else _WHOLE
+            now.halved(times), before.halved(times), sought.chosen(some).halved(times)
         )
         agree.append(some[agrees])
         found.append(some[elsewhere])
@@ -217,7 +213,7 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
     return np.concatenate([none, *agree]), np.concatenate([none, *found]), np.concatenate([np.zeros((0, 2)), *place])
 
 
-def _compared_at(now: Image, before: Image, sought: _Sought, least: "_Least") -> tuple[Indices, Indices, Floats]:
+def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
     """As `_compared`, in two pictures (H, W)."""
     patches, norms = _patches(now, sought.pixel)
     beside = {o: _ncc(patches, norms, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
@@ -230,12 +226,36 @@ def _compared_at(now: Image, before: Image, sought: _Sought, least: "_Least") ->
     found_best, found_at = _best_elsewhere(patches[these], norms[these], before, sought.chosen(these), known)
     best, offset = np.empty_like(found_best), np.empty_like(found_at)
     best[order], offset[order] = found_best, found_at
-    elsewhere = best > np.maximum(least.consistent, at_range[doubtful] + least.above)
+    clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
+    elsewhere = best > np.maximum(PARALLAX_CONFLICT.consistent, clearly)
     agrees = at_range > PARALLAX_CONFLICT.agreeing
     agrees[doubtful[elsewhere]] = False
-    found = doubtful[elsewhere]
-    place = sought.predicted[found] + offset[elsewhere, None] * sought.along[found]
-    return np.flatnonzero(agrees), found, place
+    found, offset = doubtful[elsewhere], offset[elsewhere]
+    whole = _in_halves(patches[found], before, sought.chosen(found), offset)
+    found, offset = found[whole], offset[whole]
+    return np.flatnonzero(agrees), found, sought.predicted[found] + offset[:, None] * sought.along[found]
+
+
+def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats) -> Mask:
+    """(P,) mask of the points of which each half of the patch is found at an offset (P,), and not at their range.
+
+    The edge of a thing is in its patch beside what lies behind it, which is found elsewhere; the thing is not.
+    """
+    there = _half_nccs(patches, before, sought, offset)
+    at_range = np.max([_half_nccs(patches, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)], axis=0)
+    return np.asarray((there > at_range + PARALLAX_CONFLICT.clearly_less).all(axis=0))
+
+
+def _half_nccs(patches: Floats32, before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
+    """(4, P) the NCC of the upper, lower, left and right halves of patches, as `_ncc`."""
+    others, _ = _patches_before(before, sought, offset)
+    pairs = [(_of_half(patches, half), _of_half(others, half)) for half in _HALVES]
+    return np.array([np.einsum("mp,mp->m", a, b) / (_norms(a) * _norms(b)) for a, b in pairs], dtype=np.float32)
+
+
+def _of_half(patches: Floats32, half: Mask) -> Floats32:
+    part = patches[:, half]
+    return np.asarray(part - part.mean(axis=1, keepdims=True), dtype=np.float32)
 
 
 def _best_elsewhere(
@@ -276,10 +296,14 @@ def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, off
 
     What came nearer was smaller a moment ago.
     """
+    others, other_norms = _patches_before(before, sought, offset)
+    return np.asarray(np.einsum("mp,mp->m", patches, others) / (norms * other_norms), dtype=np.float32)
+
+
+def _patches_before(before: Image, sought: _Sought, offset: Floats | int) -> tuple[Floats32, Floats32]:
     nearness = (sought.parallax_px + offset) / sought.parallax_px
     scale = 1 / np.maximum(1 + nearness * sought.approached, 1 / PARALLAX_CONFLICT.most_grown)
-    others, other_norms = _patches(before, sought.predicted + offset * sought.along, scale)
-    return np.asarray(np.einsum("mp,mp->m", patches, others) / (norms * other_norms), dtype=np.float32)
+    return _patches(before, sought.predicted + np.reshape(offset, (-1, 1)) * sought.along, scale)
 
 
 def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tuple[Floats32, Floats32]:
@@ -293,47 +317,29 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     patches = np.asarray(sampled, dtype=np.float32)
     # Sums of whole numbers are exact, and faster than the mean of fractions.
     patches -= cv2.reduce(sampled, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F) / np.float32(_RIGHT.size)
+    return patches, _norms(patches)
+
+
+def _norms(patches: Floats32) -> Floats32:
     norms = np.sqrt(np.einsum("mp,mp->m", patches, patches)) + np.float32(PATCH_CORRELATION.norm_floor)
-    return patches, np.asarray(norms, dtype=np.float32)
+    return np.asarray(norms, dtype=np.float32)
 
 
-def _moving(before: Moment, things: _Sought, place: Floats) -> Mask:
-    """(P,) mask of the points found elsewhere, at `place` (P, 2), that belong to things that move.
+def _alike(things: _Sought, place: Floats) -> Mask:
+    """(P,) mask of the points found elsewhere, at `place` (P, 2), that have neighbours, most of them found as far away.
 
-    Neighbouring points whose depth changed alike are one thing. It moves where one translation takes them to where they
-    are found, by which their depth changes as the LiDAR saw it change; half of them have to fit.
+    Neighbours are those within a patch. Wrong matches are scattered in depth, what is behind a bogus wall is not.
     """
-    moving = np.zeros(things.point.size, dtype=np.bool_)
-    row, column = np.rint(place[:, ::-1].T / HALF).astype(np.intp)
-    height, width = before.half.shape
-    depth_m = before.nearest_m[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    # What the LiDAR had not seen there may move along with the camera.
-    deeper_m = np.where(np.isfinite(depth_m), depth_m - things.point_m[:, 2], 0.0)
-    for thing in _things(things.pixel, deeper_m):
-        missed_px = _missed_px(before.camera.intrinsics, things.point_m[thing], place[thing], deeper_m[thing])
-        moving[thing] = np.median(missed_px / HALF ** things.halvings[thing]) < PARALLAX_CONFLICT.moving_px
-    return moving
-
-
-def _missed_px(K: Matrix, point_m: Matrix, place: Floats, deeper_m: Floats) -> Floats:
-    """(P,) by how many px a thing that moves as a whole misses where its points (P, 3) are found."""
-    ray = (place - K[:2, 2]) / (K[0, 0], K[1, 1])
-    depth = point_m[:, 2:] + float(np.median(deeper_m))
-    aside_m = np.median(ray * depth - point_m[:, :2], axis=0)
-    missed = ((point_m[:, :2] + aside_m) / depth - ray) * (K[0, 0], K[1, 1])
-    return np.asarray(np.hypot(*missed.T))
-
-
-def _things(pixel: Floats, deeper_m: Floats) -> list[Indices]:
-    """The points (P, 2) in groups of neighbours, in cells that touch, whose depths changed (P,) alike."""
-    if not len(pixel):
-        return []
-    cell = (pixel / PARALLAX_CONFLICT.cluster_px).astype(np.intp)
-    cell -= cell.min(axis=0) - 1
-    marked = np.zeros(cell.max(axis=0) + 2, dtype=np.uint8)
-    marked[cell[:, 0], cell[:, 1]] = 1
-    _, labels = cv2.connectedComponents(cv2.dilate(marked, np.ones((3, 3), np.uint8)))
-    label = labels[cell[:, 0], cell[:, 1]]
-    order = np.lexsort((deeper_m, label))
-    apart = np.diff(deeper_m[order]) > PARALLAX_CONFLICT.changed_alike_m
-    return np.split(order, np.flatnonzero(apart | (np.diff(label[order]) > 0)) + 1)
+    scale = HALF**things.halvings
+    found_px = things.parallax_px + np.einsum("pd,pd->p", place - things.predicted, things.along)
+    depth_px = things.parallax_px * things.point_m[:, 2]
+    alike = np.zeros(found_px.size, dtype=np.bool_)
+    for begin in range(0, found_px.size, _AT_ONCE):
+        some = slice(begin, begin + _AT_ONCE)
+        reach_px, most_px = PARALLAX_CONFLICT.patch_px * scale[some], PARALLAX_CONFLICT.alike_px * scale[some]
+        near = (np.abs(things.pixel[some, None] - things.pixel) < reach_px[:, None, None]).all(axis=2)
+        apart_px = np.abs(depth_px[some, None] * (found_px / depth_px) - found_px[some, None])
+        # Each is its own neighbour here.
+        others, as_far = near.sum(axis=1) - 1, (near & (apart_px < most_px[:, None])).sum(axis=1) - 1
+        alike[some] = (others > 0) & (as_far >= PARALLAX_CONFLICT.alike_share * others)
+    return alike
