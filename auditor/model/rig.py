@@ -109,7 +109,7 @@ class Lidar:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left.
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of a LiDAR alone there are none.
 
     Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
     in the views they are rectified to.
@@ -144,8 +144,8 @@ class Rig:
 
     @property
     def by_time(self) -> bool:
-        """Whether its LiDAR is compared with one camera at two times: there is no other."""
-        return self.lidar is not None and self.n == 1
+        """Whether its sensors are compared with their own past: it has a LiDAR, and no two cameras."""
+        return self.lidar is not None and self.n <= 1
 
     @property
     def max_attacked(self) -> int:
@@ -219,12 +219,12 @@ class Rig:
 
     @cached_property
     def is_rectified(self) -> bool:
-        """Whether all cameras are rectified and share size, focal length and principal point."""
-        first = self.cameras[0]
+        """Whether all cameras, if any, are rectified and share size, focal length and principal point."""
         return all(
             camera.rectified
             and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
             and np.allclose(camera.intrinsics, first.intrinsics, atol=RIG_GEOMETRY.same_intrinsics * first.focal_px)
+            for first in self.cameras[:1]
             for camera in self.cameras
         )
 

@@ -271,7 +271,7 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(store.rig(stored.rig_id), criteria.min_view),
+            *views_not_compared(store.rig(stored.rig_id), criteria.min_view, criteria.no_sensors),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR

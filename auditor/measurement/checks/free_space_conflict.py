@@ -138,28 +138,40 @@ class _Scan:
         return self.xyz_m.take(np.flatnonzero(reached[self.cell]), axis=1)
 
 
+class FromNowhere(NamedTuple):
+    """The points (K, 3) of a scan that stand where beams of the one before passed; None without one just before.
+
+    `asked_share` is the share of its points that would be among them, had they come so: those of objects within reach.
+    """
+
+    points: Points | None
+    asked_share: float
+
+
 class OwnScans:
     """Compares the LiDAR's scans of one recording, in their order, each with the one before."""
 
     def __init__(self) -> None:
         self._last: _Scan | None = None
 
-    def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
-        """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
+    def conflicts(self, cloud: PointCloud | None, rig: Rig) -> FromNowhere:
+        """The points of the next cloud that stand where its beams passed."""
         before, self._last = self._last, None
         if cloud is None or rig.lidar is None:
-            return None
+            return FromNowhere(None, 0.0)
         now = _Scan.of(cloud, rig)
         found = _from_nowhere(now, before) if before is not None and now.follows(before) else None
         self._last = now if found is None else replace(now, from_nowhere=found)
-        return None if found is None else now.points[found]
+        if found is None:
+            return FromNowhere(None, 0.0)
+        return FromNowhere(now.points[found], np.count_nonzero(now.clearly) / max(len(cloud.xyz_m), 1))
 
 
-def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
-    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of k."""
+def measure_free_space_conflict(points: Points, rig: Rig, *view: int) -> float:
+    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of a camera; of all without one."""
     if not len(points):
         return 0.0
-    seen = lidar_view(PointCloud(0, points), rig, k).returns
+    seen = lidar_view(PointCloud(0, points), rig, *view).returns if view else len(points)
     return seen / (seen + NUMBERS.half_points)
 
 
