@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.collect import with_scans
-from auditor.measurement.checks.free_space_conflict import FromNowhere, OwnScans
+from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
@@ -220,14 +220,13 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Mea
         arrays = compare(prepared.whole, maps[0])
     frame, comparisons = prepared.whole.frame, arrays.comparisons
     from_nowhere = past.scans.conflicts(frame.cloud, arrays.rig)
-    checks = with_scans(arrays.frame_checks, from_nowhere.points, arrays.lidar, arrays.rig)
-    arrays = replace(arrays, frame_checks=checks)
+    arrays = replace(arrays, frame_checks=with_scans(arrays.frame_checks, from_nowhere, arrays.lidar, arrays.rig))
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.measured_triples),
-        coverage=_coverage(prepared, arrays) if arrays.rig.cameras else _of_scan(frame, from_nowhere),
+        coverage=_coverage(prepared, arrays) if arrays.rig.cameras else _of_scan(frame, past.scans.asked_share),
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
         unmasked_cells=arrays.frame_checks.unmasked_cells,
@@ -264,12 +263,12 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
     return coverage
 
 
-def _of_scan(frame: Frame, seen: FromNowhere) -> dict[int, Coverage]:
-    """The coverage of a LiDAR alone: all of its points are in view, and of some its last scan would tell."""
+def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
+    """The coverage of a LiDAR alone, of whose points, all in view, a share would be told by its last scan."""
     if frame.cloud is None:
         return {}
     returns = len(frame.cloud.xyz_m)
-    return {LIDAR: Coverage(returns=returns, compared_share=seen.asked_share, compared_by_two_share=0.0)}
+    return {LIDAR: Coverage(returns=returns, compared_share=asked_share, compared_by_two_share=0.0)}
 
 
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:

@@ -138,33 +138,30 @@ class _Scan:
         return self.xyz_m.take(np.flatnonzero(reached[self.cell]), axis=1)
 
 
-class FromNowhere(NamedTuple):
-    """The points (K, 3) of a scan that stand where beams of the one before passed; None without one just before.
-
-    `asked_share` is the share of its points that would be among them, had they come so: those of objects within reach.
-    """
-
-    points: Points | None
-    asked_share: float
-
-
 class OwnScans:
-    """Compares the LiDAR's scans of one recording, in their order, each with the one before."""
+    """Compares the LiDAR's scans of one recording, in their order, each with the one before.
+
+    `asked_share` is the share of the last cloud's points that would be conflicts, had they come from nowhere: those of
+    objects within reach; 0 where it was not compared.
+    """
 
     def __init__(self) -> None:
         self._last: _Scan | None = None
+        self.asked_share = 0.0
 
-    def conflicts(self, cloud: PointCloud | None, rig: Rig) -> FromNowhere:
-        """The points of the next cloud that stand where its beams passed."""
+    def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
+        """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
         before, self._last = self._last, None
+        self.asked_share = 0.0
         if cloud is None or rig.lidar is None:
-            return FromNowhere(None, 0.0)
+            return None
         now = _Scan.of(cloud, rig)
         found = _from_nowhere(now, before) if before is not None and now.follows(before) else None
         self._last = now if found is None else replace(now, from_nowhere=found)
         if found is None:
-            return FromNowhere(None, 0.0)
-        return FromNowhere(now.points[found], np.count_nonzero(now.clearly) / max(len(cloud.xyz_m), 1))
+            return None
+        self.asked_share = np.count_nonzero(now.clearly) / max(len(cloud.xyz_m), 1)
+        return now.points[found]
 
 
 def measure_free_space_conflict(points: Points, rig: Rig, *view: int) -> float:

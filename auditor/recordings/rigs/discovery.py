@@ -221,10 +221,11 @@ def rig_of_yaml(path: Path, survey: Survey) -> Rig:
     if any(camera.info.header.frame_id for camera in found.cameras):
         return _rig_of_camchain(path, found, survey)
     infos, transforms = completed(found, survey.images, survey.camera_infos, survey.transforms, replacing=True)
-    rigs = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
-    if not rigs.rigs:
-        raise RigError("no rig by these calibrations: " + "; ".join(rigs.reasons), where=path)
-    return rigs.rigs[0]
+    searched = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
+    rigs = [rig for rig in searched.rigs if rig.cameras]  # a LiDAR alone needs no calibration
+    if not rigs:
+        raise RigError("no rig by these calibrations: " + "; ".join(searched.reasons), where=path)
+    return rigs[0]
 
 
 def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
