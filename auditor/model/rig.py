@@ -215,7 +215,7 @@ class Rig:
 
     def pair(self, i: int, k: int) -> "Rig":
         """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
-        return Rig(self.lidar, (replace(self.camera(i), number=1), replace(self.camera(k), number=2)))
+        return Rig(self.lidar, tuple(replace(self.camera(c), number=n) for n, c in enumerate((i, k), start=1)))
 
     @cached_property
     def is_rectified(self) -> bool:
@@ -293,7 +293,8 @@ class Rig:
         """Read what `to_dict` wrote. Raises RigError that names a missing or ill-formed field and what it should be."""
         fields = Fields("the rig", description)
         lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
-        return cls(lidar, tuple(_camera(camera) for camera in fields.tables("cameras", "camera")))
+        cameras = fields.tables("cameras", "camera") if lidar is None or "cameras" in fields else ()
+        return cls(lidar, tuple(map(_camera, cameras)))
 
 
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
