@@ -160,7 +160,7 @@ class OwnScans:
         self._last = now if found is None else replace(now, from_nowhere=found)
         if found is None:
             return None
-        self.asked_share = np.count_nonzero(now.clearly) / max(len(cloud.xyz_m), 1)
+        self.asked_share = int(np.count_nonzero(now.clearly)) / max(len(cloud.xyz_m), 1)
         return now.points[found]
 
 
