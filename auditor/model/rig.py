@@ -5,7 +5,7 @@ import json
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -215,7 +215,7 @@ class Rig:
 
     def pair(self, i: int, k: int) -> "Rig":
         """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
-        return Rig(self.lidar, tuple(replace(self.camera(c), number=n) for n, c in enumerate((i, k), start=1)))
+        return Rig(self.lidar, (replace(self.camera(i), number=1), replace(self.camera(k), number=2)))
 
     @cached_property
     def is_rectified(self) -> bool:
@@ -224,8 +224,7 @@ class Rig:
             camera.rectified
             and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
             and np.allclose(camera.intrinsics, first.intrinsics, atol=RIG_GEOMETRY.same_intrinsics * first.focal_px)
-            for first in self.cameras[:1]
-            for camera in self.cameras
+            for first, camera in product(self.cameras[:1], self.cameras)
         )
 
     @cached_property
