@@ -9,6 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
+from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria, Engine, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
@@ -248,7 +249,15 @@ class Judge:
             self._recordings = {one.recording_id: one for one in store.recordings()}
 
     def judge(self, measurement: str) -> Judged:
-        """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
+        """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it.
+
+        A LiDAR alone that a person declares to be no sensor leaves nothing unaudited, whatever is found of it.
+        """
+        judged, rig = self._judge(measurement), self._rig(measurement)
+        declared = not rig.cameras and rig.topic(LIDAR) in self._settings.criteria.no_sensors
+        return replace(judged, complete=True, gaps=()) if declared else judged
+
+    def _judge(self, measurement: str) -> Judged:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
@@ -303,8 +312,13 @@ class Judge:
         return tuple(map(lost_line, lost_versions(self._store, self._known)))
 
     def _fitting(self, measurement: str) -> Calibration | None:
-        """The calibration that a measurement is judged by; None where there is none."""
+        """The calibration that a measurement is judged by; None where there is none, as by triples of a LiDAR alone."""
+        if self._settings.criteria.method is Method.PAPER and not self._rig(measurement).triples:
+            return None
         return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
+
+    def _rig(self, measurement: str) -> Rig:
+        return self._store.rig(self._store.measurement(measurement).rig_id)
 
     def _unfitted(self, measurement: str) -> Calibration | None:
         """What a measurement that no calibration fits is judged by: other recordings of its batch, or the prior."""

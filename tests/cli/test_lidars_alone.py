@@ -143,8 +143,9 @@ def test_a_lidar_alone_that_need_not_be_audited_leaves_the_audit_complete(
 ) -> None:
     path, topic = tmp_path / "clean.mcap", lidar_of(drive).topic(LIDAR)
     write_mcap(path, lidar_of(drive), scans(drive, frames))
-    code, remarks = scanned([path], tmp_path / "audit", capfd, "--no-sensor", topic, "--min-coverage", "0.9")
+    code, remarks = scanned([path], tmp_path / "audit", capfd, "--no-sensor", topic)
     assert (code, SAID in remarks) == (0, False)
+    assert run(["judge", "--store", str(tmp_path / "audit"), "--method", "paper"]) == 3
 
 
 def test_a_vehicle_that_stands_is_looked_at_and_scans_far_apart_are_not(
