@@ -10,6 +10,7 @@ from auditor.errors import AuditorError, LimitError, RecordingError, RigError, S
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.settings import Criteria, Engine, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
@@ -312,10 +313,16 @@ class Judge:
         return tuple(map(lost_line, lost_versions(self._store, self._known)))
 
     def _fitting(self, measurement: str) -> Calibration | None:
-        """The calibration that a measurement is judged by; None where there is none, as by triples of a LiDAR alone."""
-        if self._settings.criteria.method is Method.PAPER and not self._rig(measurement).triples:
-            return None
-        return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
+        """The calibration that a measurement is judged by; None where there is none.
+
+        By triples a LiDAR alone is never judged, and a calibration that was given for cameras is none for it.
+        """
+        given, kind = self._settings.calibration, self._rig(measurement).kind
+        if kind.compared_to is ComparedTo.SCANS:
+            if self._settings.criteria.method is Method.PAPER:
+                return None
+            given = given if given is not None and given.rig_kind.matches(kind) else None
+        return given or fitting_calibration(self._store, measurement, self._calibrations)
 
     def _rig(self, measurement: str) -> Rig:
         return self._store.rig(self._store.measurement(measurement).rig_id)
