@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from auditor.errors import RigError
+from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
 from auditor.measurement.parameters import DISPARITY_ERROR
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.model.checks import Pair, conflict_pairs
@@ -59,6 +60,15 @@ _BY_TIME = (
 )
 
 
+_BY_SCANS = (
+    "a LiDAR alone is checked by its own last scan: what stands up where its beams passed a moment ago, within "
+    f"{FREE_SPACE.farthest_m:g} m, with nothing near from which it can have come, names S_0; also while the vehicle "
+    "stands",
+    "not looked at: what is there from the first frame on; points that are removed or moved; what is less than "
+    f"{FREE_SPACE.clearly_m:g} m above the ground; scans more than {FREE_SPACE.most_s:g} s apart",
+)
+
+
 def short_pairs(rig: Rig) -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
     wide = _pairs(rig)
@@ -68,7 +78,7 @@ def short_pairs(rig: Rig) -> list[Pair]:
 def capabilities(rig: Rig) -> list[str]:
     """What can be identified at most, which cameras check the LiDAR, and what is missing for more."""
     if rig.by_time:
-        return list(_BY_TIME)
+        return list(_BY_TIME if rig.cameras else _BY_SCANS)
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:
@@ -267,11 +277,13 @@ def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no
     balance = [sensor.balance for sensor in health.sensors.values()]
     frames = FrameCount(health.frames, health.skipped)
     reading = judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
-    if narrow := tuple(views_not_compared(rig, Criteria.min_view)):
+    if narrow := tuple(views_not_compared(rig, Criteria.min_view, no_sensors)):
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading
-    if rig.by_time:
+    if not rig.cameras:
+        why = "could the LiDAR be compared with its scan before: scans too far apart in time, or of different places"
+    elif rig.by_time:
         why = "could the LiDAR be compared with the camera's own past: the vehicle stands, or too little texture"
     else:
         why = "could three sensors be compared: too little texture"
@@ -309,7 +321,6 @@ def _state(sensor: str | None, covered: TopicCoverage | None, messages: int) -> 
 
 
 def _rig(rig: Rig, health: Health) -> dict[str, Any]:
-    leftmost = rig.cameras[-1]
     view = measured_view(rig)
     measured_in = None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px}
     compared = compared_shares(rig)
@@ -324,7 +335,7 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
             "size_px": _size(camera),
             "compared_share": compared[camera.number],
             "focal_px": camera.focal_px,
-            "baseline_m": rig.baseline_m(camera.number, leftmost.number) if camera is not leftmost else None,
+            "baseline_m": rig.baseline_m(camera.number, rig.n) if camera.number != rig.n else None,
             "reference": camera.number in rig.references,
         }
         for camera in rig.cameras

@@ -47,7 +47,7 @@ def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int])
     """No attack, each sensor alone, and sets of `suspects`: of sensors that are there, as many as can be told apart.
 
     Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. Of a
-    lone camera and a LiDAR each is told by the other and by the camera's past.
+    lone camera and a LiDAR each is told by the other and by the camera's past, a LiDAR alone by its own past.
     """
     present = [sensor for sensor in system.sensors if sensor not in absent]
     if system.by_time:

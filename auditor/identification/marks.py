@@ -63,6 +63,8 @@ def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustTh
 
 
 def _of_prior(rig: Rig) -> float:
+    if not rig.cameras:
+        return nan
     leftmost = rig.camera(rig.n)
     return OTHER_LIDAR.prior_points * 2 * atan(leftmost.width_px / (2 * leftmost.focal_px))
 

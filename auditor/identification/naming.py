@@ -36,6 +36,7 @@ from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _STANDS = "the camera saw too little move by its range, as where the vehicle stands: nothing was compared"
+_NO_SCAN_BEFORE = "there is no scan of the same place a moment before: nothing was compared"
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
 
 
@@ -279,7 +280,7 @@ def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[
     """Why no three of the sensors present were compared in a frame."""
     missing = f"{listed(outside)} missing: " if outside else ""
     if system.by_time and not outside:
-        return _STANDS
+        return _STANDS if system.triples else _NO_SCAN_BEFORE
     if len(present) < FEWEST_COMPARED:
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
     possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]
@@ -296,7 +297,7 @@ def _states(
     fired: frozenset[tuple[int, ...]],
     absent: frozenset[int],
 ) -> tuple[str, bool]:
-    """The e vector of a frame, and whether three sensors were compared in it.
+    """The e vector of a frame, and whether three sensors were compared in it, or a LiDAR alone with its last scan.
 
     '1' stands where a check of a sensor of the triple exceeded the limit, '-' where the triple was not measured. The
     fallback's state follows where no triple of the sensors present was measured, and it was.
@@ -309,7 +310,7 @@ def _states(
     ]
     if system.fallback is not None and system.fallback in known and not known.intersection(system.triples):
         marks.append(ABOVE if system.fallback in above else NOT_ABOVE)
-    return "".join(marks), bool(known)
+    return "".join(marks), bool(known) or (not system.triples and any(measured))
 
 
 def _measured(system: System, columns: Indices, measured: bytes) -> frozenset[SensorCheck]:

@@ -28,8 +28,8 @@ class System:
 
     @cached_property
     def by_time(self) -> bool:
-        """Whether a lone camera and its own past check the LiDAR, the one sensor that is looked at."""
-        return any(one.check.kind.of is Of.LONE_CAMERA for one in self.sensor_checks)
+        """Whether sensors are checked by their own past: a lone camera's and a LiDAR, or a LiDAR alone."""
+        return self.sensors == (LIDAR,) or any(one.check.kind.of is Of.LONE_CAMERA for one in self.sensor_checks)
 
     @property
     def judged_together(self) -> int:

@@ -123,7 +123,7 @@ class _Past:
 
     @classmethod
     def of(cls, rig: Rig) -> "_Past":
-        return cls(OwnScans(), OwnPast() if rig.by_time else None)
+        return cls(OwnScans(), OwnPast() if rig.by_time and rig.cameras else None)
 
 
 def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> Measured:
@@ -226,7 +226,7 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Mea
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.measured_triples),
-        coverage=_coverage(prepared, arrays),
+        coverage=_coverage(prepared, arrays) if arrays.rig.cameras else _of_scan(frame, past.scans.asked_share),
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
         unmasked_cells=arrays.frame_checks.unmasked_cells,
@@ -261,6 +261,14 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
             compared_by_two_share=looked[LIDAR].by_two,
         )
     return coverage
+
+
+def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
+    """The coverage of a LiDAR alone, of whose points, all in view, a share would be told by its last scan."""
+    if frame.cloud is None:
+        return {}
+    returns = len(frame.cloud.xyz_m)
+    return {LIDAR: Coverage(returns=returns, compared_share=asked_share, compared_by_two_share=0.0)}
 
 
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:

@@ -5,7 +5,7 @@ import json
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,7 +109,7 @@ class Lidar:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left.
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of a LiDAR alone there are none.
 
     Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
     in the views they are rectified to.
@@ -144,8 +144,8 @@ class Rig:
 
     @property
     def by_time(self) -> bool:
-        """Whether its LiDAR is compared with one camera at two times: there is no other."""
-        return self.lidar is not None and self.n == 1
+        """Whether its sensors are compared with their own past: it has a LiDAR, and no two cameras."""
+        return self.lidar is not None and self.n <= 1
 
     @property
     def max_attacked(self) -> int:
@@ -219,13 +219,12 @@ class Rig:
 
     @cached_property
     def is_rectified(self) -> bool:
-        """Whether all cameras are rectified and share size, focal length and principal point."""
-        first = self.cameras[0]
+        """Whether all cameras, if any, are rectified and share size, focal length and principal point."""
         return all(
             camera.rectified
             and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
             and np.allclose(camera.intrinsics, first.intrinsics, atol=RIG_GEOMETRY.same_intrinsics * first.focal_px)
-            for camera in self.cameras
+            for first, camera in product(self.cameras[:1], self.cameras)
         )
 
     @cached_property
@@ -293,7 +292,8 @@ class Rig:
         """Read what `to_dict` wrote. Raises RigError that names a missing or ill-formed field and what it should be."""
         fields = Fields("the rig", description)
         lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
-        return cls(lidar, tuple(_camera(camera) for camera in fields.tables("cameras", "camera")))
+        cameras = fields.tables("cameras", "camera") if lidar is None or "cameras" in fields else ()
+        return cls(lidar, tuple(map(_camera, cameras)))
 
 
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:

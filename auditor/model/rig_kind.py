@@ -16,10 +16,11 @@ class Similarity(StrEnum):
 
 
 class ComparedTo(StrEnum):
-    """What a camera of a rig is compared to: the other cameras, or its own past."""
+    """What is compared in a rig: cameras with others, a lone one with its own past, or the scans of a LiDAR alone."""
 
     CAMERAS = "cameras"
     PAST = "past"
+    SCANS = "scans"
 
 
 class Tolerance(NamedTuple):
@@ -66,8 +67,10 @@ class RigKind:
 
     @property
     def compared_to(self) -> ComparedTo:
-        """What is compared: with one camera and a LiDAR there is no other camera."""
-        return ComparedTo.PAST if self.lidar and len(self.sizes_px) == 1 else ComparedTo.CAMERAS
+        """What is compared: with one camera and a LiDAR there is no other camera, and a LiDAR alone has none."""
+        if not self.lidar or len(self.sizes_px) > 1:
+            return ComparedTo.CAMERAS
+        return ComparedTo.PAST if self.sizes_px else ComparedTo.SCANS
 
     def similarity(self, other: "RigKind") -> Similarity:
         """SAME where sizes are equal and lengths agree within 2 % or 5 mm, SIMILAR within 5 % or 2 cm.
@@ -94,6 +97,8 @@ class RigKind:
         )
 
     def __str__(self) -> str:
+        if not self.sizes_px:
+            return "LiDAR alone"
         sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         if len(self.sizes_px) == 1:

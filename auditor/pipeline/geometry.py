@@ -187,14 +187,20 @@ def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -
         found, evidence = item
         check.add(evidence, FaultFeatures().update(evidence))
         measured += 1
-        compared += any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
+        by_errors = any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
+        compared += by_errors or (not rig.cameras and bool(found.shares))
     return FirstFrames(doubts_of(recording, in_force, check, withheld, stream), measured, compared)
 
 
 def doubts_of(
     recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
 ) -> RigDoubts:
-    """What a check of some of a stream's frames, or of all, finds to say against their rig."""
+    """What a check of some of a stream's frames, or of all, finds to say against their rig.
+
+    `withheld` is what cameras contradict in: it says nothing of a LiDAR alone.
+    """
+    if not in_force.rig.cameras:
+        withheld = ""
     warnings = (*check.warnings(), *stream.remarks)
     withheld = withheld or stream.timing.withheld or check.withheld()
     return RigDoubts(warnings, withheld or _negated(recording, in_force.survey, in_force.rig, check.pictures))

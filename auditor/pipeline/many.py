@@ -9,6 +9,8 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.settings import Criteria, Engine, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
@@ -248,7 +250,15 @@ class Judge:
             self._recordings = {one.recording_id: one for one in store.recordings()}
 
     def judge(self, measurement: str) -> Judged:
-        """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
+        """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it.
+
+        A LiDAR alone that a person declares to be no sensor leaves nothing unaudited, whatever is found of it.
+        """
+        judged, rig = self._judge(measurement), self._rig(measurement)
+        declared = not rig.cameras and rig.topic(LIDAR) in self._settings.criteria.no_sensors
+        return replace(judged, complete=True, gaps=()) if declared else judged
+
+    def _judge(self, measurement: str) -> Judged:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
@@ -271,7 +281,7 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(store.rig(stored.rig_id), criteria.min_view),
+            *views_not_compared(store.rig(stored.rig_id), criteria.min_view, criteria.no_sensors),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
@@ -303,8 +313,19 @@ class Judge:
         return tuple(map(lost_line, lost_versions(self._store, self._known)))
 
     def _fitting(self, measurement: str) -> Calibration | None:
-        """The calibration that a measurement is judged by; None where there is none."""
-        return self._settings.calibration or fitting_calibration(self._store, measurement, self._calibrations)
+        """The calibration that a measurement is judged by; None where there is none.
+
+        By triples a LiDAR alone is never judged, and a calibration that was given for cameras is none for it.
+        """
+        given, kind = self._settings.calibration, self._rig(measurement).kind
+        if kind.compared_to is ComparedTo.SCANS:
+            if self._settings.criteria.method is Method.PAPER:
+                return None
+            given = given if given is not None and given.rig_kind.matches(kind) else None
+        return given or fitting_calibration(self._store, measurement, self._calibrations)
+
+    def _rig(self, measurement: str) -> Rig:
+        return self._store.rig(self._store.measurement(measurement).rig_id)
 
     def _unfitted(self, measurement: str) -> Calibration | None:
         """What a measurement that no calibration fits is judged by: other recordings of its batch, or the prior."""

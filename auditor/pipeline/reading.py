@@ -14,7 +14,7 @@ from auditor.model.coverage import (
 )
 from auditor.model.frames import TopicBalance
 from auditor.model.optics.common_view import compared_shares
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
@@ -80,8 +80,15 @@ def reading_of(
     return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
 
 
-def views_not_compared(rig: Rig, min_view: float) -> Iterator[str]:
-    """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`."""
+def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = ()) -> Iterator[str]:
+    """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`.
+
+    And a LiDAR alone, unless its topic is declared to be no sensor: nothing that is there all along is seen of it.
+    """
+    if not rig.cameras and min_view > 0 and rig.topic(LIDAR) not in no_sensors:
+        yield (
+            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees"
+        )
     for number, share in compared_shares(rig).items():
         if rig.by_time and share < min_view:
             yield f"S_{number} {rig.name(number)} is looked at for light by its own past alone: no other camera sees it"

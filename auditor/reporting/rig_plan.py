@@ -93,7 +93,7 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
         tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in places.values()),
         tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in known.items()),
         tuple(one.name for one in unused if one.centre_m is None),
-        any(one.rig.by_time for one in rigs),
+        any(one.rig.by_time and one.rig.n for one in rigs),
         len(cameras) > 1 or any(_looks_ahead(camera.name) for one in rigs for camera in one.rig.cameras),
     )
 
@@ -104,6 +104,9 @@ def _axes(rigs: Sequence[PlacedRig]) -> Matrix:
     Ahead looks the camera whose name says so, and back another one; else most cameras look ahead. Where they look all
     around it is the frame's own x axis, or its z axis where that is level.
     """
+    if not any(one.rig.cameras for one in rigs):
+        right, _, ahead = rigs[0].common_SE3_rig[:3, :3].T
+        return np.stack([ahead, -right])
     turned = [
         (camera.name, camera.rotation @ one.common_SE3_rig[:3, :3].T) for one in rigs for camera in one.rig.cameras
     ]

@@ -387,7 +387,7 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
 
 
 def _sensor_check(row: Mapping[str, Any], check: str) -> SensorCheck:
-    return SensorCheck(Check(check), row["sensor"], tuple(row["others"]))
+    return SensorCheck(Check(check), row["sensor"], tuple(row["others"] or ()))
 
 
 def _column(values: pa.ListScalar) -> NDArray[np.float64]:

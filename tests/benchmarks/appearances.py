@@ -1,21 +1,26 @@
 """What is found of things that appear in the point cloud of a real drive, as a new user scans it: nothing learnt.
 
-    python -m tests.benchmarks.appearances --drives DATA [--lasts 1.0]
+    python -m tests.benchmarks.appearances --drives DATA [--lasts 1.0] [--lidar-alone]
 
 Ghost cars and walls appear at several moments of each drive and last a second. Each attacked drive is scanned into a
 store of its own, by the command line: printed are the attacked frames that name the LiDAR alone, the drives with an
-incident that does, and those that are found at all, by kind; and of how many of them by free-space conflict.
+incident that does, and those that are found at all, by kind; and of how many of them by free-space conflict. With
+`--lidar-alone` the drives are recorded without their cameras; what is found of the clean ones is printed first.
 """
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from auditor.cli import run
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig
+from auditor.recordings import find_rigs, located, open_recording, survey, synchronise, write_mcap
 from tests.making.audits import ask
 
 KINDS = {
@@ -60,16 +65,46 @@ def tried(drive: Path, kind: Sequence[str], begins_s: float, lasts_s: float) -> 
     )
 
 
+def without_cameras(drive: Path, path: Path) -> Path:
+    """A recording of the drive's LiDAR alone."""
+    with open_recording(located(drive)) as recording:
+        surveyed = survey(recording)
+        rig = find_rigs(surveyed)[0]
+        frames = (one for one in synchronise(recording, rig, surveyed) if isinstance(one, Frame))
+        scans = (replace(one, images={}, presence={LIDAR: one.presence[LIDAR]}) for one in frames)
+        write_mcap(path, Rig(rig.lidar, ()), scans)
+    return path
+
+
+def clean(drive: Path) -> str:
+    """What a scan of a clean drive finds."""
+    with TemporaryDirectory() as place:
+        code = quietly("scan", str(drive), "--store", place, "--jobs", "1")
+        kinds = ask(Path(place), "SELECT kind, count(*) AS n FROM verdicts GROUP BY kind ORDER BY kind")
+    return f"exit code {code}, " + ", ".join(f"{row['kind']} {row['n']}" for row in kinds)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--drives", type=Path, required=True)
     parser.add_argument("--lasts", type=float, default=1.0, help="seconds")
+    parser.add_argument("--lidar-alone", action="store_true", help="leave out the cameras")
     options = parser.parse_args()
+    with TemporaryDirectory() as place:
+        drives = {name: options.drives / name for name in MOMENTS_S}
+        if options.lidar_alone:
+            drives = {name: without_cameras(drive, Path(place) / f"{name}.mcap") for name, drive in drives.items()}
+            for name, drive in drives.items():
+                print(f"{name}, clean: {clean(drive)}", flush=True)
+        try_all(drives, options.lasts)
+
+
+def try_all(drives: Mapping[str, Path], lasts_s: float) -> None:
     for name, kind in KINDS.items():
         total: Counter[str] = Counter()
         for drive, moments in MOMENTS_S.items():
             for begins_s in moments:
-                total += tried(options.drives / drive, kind, begins_s, options.lasts)
+                total += tried(drives[drive], kind, begins_s, lasts_s)
         print(
             f"{name}: {total['named']} of {total['frames']} frames named, {total['incidents']} of {total['drives']} "
             f"incidents, {total['found']} found, {total['by_free_space']} by free-space conflict",

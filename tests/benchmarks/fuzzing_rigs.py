@@ -297,7 +297,7 @@ def _rectify(rig: Rig) -> None:
         if not rig.shares_view:
             views = [common_view(rig.pair(*pair), widest=True).rig.camera(1) for pair in rig.pairs]
             sides += [(view.width_px, view.height_px) for view in views]
-    if max(width * height for width, height in sides) > MOST_PIXELS:
+    if max((width * height for width, height in sides), default=0) > MOST_PIXELS:
         return
     rectified = rectification(rig)
     for camera in rig.cameras:

@@ -293,8 +293,8 @@ def test_a_lidar_alone_and_one_that_cannot_be_read_are_named(
         tmp_path / "two.mcap", tmp_path / "lidar.mcap", lambda t: [t] if t.topic == "/points" else []
     )
     code, remarks = both(only_lidar)
-    assert (code, len(remarks.splitlines())) == (3, 1)
-    assert "no camera images" in remarks
+    assert code == 3
+    assert "is looked at for what appears, by its own past alone" in remarks
     no_lidar = rewritten(
         tmp_path / "two.mcap",
         tmp_path / "livox.mcap",

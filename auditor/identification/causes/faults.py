@@ -120,8 +120,8 @@ def fault_scores(
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
         found[Cause.RAIN, LIDAR] = _rain(seen)
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
-    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T)) / (begins - enough)
-    found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T) / FAULT_SCORES.glare
+    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan)) / (begins - enough)
+    found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T, initial=np.nan) / FAULT_SCORES.glare
     lasting = np.array([cause is Cause.DISPLACED for cause, _ in found])
     scores = np.stack([*found.values()], axis=1)
     for those, seconds in ((~lasting, TEMPORAL_WINDOW.seconds), (lasting, TEMPORAL_WINDOW.lasting_s)):

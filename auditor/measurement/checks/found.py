@@ -37,6 +37,7 @@ _OF_CHECKS = (*_IN_VIEWS, *_BY_PAIRS, *_BY_THE_PAST)
 MEASURED_BY: Mapping[ComparedTo, tuple["DataclassInstance", ...]] = {
     ComparedTo.CAMERAS: (*OF_ANY_RIG, *OF_PAIRS, *_IN_VIEWS, *_BY_PAIRS),
     ComparedTo.PAST: (*OF_ANY_RIG, *OF_THE_PAST, *_IN_VIEWS, *_BY_THE_PAST),
+    ComparedTo.SCANS: _numbers(Of.OWN_SCANS),
 }
 """All that can change a count or a measured statistic, by what a rig compares."""
 

@@ -139,27 +139,36 @@ class _Scan:
 
 
 class OwnScans:
-    """Compares the LiDAR's scans of one recording, in their order, each with the one before."""
+    """Compares the LiDAR's scans of one recording, in their order, each with the one before.
+
+    `asked_share` is the share of the last cloud's points that would be conflicts, had they come from nowhere: those of
+    objects within reach; 0 where it was not compared.
+    """
 
     def __init__(self) -> None:
         self._last: _Scan | None = None
+        self.asked_share = 0.0
 
     def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
         """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
         before, self._last = self._last, None
+        self.asked_share = 0.0
         if cloud is None or rig.lidar is None:
             return None
         now = _Scan.of(cloud, rig)
         found = _from_nowhere(now, before) if before is not None and now.follows(before) else None
         self._last = now if found is None else replace(now, from_nowhere=found)
-        return None if found is None else now.points[found]
+        if found is None:
+            return None
+        self.asked_share = int(np.count_nonzero(now.clearly)) / max(len(cloud.xyz_m), 1)
+        return now.points[found]
 
 
-def measure_free_space_conflict(points: Points, rig: Rig, k: int) -> float:
-    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of k."""
+def measure_free_space_conflict(points: Points, rig: Rig, *view: int) -> float:
+    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of a camera; of all without one."""
     if not len(points):
         return 0.0
-    seen = lidar_view(PointCloud(0, points), rig, k).returns
+    seen = lidar_view(PointCloud(0, points), rig, *view).returns if view else len(points)
     return seen / (seen + NUMBERS.half_points)
 
 

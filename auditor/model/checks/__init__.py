@@ -89,6 +89,8 @@ class CountedPair(NamedTuple):
 
 def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
     """The checks that frames of a rig are judged by, in their fixed order."""
+    if not rig.cameras:
+        return tuple(SensorCheck(one, LIDAR, ()) for one in Check if one.kind.of is Of.OWN_SCANS)
     if rig.by_time:  # of a camera that looks anywhere nobody knows where its view has points
         return sensor_checks_of((), (), (), rig.references)
     views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}

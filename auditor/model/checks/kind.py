@@ -10,7 +10,7 @@ class Of(Enum):
     PAIRS = "LiDAR", "all cameras of the pairs that are compared with it, or all but one or two"
     SEVERAL_PAIRS = "LiDAR", "as lidar_conflict, but never one pair alone: what it mismatches looks like a surface"
     VIEW = "LiDAR", "the camera in whose view its points are"
-    OWN_SCANS = "LiDAR", "its own last scan, in the view of a camera"
+    OWN_SCANS = "LiDAR", "its own last scan, in the view of a camera; of a LiDAR alone, all around"
     LONE_CAMERA = "LiDAR", "the lone camera whose past is compared with it"
     CAMERAS = "camera", "all cameras that it is matched with, all but one or two of them, and each alone"
     LIDAR = "camera", "the LiDAR, 0, by which a lone camera is compared with its past"

@@ -70,7 +70,7 @@ def measured_view(rig: Rig) -> CommonView | None:
     """
     if not rig.is_rectified:
         return common_view(rig)
-    scale = view_scale(rig)
+    scale = view_scale(rig) if rig.cameras else 1
     return None if scale == 1 else _enlarged(rig, scale)
 
 
@@ -160,7 +160,7 @@ def compared_shares(rig: Rig) -> dict[int, float]:
 @cache
 def shown_shares(rig: Rig) -> dict[int, float]:
     """The share of each camera's picture, by its number, that the view shows which all cameras see whole."""
-    return dict.fromkeys(rig.sensors[-rig.n :], 1.0) if rig.is_rectified else _shares(rig, _whole_view(rig))
+    return dict.fromkeys(range(1, rig.n + 1), 1.0) if rig.is_rectified else _shares(rig, _whole_view(rig))
 
 
 def _shares(rig: Rig, views: Sequence[SharedView]) -> dict[int, float]:
@@ -182,12 +182,13 @@ def _cells(camera: Camera) -> tuple[int, int]:
 
 @cache
 def view_size_px(rig: Rig) -> tuple[int, int]:
-    """Width and height of the largest image that a rig's counts can be of: recorded, or rectified."""
+    """Width and height of the largest image that a rig's counts can be of: recorded, or rectified; else 0."""
     cameras = list(rig.cameras)
     with suppress(RigError):  # nothing is measured in a view that does not exist
         view = measured_view(rig)
         cameras += () if view is None else view.rig.cameras
-    return max(camera.width_px for camera in cameras), max(camera.height_px for camera in cameras)
+    sizes = [(camera.width_px, camera.height_px) for camera in cameras] or [(0, 0)]
+    return max(width for width, _ in sizes), max(height for _, height in sizes)
 
 
 def _orientation(rig: Rig) -> Matrix:

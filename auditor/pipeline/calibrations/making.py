@@ -189,7 +189,7 @@ def make(
         parts = [_Part(tuple(located[first : first + share]), asked) for first in range(0, len(located), share)]
         for found in _in_order(_sum_up, parts, jobs):
             sums.join(found)
-    if not any(sums.samples.values()):
+    if asked.system.triples and not any(sums.samples.values()):
         raise ThresholdsError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
         )

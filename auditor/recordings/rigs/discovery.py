@@ -10,15 +10,16 @@ import numpy as np
 from auditor.errors import RigError
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.rig import Camera, Lidar, Rig
+from auditor.model.rig import LIDAR, Camera, Lidar, Rig
 from auditor.recordings.decoding.calibration_texts import Calibrations
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
-from auditor.recordings.rigs.cameras import View, find_views, sensor_name
+from auditor.recordings.rigs.cameras import View, find_views
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import chained_cameras, read_calibrations, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.lidar_choice import best_lidar
+from auditor.recordings.rigs.lidars import lidar_of, lidars_alone
 from auditor.recordings.rigs.ordering import (
     MAX_SQUINT,
     MIN_BASELINE_M,
@@ -29,7 +30,6 @@ from auditor.recordings.rigs.ordering import (
 )
 from auditor.recordings.rigs.reasons import AtOnePlace, Reason, TooFew
 from auditor.recordings.synchronisation.given_calibrations import completed
-from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
@@ -52,9 +52,9 @@ class FoundRigs(NamedTuple):
 
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
-    if not survey.images:
-        missing = "; ".join(["there are no camera images that can be read", *_unreadable(survey)])
-        raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras")
+    if not survey.images and not survey.clouds:
+        missing = "; ".join(["there are no camera images and no points that can be read", *_unreadable(survey)])
+        raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
     found = search_rigs(survey)
     if not found.rigs:
         raise RigError(
@@ -71,7 +71,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
     attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
     they are measured. Each camera that is in no such rig is one of its own with the LiDAR: its own past stands in for a
-    second camera.
+    second camera. Each LiDAR that is in no rig with a camera is one alone: it is compared with its own past.
     """
     reasons: list[Reason] = []
     frames = FrameTree(survey.transforms)
@@ -83,8 +83,9 @@ def search_rigs(survey: Survey) -> FoundRigs:
     alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
     reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
     rigs.extend(alone)
+    rigs.extend(lidars_alone(rigs, survey, frames))
     rigs.sort(key=lambda rig: -len(rig.sensors))
-    names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
+    names = (f"the one of {names_of([camera.name for camera in rig.cameras] or [rig.name(LIDAR)])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
@@ -220,10 +221,11 @@ def rig_of_yaml(path: Path, survey: Survey) -> Rig:
     if any(camera.info.header.frame_id for camera in found.cameras):
         return _rig_of_camchain(path, found, survey)
     infos, transforms = completed(found, survey.images, survey.camera_infos, survey.transforms, replacing=True)
-    rigs = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
-    if not rigs.rigs:
-        raise RigError("no rig by these calibrations: " + "; ".join(rigs.reasons), where=path)
-    return rigs.rigs[0]
+    searched = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
+    rigs = [rig for rig in searched.rigs if rig.cameras]  # a LiDAR alone needs no calibration
+    if not rigs:
+        raise RigError("no rig by these calibrations: " + "; ".join(searched.reasons), where=path)
+    return rigs[0]
 
 
 def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
@@ -250,7 +252,7 @@ def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
             camera_SE3_lidar = frames.between(frame_ids.get(camera.topic, ""), cloud.frame_id)
             if camera_SE3_lidar is not None:
                 rig_SE3_lidar = motion(camera.rotation.T, camera.centre_m) @ camera_SE3_lidar
-                return _lidar_of(cloud, rig_SE3_lidar, camera.rotation[2])
+                return lidar_of(cloud, rig_SE3_lidar, camera.rotation[2])
     return None
 
 
@@ -357,14 +359,7 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
             why = f"tf does not connect {topic} {frame} with the camera frame {placed.anchor!r}"
             reasons.append(Reason(why, topic))
     best = best_lidar(placed, connected)
-    return _lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
-
-
-def _lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:
-    """The LiDAR of a topic at its place in the rig; `ahead` (3,) is where the cameras look."""
-    x, y, _ = rig_SE3_lidar[:3, :3].T @ ahead
-    name = cloud.topic.name
-    return Lidar(sensor_name(name), name, rig_SE3_lidar, sweep=sweep_of(cloud.sectors, float(np.arctan2(y, x))))
+    return lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
 
 
 def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:

@@ -149,6 +149,7 @@ class _Line:
         self._known: dict[Rig, Survey] = {rig: survey}
         self._stretches: dict[Rig, list[Stretch]] = {rig: []}
         self._last: tuple[Rig, ...] = (rig,)
+        self._of_lidar_alone = not rig.cameras
         samples = survey.samples(rig.topic(rig.n))
         self._begin_ns = min((sample.time_ns for sample in samples), default=0)
         self.remarks: list[str] = []
@@ -252,7 +253,9 @@ class _Line:
         topics = {rig.topic(sensor) for rig in self._known for sensor in rig.sensors}
         rigs: list[Rig] = []
         for rig in search_rigs(survey).rigs:
-            if any(_alike(rig, other) for other in self._others) or not topics & set(map(rig.topic, rig.sensors)):
+            if any(_alike(rig, other) for other in self._others) or (rig.n == 0) != self._of_lidar_alone:
+                continue
+            if not topics & set(map(rig.topic, rig.sensors)):
                 continue
             known = next((one for one in self._known if _alike(one, rig)), None)
             if known is None:

@@ -103,13 +103,12 @@ def test_a_real_ros_1_bag_without_cameras_is_read_and_gives_no_rig(real_data: Pa
             find_rigs(known)
 
 
-def test_a_real_ros_2_file_of_an_unknown_type_is_read_and_gives_no_rig(real_data: Path) -> None:
+def test_a_real_ros_2_file_of_packets_is_read_and_is_a_lidar_alone(real_data: Path) -> None:
     with open_recording(real_data / "real_bags_without_cameras" / "ros2_vlp16") as recording:
         assert [topic.schema for topic in recording.topics()] == ["velodyne_msgs/msg/VelodyneScan"]
         assert len(list(recording.messages())) == 4
         known = survey(recording)
-        with pytest.raises(RigError, match="no camera images"):
-            find_rigs(known)
+        assert [rig.sensors for rig in find_rigs(known)] == [(0,)]
 
 
 @pytest.mark.parametrize("kind", ["bag", "folder"])

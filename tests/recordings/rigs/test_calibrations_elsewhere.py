@@ -119,8 +119,9 @@ def test_a_camchain_in_the_recording_calibrates_its_cameras(tmp_path: Path, whol
     chain = camchain(RIG)
     how = {"metadata": {"camchain": chain}} if as_metadata else {"attached": [("camchain.yaml", chain)]}
     found = surveyed(without_calibration(whole, tmp_path / "b.mcap", **how))
-    [rig] = search_rigs(found).rigs
+    rig, alone = search_rigs(found).rigs
     assert_the_same(rig, lidar=False)
+    assert alone.sensors == (0,)
     assert any("3 cameras and 2 frames are as this text in the recording says" in problem for problem in found.problems)
 
 
@@ -132,7 +133,7 @@ def test_calibrations_of_autoware_in_the_recording_make_its_rig(tmp_path: Path, 
 
 def test_calibrations_of_autoware_are_taken_as_a_file(tmp_path: Path, whole: Path) -> None:
     bare = surveyed(without_calibration(whole, tmp_path / "b.mcap"))
-    assert not search_rigs(bare).rigs
+    assert not any(rig.cameras for rig in search_rigs(bare).rigs)
     (tmp_path / "all.yaml").write_text(camera_infos() + "---\n" + places(bare))
     assert_the_same(rig_of_yaml(tmp_path / "all.yaml", bare))
     (tmp_path / "places.yaml").write_text(places(bare))
