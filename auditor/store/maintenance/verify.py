@@ -21,7 +21,7 @@ from auditor.store.packs.files import Files, rows_of_files
 from auditor.store.packs.index import FOLDER, INDEX, Member, Packs
 from auditor.store.schema import ID_COLUMNS, TABLES
 from auditor.store.store import MANIFESTS, Store
-from auditor.store.tables import read_rows
+from auditor.store.tables import listed, read_table
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -116,6 +116,7 @@ class _Verification:
         self._log = expected(self._entries)
         self._seen: set[str] = set()
         self._wrong: set[str] = set()
+        self._rigs: dict[str, str] = {}
         self._removed: dict[str, Problem] = {}
 
     def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
@@ -190,17 +191,18 @@ class _Verification:
 
     def _of_manifest(self, manifest: str) -> Iterator[Problem]:
         """The files that the rows of a manifest finish, by rows that are as they were written."""
-        files = self._store.files(manifest)
+        files, column = self._store.files(manifest), ID_COLUMNS[manifest]
+        columns = [column, "outputs", *(["rig_id"] if manifest == "measurements" else [])]
         for path in files.alone:
             place = f"{manifest}/{path.name}"
             wanted = self._touched is None or path.stem in self._touched
             if wanted and place in self._log.places and place not in self._wrong:
-                yield from self._of_rows(place, read_rows(manifest, path))
+                yield from self._of_rows(place, listed(read_table(manifest, path, columns), path))
         for path in files.packs:
-            place, column = path.relative_to(self._store.folder).as_posix(), ID_COLUMNS[manifest]
+            place = path.relative_to(self._store.folder).as_posix()
             looked_at = self._wanted(manifest, self._store.packs.members(path))
             if looked_at and place in self._log.places:
-                rows = rows_of_files(manifest, Files((), (path,), files.hidden), [column, "outputs"])
+                rows = rows_of_files(manifest, Files((), (path,), files.hidden), columns)
                 yield from self._of_rows(place, [row for row in rows if row[column] in looked_at])
 
     def _wanted(self, manifest: str, members: Collection[str]) -> Collection[str]:
@@ -210,6 +212,7 @@ class _Verification:
 
     def _of_rows(self, place: str, rows: list[dict[str, object]]) -> Iterator[Problem]:
         """The files that rows finish, as they were, or packs that were made of them."""
+        self._rigs |= {str(row["measurement_id"]): str(row["rig_id"]) for row in rows if "rig_id" in row}
         for output in outputs_of(rows):
             path = self._store.folder / output.path
             self._seen.add(output.path)
@@ -272,11 +275,10 @@ class _Verification:
 
     def _implausible(self) -> Iterator[Problem]:
         tables = [table for table, manifest in MANIFESTS.items() if manifest == "measurements"]
-        for known in self._store.ids("measurements"):
-            row = self._store.measurement(known) if f"measurements/{known}.parquet" not in self._wrong else None
-            needed = {f"{table}/{known}.parquet" for table in tables}
-            if row is not None and not self._wrong & {*needed, f"rigs/{row.rig_id}.parquet"}:
-                for table, what in implausible(self._store, known):
+        for known, rig_id in sorted(self._rigs.items()):
+            needed = {f"{table}/{known}.parquet" for table in ("measurements", *tables)}
+            if not self._wrong & {*needed, f"rigs/{rig_id}.parquet"}:
+                for table, what in implausible(self._store, known, self._store.rig(rig_id)):
                     yield Problem(f"{table}/{known}.parquet", what)
 
 
