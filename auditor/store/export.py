@@ -17,9 +17,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.csv
-import pyarrow.parquet as pq
 
 from auditor.errors import QueryError
 from auditor.model.text import csv_cell
@@ -88,11 +85,13 @@ def encode(table: pa.Table, form: str) -> bytes:
 def _encoded(table: pa.Table, form: str) -> bytes:
     if form == "json":
         return as_json(rows_of(table))
+    from pyarrow import csv, parquet  # noqa: PLC0415 - heavy
+
     sink = io.BytesIO()
     if form == "csv":
-        pyarrow.csv.write_csv(_for_csv(table), sink)
+        csv.write_csv(_for_csv(table), sink)
     else:
-        pq.write_table(_for_parquet(table), sink, compression="zstd")
+        parquet.write_table(_for_parquet(table), sink, compression="zstd")
     return sink.getvalue()
 
 
@@ -150,7 +149,9 @@ def _times_as_text(times: pa.Array | pa.ChunkedArray) -> pa.Array | pa.ChunkedAr
         )
     if not pa.types.is_timestamp(times.type):
         return times.cast(pa.string())
-    return pc.strftime(times.cast(pa.timestamp(times.type.unit)), format="%Y-%m-%dT%H:%M:%SZ")
+    from pyarrow import compute  # noqa: PLC0415 - heavy
+
+    return compute.strftime(times.cast(pa.timestamp(times.type.unit)), format="%Y-%m-%dT%H:%M:%SZ")
 
 
 def _is_time(kind: pa.DataType) -> bool:

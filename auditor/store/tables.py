@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,8 +15,9 @@ import pyarrow.parquet as pq
 from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.store.files import Announce, PartFile, Written, part_file
+from auditor.store.packs.files import Files
 from auditor.store.packs.index import Part
-from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
+from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TableSchema, newer_version, table_schema, version_of
 
 Row = Mapping[str, object]
 T = TypeVar("T")
@@ -275,6 +277,19 @@ def listed(content: pa.Table, source: Source) -> list[dict[str, Any]]:
     return rows
 
 
+def rows_of_files(table: str, files: Files, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """All rows of them, by id, or these columns, the id among them. Raises StoreError."""
+    rows = [row for path in files.alone for row in listed(read_table(table, path, columns), path)]
+    if not files.packs:
+        return rows
+    column = ID_COLUMNS[table]
+    for path in files.packs:
+        content = read_table(table, path, columns)
+        hidden = pc.is_in(content[column], pa.array(sorted(files.hidden), pa.string()))
+        rows += listed(content.filter(pc.invert(hidden)), path)
+    return sorted(rows, key=itemgetter(column))
+
+
 def in_one_line(error: Exception) -> str:
     """What an error of Arrow says, on one line."""
     return " ".join(str(error).split()) or type(error).__name__
@@ -318,12 +333,3 @@ def _check_version(schema: pa.Schema, path: object) -> None:
             where=path,
             remedy="make it again, or upgrade its store with auditor store upgrade",
         )
-
-
-def newer_version(version: int, where: object) -> StoreError:
-    """The error for a file or store that a newer auditor has written."""
-    return StoreError(
-        f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
-        where=where,
-        remedy="use the auditor that wrote it, or a newer one",
-    )

@@ -15,7 +15,7 @@ from auditor.cli.values import FiniteRange
 from auditor.errors import QueryError
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from auditor.store import StoreFolder
     from auditor.store.export import Table
     from auditor.store.sql_files import SqlFile
 
@@ -82,7 +82,7 @@ def command(
     echo "FROM verdicts" | auditor query --file -
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.asking import query  # noqa: PLC0415 - heavy
-    from auditor.store import SqlLimits, Store, run_sandboxed  # noqa: PLC0415
+    from auditor.store import SqlLimits, StoreFolder, run_sandboxed  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
     from auditor.store.sql_files import queries  # noqa: PLC0415
 
@@ -91,7 +91,7 @@ def command(
     if source is not None:
         sql = _read(source)
     if sql is not None:
-        kept = Store.open(store)
+        kept = StoreFolder.open(store)
         altered = tell_altered(kept, every=verify)
         with reading(kept.folder):
             _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
@@ -103,7 +103,7 @@ def command(
         return Exit.CLEAN
     else:
         values = _values(parameters, queries().get(name))
-        text, kept = find_query(name).sql, Store.open(store)
+        text, kept = find_query(name).sql, StoreFolder.open(store)
         altered = tell_altered(kept, every=verify)
         with reading(kept.folder):
             _show(kept, text, query(kept, name, **values), form)
@@ -121,13 +121,15 @@ def _read(source: BinaryIO) -> str:
         raise QueryError("it is not UTF-8", where=source.name, remedy="name a file that holds one SELECT") from error
 
 
-def _show(store: "Store", sql: str, answer: "Table", form: str) -> None:
+def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
     """Print the answer. One without rows may come from missing verdicts: then it says so."""
     emit(answer, form)
     if len(answer) or not _OF_VERDICTS.search(sql):
         return
+    from auditor.store import Store  # noqa: PLC0415 - heavy
+
     measured = store.ids("measurements")
-    missing = len(set(measured) - store.current_judgements().keys())
+    missing = len(set(measured) - Store(store.folder).current_judgements().keys())
     if not measured:
         say("nothing has been measured: auditor scan audits recordings")
     elif missing:

@@ -8,27 +8,27 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from auditor.store.files import is_part
+from auditor.store.folder import StoreFolder
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
 from auditor.store.log.entry import Entry
 from auditor.store.log.expected import expected
 from auditor.store.log.outputs import Output
 from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.check import check_file
-from auditor.store.maintenance.hashes import Hashes, read_checked, stamps
+from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
 from auditor.store.maintenance.plausibility import implausible
 from auditor.store.marker import MARKER, UPGRADED, marker_content
-from auditor.store.packs.files import Files, rows_of_files
+from auditor.store.packs.files import Files
 from auditor.store.packs.index import FOLDER, INDEX, Member, Packs
-from auditor.store.schema import ID_COLUMNS, TABLES
-from auditor.store.store import MANIFESTS, Store
-from auditor.store.tables import listed, read_table
+from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
+from auditor.store.store import Store
+from auditor.store.tables import listed, read_table, rows_of_files
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 _MANIFESTS = frozenset(MANIFESTS.values())
 _AT_MOST = 3
-_REPORTS = "reports"
 _PICTURES = "pictures"
 _PARQUET = ".parquet"
 
@@ -61,7 +61,7 @@ class Verified:
         return tuple(problem for problem in self.problems if problem.grave)
 
 
-def verify(store: Store, key: "Ed25519PublicKey | None" = None) -> Verified:
+def verify(store: StoreFolder, key: "Ed25519PublicKey | None" = None) -> Verified:
     """Look at every file of a store, and at its signatures where a key is given.
 
     What runs write meanwhile is looked at again. Raises StoreError.
@@ -69,26 +69,19 @@ def verify(store: Store, key: "Ed25519PublicKey | None" = None) -> Verified:
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified(key, deep=True))
 
 
-def verify_hashes(store: Store) -> Verified:
+def verify_hashes(store: StoreFolder) -> Verified:
     """Hash every file of a store, and nothing else. Raises StoreError."""
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified())
 
 
-def verify_changes(store: Store) -> Verified | None:
-    """Look at the files of a store that have changed since they were last looked at; None where none have.
-
-    Raises StoreError.
-    """
-    checked, there = read_checked(store.folder), stamps(store.folder)
-    places = {place for place in checked.keys() | there.keys() if not place.startswith(f"{_REPORTS}/")}
-    changed = {place for place in places if place not in checked or checked[place].stamp != there.get(place)}
-    if not changed:
-        return None
-    touched = {_row_id(place) for place in changed}
+def verify_changes(store: StoreFolder) -> Verified:
+    """Look at the files of a store that have changed since they were last looked at. Raises StoreError."""
+    checked = read_checked(store.folder)
+    touched = {_row_id(place) for place in changed(store.folder, checked)}
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, checked), touched).verified())
 
 
-def _settled(store: Store, look: Callable[[], Verified]) -> Verified:
+def _settled(store: StoreFolder, look: Callable[[], Verified]) -> Verified:
     """What was found while no run wrote to the store, or at the last try."""
     for _ in range(_AT_MOST):
         before = heads(store.folder)
@@ -107,7 +100,7 @@ def _row_id(place: str) -> str:
 class _Verification:
     """One look at a store; at all of it, or at the rows `touched` of manifests."""
 
-    def __init__(self, store: Store, hashes: Hashes, touched: set[str] | None = None) -> None:
+    def __init__(self, store: StoreFolder, hashes: Hashes, touched: set[str] | None = None) -> None:
         self._store = Store(store.folder)
         self._hashes = hashes
         self._touched = touched
@@ -263,7 +256,7 @@ class _Verification:
     def _is_apart(self, place: str) -> bool:
         """Whether nothing is to be said of a place: it is among the pages, or nothing of its row has changed."""
         untouched = self._touched is not None and _row_id(place) not in self._touched
-        return untouched or place.startswith(f"{_REPORTS}/")
+        return untouched or place.startswith(PAGES)
 
     def _is_of_finished(self, place: str) -> bool:
         """Whether a file of a table or a picture belongs to a finished row, which does not name it."""
