@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError
 from auditor.resources import is_address
-from auditor.store import StoreFolder, run_query, run_sandboxed
+from auditor.store import StoreFolder, run_query
 from auditor.store import query as find_query
 from auditor.store.export import Table
 
@@ -38,6 +38,8 @@ def query(
     if (name is None) == (sql is None):
         raise QueryError("give the name of a query or sql, and not both", where="query")
     if sql is not None:
+        from auditor.store import run_sandboxed  # noqa: PLC0415 - what starts processes
+
         return run_sandboxed(opened(store), sql)
     assert name is not None
     wanted, kept = find_query(name), opened(store)

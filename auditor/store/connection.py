@@ -13,6 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from graphlib import TopologicalSorter
+from importlib import import_module
+from operator import attrgetter
 
 import duckdb
 import pyarrow as pa
@@ -35,18 +37,16 @@ SHUT: dict[str, str | bool | int | float | list[str]] = {
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 """The configuration of every connection: it loads no code and writes nothing."""
-DECLARED = frozenset(
-    [
-        "robust_block_frames",
-        "interval_frames",
-        "min_valid_px",
-        "kind_tolerance_share",
-        "kind_tolerance_m",
-        "declared_checks",
-        "evidence_template",
-    ]
-)
-"""Macros that no file has: Python declares what they stand for (`views/declared.py`), and few questions need that."""
+DECLARED = {
+    "robust_block_frames": ("()", "store.evaluation_tables", "CHUNK_FRAMES"),
+    "interval_frames": ("()", "store.evaluation_tables", "INTERVAL_FRAMES"),
+    "min_valid_px": ("()", "model.measurement", "MIN_VALID_PX"),
+    "kind_tolerance_share": ("()", "model.parameters", "RIG_KIND_TOLERANCE.share"),
+    "kind_tolerance_m": ("()", "model.parameters", "RIG_KIND_TOLERANCE.baseline_m"),
+    "declared_checks": ("()", "store.views.checks", "DECLARED_CHECKS"),
+    "evidence_template": ("(check_name, by_two)", "store.views.checks", "EVIDENCE_TEMPLATE"),
+}
+"""Macros of what Python declares: their parameters, the module and the name, which is imported when it is needed."""
 LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
@@ -59,10 +59,9 @@ _SELECT = re.compile(
 
 def macros_of(names: Collection[str]) -> Iterator[str]:
     """The statements that make the macros among some names, each after those that it calls."""
-    if not DECLARED.isdisjoint(names):
-        from auditor.store.views.declared import declared_macros  # noqa: PLC0415 - heavy
-
-        yield from (sql for name, sql in declared_macros().items() if name in names)
+    for name in DECLARED.keys() & names:
+        parameters, module, attribute = DECLARED[name]
+        yield f"CREATE MACRO {name}{parameters} AS {attrgetter(attribute)(import_module(f'auditor.{module}'))};"
     yield from (macros()[name] for name in _in_order(macros()) if name in names)
 
 
@@ -370,7 +369,7 @@ def needed_by(text: str) -> frozenset[str]:
     """The views, stored tables and macros behind the names in a SQL text; perhaps more than it uses, never fewer."""
     tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
     bodies = macros() | {name: view.sql for name, view in views().items()}
-    names = frozenset(tables | bodies.keys() | DECLARED)
+    names = frozenset(tables | bodies.keys() | DECLARED.keys())
     found = _words(text.lower()) & names
     if not found & tables:
         return names
