@@ -265,9 +265,8 @@ def raise_damage(store: StoreFolder, needed: Collection[str], error: Exception) 
                         pass
                 except (duckdb.Error, pa.ArrowException):
                     what = f"it is damaged and cannot be read ({in_one_line(error)})"
-                    where = store.folder / name.removeprefix(f"{PROTOCOL}://")
                     remedy = "restore it from a copy, or scan its recording again into a new store"
-                    raise StoreError(what, where=where, remedy=remedy) from error
+                    raise StoreError(what, where=files.path(name), remedy=remedy) from error
 
 
 def _fill(
