@@ -94,7 +94,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (1.4826, 3, 8),
         "standard deviations in a median absolute deviation; Wallace's approximation",
     ),
-    "identification/statistics.py": ((10**9,), "nanoseconds"),
+    "identification/statistics.py": ((10**9, 65_536), "nanoseconds, and how much is held in memory"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),

@@ -11,7 +11,7 @@ from auditor.cli.output import say
 from auditor.errors import AuditorError, StoreError
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from auditor.store import StoreFolder
     from auditor.store.log import Run
 
 _REMEDY = "auditor verify names everything that differs"
@@ -46,29 +46,35 @@ def reading(store: Path) -> Iterator[None]:
         ) from error
 
 
-def refuse_altered(store: "Store") -> None:
+def refuse_altered(store: "StoreFolder") -> None:
     """Hash every file of a store. Raises StoreError where one is not as it was finished, pages apart."""
     altered = _altered(store.folder)
     if altered:
         raise StoreError(altered, where=store.folder, remedy=_REMEDY)
 
 
-def tell_altered(store: "Store", *, every: bool) -> bool:
+def tell_altered(store: "StoreFolder", *, every: bool) -> bool:
     """Name the files that are not as they were finished, among those that changed, or among all; True where any is."""
-    from auditor.store.maintenance.verify import verify_changes, verify_hashes  # noqa: PLC0415 - heavy
+    from auditor.store.maintenance.hashes import changed, read_checked  # noqa: PLC0415 - heavy
+
+    if not every and not changed(store.folder, read_checked(store.folder)):
+        return False
+    from auditor.store.maintenance.verify import verify_changes, verify_hashes  # noqa: PLC0415 - heavier still
 
     found = verify_hashes(store) if every else verify_changes(store)
-    for problem in found.grave if found is not None else ():
+    for problem in found.grave:
         say(f"{store.folder}: {problem}")
-    return found is not None and bool(found.grave)
+    return bool(found.grave)
 
 
 def _altered(folder: Path) -> str:
     """What was altered of a store, as a sentence; empty where nothing was."""
-    from auditor.store import Store  # noqa: PLC0415 - heavy
+    from auditor.store import StoreFolder  # noqa: PLC0415 - heavy
     from auditor.store.maintenance.verify import verify_hashes  # noqa: PLC0415
 
-    wrong = [problem for problem in verify_hashes(Store.open(folder)).grave if not problem.place.startswith("reports/")]
+    wrong = [
+        problem for problem in verify_hashes(StoreFolder.open(folder)).grave if not problem.place.startswith("reports/")
+    ]
     if not wrong:
         return ""
     more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""

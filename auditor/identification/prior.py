@@ -10,6 +10,7 @@ prior says by which factor, and deviations are given times it.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain
 from math import exp, inf, sqrt
 from statistics import NormalDist
@@ -70,6 +71,7 @@ class Drives:
         return Drives(self.mean[places], self.squares[places], self.frames[places], self.worth[places])
 
 
+@cache
 def prior_of_check(check: SensorCheck) -> Prior:
     """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
     priors = check.check.kind.priors

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import ceil, inf
 
 import numpy as np
@@ -25,6 +26,9 @@ Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (..., rows, columns)."""
 
 NANOSECONDS = 1_000_000_000
+
+_VALUES_AT_ONCE = 65_536
+"""Values of which medians are taken in one call, of several columns where they are short: memory stays bounded."""
 
 _HIGHEST = np.float32(1)
 """No mean is larger."""
@@ -235,9 +239,11 @@ def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[F
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
     places = first[:, None] + np.arange(W)
-    for values in columns:
-        medians, measured = measured_medians(values[places])
-        yield medians[measured > 0]
+    together = max(_VALUES_AT_ONCE // places.size, 1)  # NumPy takes as long for a few values as for thousands
+    left = iter(columns)
+    while several := [values[places] for values in islice(left, together)]:
+        for medians, measured in zip(*measured_medians(np.stack(several)), strict=True):
+            yield medians[measured > 0]
 
 
 def measured_medians(values: Floats) -> tuple[Floats, Integers]:

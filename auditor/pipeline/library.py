@@ -26,7 +26,7 @@ from auditor.model.settings import (
     settings_of,
     unknown_setting,
 )
-from auditor.pipeline.asking import PathLike, opened
+from auditor.pipeline.asking import PathLike
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
@@ -231,7 +231,7 @@ def judge(
     """
     if isinstance(store, str) and isinstance(address := path_or_address(store), Address):
         return _mirrored(address, lambda here: judge(here, jobs=jobs, **judging))
-    return judge_store(opened(store), criteria(judging), jobs)
+    return judge_store(store if isinstance(store, Store) else Store.open(store), criteria(judging), jobs)
 
 
 def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Iterator[Judged]:

@@ -33,7 +33,7 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
-from auditor.store.mirrored import is_mirror
+from auditor.store.log.mirrored import is_mirror
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError
 from auditor.pipeline.asking import opened, query
-from auditor.store import Connection, Store, list_queries, list_views, plain_connection
+from auditor.store import Connection, StoreFolder, list_queries, list_views, plain_connection
 from auditor.store.export import Table
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class OpenedStore:
     SELECT statement over the views.
     """
 
-    store: Store
+    store: StoreFolder
 
     def query(self, question: str, /, **parameters: object) -> Table:
         """The answer as a `pyarrow.Table`.

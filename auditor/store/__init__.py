@@ -1,36 +1,53 @@
-"""KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
+"""KEEP: measurements and verdicts as Parquet, and the SQL that reads them.
+
+Names are imported when they are first used: a question needs neither what writes nor the types of what is kept.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 import pyarrow
 
-from auditor.store.calibrations import (
-    Content,
-    content_of,
-    make_calibration,
-    read_calibration,
-    write_calibration,
-    writing_calibration,
-)
-from auditor.store.connection import Connection, plain_connection
-from auditor.store.export import leave_pandas_out, rows_of, table_of
-from auditor.store.measurement_tables import FramesWriter
-from auditor.store.pictures import Picture
-from auditor.store.queries import Description, describe, list_queries, list_views, query, run_query, run_sql, run_sqls
-from auditor.store.records import (
-    FrameErrors,
-    FrameStatistics,
-    JudgementRecord,
-    JudgingRules,
-    MeasurementRecord,
-    RecordingRecord,
-    Sighting,
-    StoredJudgement,
-    StoredMeasurement,
-    measurement_id,
-)
-from auditor.store.sandbox.limits import SqlLimits
-from auditor.store.sandbox.process import run_sandboxed
-from auditor.store.store import Store
-from auditor.store.views.script import views_script
+if TYPE_CHECKING:
+    from auditor.store.calibrations import (
+        Content,
+        content_of,
+        make_calibration,
+        read_calibration,
+        write_calibration,
+        writing_calibration,
+    )
+    from auditor.store.connection import Connection, plain_connection
+    from auditor.store.export import leave_pandas_out, rows_of, table_of
+    from auditor.store.folder import StoreFolder
+    from auditor.store.measurement_tables import FramesWriter
+    from auditor.store.pictures import Picture
+    from auditor.store.queries import (
+        Description,
+        describe,
+        list_queries,
+        list_views,
+        query,
+        run_query,
+        run_sql,
+        run_sqls,
+    )
+    from auditor.store.records import (
+        FrameErrors,
+        FrameStatistics,
+        JudgementRecord,
+        JudgingRules,
+        MeasurementRecord,
+        RecordingRecord,
+        Sighting,
+        StoredJudgement,
+        StoredMeasurement,
+        measurement_id,
+    )
+    from auditor.store.sandbox.limits import SqlLimits
+    from auditor.store.sandbox.process import run_sandboxed
+    from auditor.store.store import Store
+    from auditor.store.views.script import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
@@ -50,6 +67,7 @@ __all__ = [
     "Sighting",
     "SqlLimits",
     "Store",
+    "StoreFolder",
     "StoredJudgement",
     "StoredMeasurement",
     "content_of",
@@ -72,3 +90,30 @@ __all__ = [
     "write_calibration",
     "writing_calibration",
 ]
+
+_HOMES = {
+    "calibrations": "Content content_of make_calibration read_calibration write_calibration writing_calibration",
+    "connection": "Connection plain_connection",
+    "export": "leave_pandas_out rows_of table_of",
+    "folder": "StoreFolder",
+    "measurement_tables": "FramesWriter",
+    "pictures": "Picture",
+    "queries": "Description describe list_queries list_views query run_query run_sql run_sqls",
+    "records": "FrameErrors FrameStatistics JudgementRecord JudgingRules MeasurementRecord RecordingRecord Sighting "
+    "StoredJudgement StoredMeasurement measurement_id",
+    "sandbox.limits": "SqlLimits",
+    "sandbox.process": "run_sandboxed",
+    "store": "Store",
+    "views.script": "views_script",
+}
+"""The module of each name; the same as the imports above, which are for type checkers only."""
+
+
+def __getattr__(name: str) -> object:
+    """Import a name when it is first used (PEP 562)."""
+    for module, names in _HOMES.items():
+        if name in names.split():
+            found: object = getattr(import_module(f"{__name__}.{module}"), name)
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,28 +8,25 @@ statements or functions decides.
 import atexit
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from graphlib import TopologicalSorter
+from importlib import import_module
+from operator import attrgetter
 
 import duckdb
 import pyarrow as pa
 
 from auditor.errors import StoreError
-from auditor.model.measurement import MIN_VALID_PX
-from auditor.model.parameters import RIG_KIND_TOLERANCE
-from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
+from auditor.store.folder import StoreFolder
 from auditor.store.marker import MARKER
 from auditor.store.packs.files import Files
-from auditor.store.pictures import picture_files
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
-from auditor.store.schema import ID_COLUMNS, TABLES, TableSchema, table_schema
+from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
-from auditor.store.store import MANIFESTS, Store
-from auditor.store.views.checks import declared_checks, evidence_template
 from auditor.store.views.comments import comments
 
 SHUT: dict[str, str | bool | int | float | list[str]] = {
@@ -40,13 +37,16 @@ SHUT: dict[str, str | bool | int | float | list[str]] = {
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 """The configuration of every connection: it loads no code and writes nothing."""
-_CONSTANTS = {
-    "robust_block_frames": CHUNK_FRAMES,
-    "interval_frames": INTERVAL_FRAMES,
-    "min_valid_px": MIN_VALID_PX,
-    "kind_tolerance_share": RIG_KIND_TOLERANCE.share,
-    "kind_tolerance_m": RIG_KIND_TOLERANCE.baseline_m,
+DECLARED = {
+    "robust_block_frames": ("()", "store.evaluation_tables", "CHUNK_FRAMES"),
+    "interval_frames": ("()", "store.evaluation_tables", "INTERVAL_FRAMES"),
+    "min_valid_px": ("()", "model.measurement", "MIN_VALID_PX"),
+    "kind_tolerance_share": ("()", "model.parameters", "RIG_KIND_TOLERANCE.share"),
+    "kind_tolerance_m": ("()", "model.parameters", "RIG_KIND_TOLERANCE.baseline_m"),
+    "declared_checks": ("()", "store.views.checks", "DECLARED_CHECKS"),
+    "evidence_template": ("(check_name, by_two)", "store.views.checks", "EVIDENCE_TEMPLATE"),
 }
+"""Macros of what Python declares: their parameters, the module and the name, which is imported when it is needed."""
 LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
@@ -57,13 +57,12 @@ _SELECT = re.compile(
 )
 
 
-@cache
-def all_macros() -> dict[str, str]:
-    """The statements that make the macros, by name, each after those that it calls; some stand for our own numbers."""
-    known = {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
-    known |= {"declared_checks": declared_checks(), "evidence_template": evidence_template()}
-    calls = {name: _words(sql) & known.keys() - {name} for name, sql in known.items()}
-    return {name: known[name] for name in TopologicalSorter(calls).static_order()}
+def macros_of(names: Collection[str]) -> Iterator[str]:
+    """The statements that make the macros among some names, each after those that it calls."""
+    for name in DECLARED.keys() & names:
+        parameters, module, attribute = DECLARED[name]
+        yield f"CREATE MACRO {name}{parameters} AS {attrgetter(attribute)(import_module(f'auditor.{module}'))};"
+    yield from (macros()[name] for name in _in_order(macros()) if name in names)
 
 
 def with_views(text: str) -> str:
@@ -90,7 +89,7 @@ def _views_in(text: str) -> frozenset[str]:
     return _words(text.lower()) & views().keys()
 
 
-def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
+def connected(store: StoreFolder | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection with the views and macros that a SQL text needs (all, where it names no view), then locked.
 
     For a `with`. Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
@@ -113,7 +112,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
 Connection = duckdb.DuckDBPyConnection
 
 
-def plain_connection(store: Store) -> Connection:
+def plain_connection(store: StoreFolder) -> Connection:
     """A connection with all views of a store as they are now, with their comments.
 
     It can read the store's finished files and no others, and write none; tables of one's own live in its memory. Raises
@@ -126,7 +125,7 @@ def plain_connection(store: Store) -> Connection:
 
 
 @contextmanager
-def asking(store: Store | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
+def asking(store: StoreFolder | None, text: str) -> Iterator[duckdb.DuckDBPyConnection]:
     """As `connected`, for questions of our own `with_views`: the macros that the next ones of this process need, they
     find made. What is of the store goes with the question.
     """
@@ -205,7 +204,7 @@ def shut_connection() -> duckdb.DuckDBPyConnection:
     return connection
 
 
-def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
+def _lent(kept: _Kept, store: StoreFolder | None, needed: frozenset[str]) -> _Filling:
     """Give a kept connection what it needs of a store."""
     files, filling = _files_of(store), _Filling(kept.connection)
     kept.connection.register_filesystem(files)
@@ -215,7 +214,7 @@ def _lent(kept: _Kept, store: Store | None, needed: set[str]) -> _Filling:
     return filling
 
 
-def _files_of(store: Store | None) -> ReadOnlyFiles:
+def _files_of(store: StoreFolder | None) -> ReadOnlyFiles:
     return ReadOnlyFiles(store.folder / MARKER if store is not None else None)
 
 
@@ -240,7 +239,7 @@ def _lock(connection: duckdb.DuckDBPyConnection, allowed: str, names: list[str])
 
 
 @contextmanager
-def _reading(store: Store | None, needed: set[str]) -> Iterator[None]:
+def _reading(store: StoreFolder | None, needed: Collection[str]) -> Iterator[None]:
     """Errors of DuckDB inside the block are of the store's files."""
     try:
         yield
@@ -250,7 +249,7 @@ def _reading(store: Store | None, needed: set[str]) -> Iterator[None]:
         raise StoreError(in_one_line(error), where=store.folder if store else "") from error
 
 
-def raise_damage(store: Store, needed: set[str], error: Exception) -> None:
+def raise_damage(store: StoreFolder, needed: Collection[str], error: Exception) -> None:
     """Raise StoreError where a file cannot be read that SQL of these names reads; nothing happens where all can.
 
     What DuckDB says of a damaged file is about the inside of Parquet, in the words of several libraries. So each file
@@ -266,22 +265,27 @@ def raise_damage(store: Store, needed: set[str], error: Exception) -> None:
                         pass
                 except (duckdb.Error, pa.ArrowException):
                     what = f"it is damaged and cannot be read ({in_one_line(error)})"
-                    where = store.folder / name.removeprefix(f"{PROTOCOL}://")
                     remedy = "restore it from a copy, or scan its recording again into a new store"
-                    raise StoreError(what, where=where, remedy=remedy) from error
+                    raise StoreError(what, where=files.path(name), remedy=remedy) from error
 
 
 def _fill(
-    filling: _Filling, store: Store | None, files: ReadOnlyFiles, needed: set[str], made: Collection[str] = ()
+    filling: _Filling,
+    store: StoreFolder | None,
+    files: ReadOnlyFiles,
+    needed: frozenset[str],
+    made: Collection[str] = (),
 ) -> None:
     """Make the macros and stored tables that are needed; macros that are made are there."""
     new = needed.difference(made)
-    filling.connection.execute("\n".join(macro for name, macro in all_macros().items() if name in new))
+    filling.connection.execute("\n".join(macros_of(new)))
     for table in (table for table in TABLES if f"stored_{table}" in needed):
         found = store.files(table) if store else Files((), (), frozenset())
         alone, packs = files.names(found.alone), files.names(found.packs)
         _create_stored(filling, table_schema(table), alone, packs, found.hidden)
     if "stored_pictures" in needed:
+        from auditor.store.pictures import picture_files  # noqa: PLC0415 - heavy
+
         _create_pictures(filling, picture_files(store.folder / "pictures") if store else [])
 
 
@@ -359,12 +363,13 @@ def _shows_comments(text: str) -> bool:
     return not text or _CATALOG.search(text) is not None
 
 
-def needed_by(text: str) -> set[str]:
+@cache
+def needed_by(text: str) -> frozenset[str]:
     """The views, stored tables and macros behind the names in a SQL text; perhaps more than it uses, never fewer."""
     tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
-    bodies = all_macros() | {name: view.sql for name, view in views().items()}
-    names = tables | bodies.keys()
-    found = {*_words(text.lower())} & names
+    bodies = macros() | {name: view.sql for name, view in views().items()}
+    names = frozenset(tables | bodies.keys() | DECLARED.keys())
+    found = _words(text.lower()) & names
     if not found & tables:
         return names
     while True:
@@ -380,8 +385,12 @@ def _words(sql: str) -> frozenset[str]:
     return frozenset(_WORD.findall(sql))
 
 
-def in_order(needed: set[str]) -> Iterable[str]:
+def in_order(needed: Collection[str]) -> Iterable[str]:
     """The views among `needed`, each after those that it reads; graphlib's CycleError where two read each other."""
-    known = [name for name in views() if name in needed]
-    reads = {name: _words(views()[name].sql) & set(known) - {name} for name in known}
-    return TopologicalSorter(reads).static_order()
+    return _in_order({name: view.sql for name, view in views().items() if name in needed})
+
+
+def _in_order(texts: Mapping[str, str]) -> Iterable[str]:
+    """Names of SQL texts, each after those that its text has."""
+    known = texts.keys()
+    return TopologicalSorter({name: _words(sql) & known - {name} for name, sql in texts.items()}).static_order()

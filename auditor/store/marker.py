@@ -12,8 +12,7 @@ from auditor.resources import local_path
 from auditor.store.files import is_part, locked, write_whole
 from auditor.store.made_here import remember_made
 from auditor.store.packs.index import FOLDER, INDEX
-from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.tables import newer_version
+from auditor.store.schema import SCHEMA_VERSION, TABLES, newer_version
 
 MARKER = "store.json"
 UPGRADED = ".upgraded"

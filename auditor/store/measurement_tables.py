@@ -34,7 +34,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row, pose_row
-from auditor.store.schema import table_schema
+from auditor.store.schema import WRITTEN, table_schema
 from auditor.store.tables import Row, Source, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
@@ -300,10 +300,6 @@ def _list_values(column: pa.ChunkedArray, count: int, path: Source) -> pa.Array:
             "its lists do not have the lengths that its rig demands", where=path, remedy="measure its recording again"
         )
     return values
-
-
-WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
-"""The tables that a measurement fills, in the order in which they are finished."""
 
 
 Finish = Callable[[str, Row, Sequence[Written]], None]

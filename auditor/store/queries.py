@@ -20,10 +20,10 @@ from auditor.store.connection import (
     shut_connection,
     with_views,
 )
+from auditor.store.folder import StoreFolder
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
-from auditor.store.store import Store
 from auditor.store.views.comments import described_column
 
 _BATCH_ROWS = 100_000
@@ -64,7 +64,7 @@ def query(name: str) -> SqlFile:
         ) from None
 
 
-def run_query(store: Store, name: str, parameters: Mapping[str, object] | None = None) -> pa.Table:
+def run_query(store: StoreFolder, name: str, parameters: Mapping[str, object] | None = None) -> pa.Table:
     """The answer to a query.
 
     Raises QueryError where there is no such query or a parameter does not fit, and StoreError where a file of the
@@ -74,7 +74,7 @@ def run_query(store: Store, name: str, parameters: Mapping[str, object] | None =
     return _run(store, wanted.sql, bind(wanted, parameters or {}), f"query {name}")
 
 
-def run_sql(store: Store, text: str) -> pa.Table:
+def run_sql(store: StoreFolder, text: str) -> pa.Table:
     """The answer to one SELECT statement of our own, over the views, in this process; `sandbox` runs those of users.
 
     It can read the store's finished files and nothing else, and write nothing. Raises QueryError where it is no single
@@ -84,7 +84,7 @@ def run_sql(store: Store, text: str) -> pa.Table:
     return _run(store, text, {}, "SQL")
 
 
-def run_sqls(store: Store, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.Table]:
+def run_sqls(store: StoreFolder, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.Table]:
     """The answers to several SELECT statements of our own, or queries, by the names of these.
 
     The views are made once for all; queries have the values that their parameters have by default. Raises as `run_sql`
@@ -94,7 +94,7 @@ def run_sqls(store: Store, texts: Mapping[str, str | SqlFile]) -> dict[str, pa.T
     return _run_together(store, asked)
 
 
-def run_queries(store: Store, wanted: Mapping[str, Mapping[str, object]]) -> dict[str, pa.Table]:
+def run_queries(store: StoreFolder, wanted: Mapping[str, Mapping[str, object]]) -> dict[str, pa.Table]:
     """The answers to several queries with their parameters, by name: the views are made once for all.
 
     Raises as `run_query` does.
@@ -103,14 +103,14 @@ def run_queries(store: Store, wanted: Mapping[str, Mapping[str, object]]) -> dic
     return _run_together(store, {name: (known[name].sql, bind(known[name], given)) for name, given in wanted.items()})
 
 
-def _run_together(store: Store, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
+def _run_together(store: StoreFolder, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
     together = "\n".join(text for text, _ in asked.values())
     with asking(store, together) as connection, _in_one_line("SQL", store, together):
         return {name: _answer(connection, text, values) for name, (text, values) in asked.items()}
 
 
 @contextmanager
-def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.RecordBatchReader]:
+def stream_sql(store: StoreFolder, text: str, limits: SqlLimits) -> Iterator[pa.RecordBatchReader]:
     """As `run_sql`, the answer batch by batch, never all of it in memory. Raises also LimitError."""
     _refuse_but_select(text)
     with connected(store, text, limits) as connection, _in_one_line("SQL", store, text, limits):
@@ -119,7 +119,7 @@ def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.Record
         yield answer.to_arrow_reader(_BATCH_ROWS)
 
 
-def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa.Table:
+def _run(store: StoreFolder, text: str, values: Mapping[str, Value], where: str) -> pa.Table:
     with asking(store, text) as connection, _in_one_line(where, store, text):
         connection.execute(_READ_ONLY)
         return _answer(connection, text, values)
@@ -138,7 +138,7 @@ def _answer(connection: duckdb.DuckDBPyConnection, text: str, values: Mapping[st
 
 
 @contextmanager
-def _in_one_line(where: str, store: Store, text: str, limits: SqlLimits | None = None) -> Iterator[None]:
+def _in_one_line(where: str, store: StoreFolder, text: str, limits: SqlLimits | None = None) -> Iterator[None]:
     """Errors of DuckDB inside the block are ours, in one line: of a damaged file of the store, or of the SQL."""
     try:
         yield

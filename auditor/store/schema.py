@@ -85,6 +85,17 @@ ID_COLUMNS = {
 }
 """By table: the column that has the id of the file."""
 
+WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
+"""The tables that a measurement fills, in the order in which they are finished."""
+
+MANIFESTS = {
+    **dict.fromkeys(WRITTEN, "measurements"),
+    "verdicts": "judgements",
+    "cases": "evaluations",
+    "object_cases": "object_evaluations",
+}
+"""The table whose rows say which files of another are finished."""
+
 _VERSION_KEY = b"schema_version"
 
 
@@ -153,6 +164,15 @@ def version_of(schema: pa.Schema) -> int | None:
     """The `schema_version` that a file was written with; None where it carries none."""
     text = (schema.metadata or {}).get(_VERSION_KEY, b"")
     return int(text) if text.isdigit() else None
+
+
+def newer_version(version: int, where: object) -> StoreError:
+    """The error for a file or store that a newer auditor has written."""
+    return StoreError(
+        f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
+        where=where,
+        remedy="use the auditor that wrote it, or a newer one",
+    )
 
 
 def _leaf(column: Column) -> str:

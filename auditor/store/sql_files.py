@@ -16,7 +16,6 @@ from functools import cache
 from pathlib import Path
 
 from auditor.errors import QueryError, StoreError
-from auditor.model.measurement import Statistic
 from auditor.model.text import storable
 from auditor.resources import resource_folder
 
@@ -214,12 +213,18 @@ def _rate(value: object) -> str:
     return format(rate, "f")
 
 
+def _statistic(value: object) -> str:
+    from auditor.model.measurement import Statistic  # noqa: PLC0415 - heavy, and few questions have one
+
+    return Statistic(_text(value)).value
+
+
 _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "VARCHAR": _text,
     "BIGINT": _integer,
     "DOUBLE": _number,
     "TIME": _time,
-    "STATISTIC": lambda value: Statistic(_text(value)).value,
+    "STATISTIC": _statistic,
     "RATE": _rate,
     "RATE[]": _rates,
 }

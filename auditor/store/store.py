@@ -2,10 +2,10 @@
 
 import json
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import pyarrow as pa
 
@@ -17,11 +17,10 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import Written, checked_id, finished, remove_abandoned, write_whole
+from auditor.store.files import Written, write_whole
+from auditor.store.folder import StoreFolder
 from auditor.store.log import Output, logged
-from auditor.store.marker import MARKER, marked_folder
 from auditor.store.measurement_tables import (
-    WRITTEN,
     FrameCells,
     FrameFaultFeatures,
     FramesWriter,
@@ -32,8 +31,6 @@ from auditor.store.measurement_tables import (
     read_regions,
     statistics_of,
 )
-from auditor.store.packs.files import Files, finished_files, rows_of_files
-from auditor.store.packs.index import Packs
 from auditor.store.pictures import (
     Picture,
     pictured_frames,
@@ -68,75 +65,26 @@ from auditor.store.rows import (
     triple_rows,
     verdict_columns,
 )
-from auditor.store.schema import TABLES
-from auditor.store.tables import Row, Source, Stored, read_rows, read_table, write_rows, writing
-
-MANIFESTS = {
-    **dict.fromkeys(WRITTEN, "measurements"),
-    "verdicts": "judgements",
-    "cases": "evaluations",
-    "object_cases": "object_evaluations",
-}
-"""The table whose rows say which files of another are finished."""
+from auditor.store.schema import WRITTEN
+from auditor.store.tables import Row, Source, Stored, read_rows, read_table, rows_of_files, write_rows, writing
 
 
-class Store:
+class Store(StoreFolder):
     """One store. Every method raises StoreError where a file cannot be read or written, or an id is none.
 
     Rigs and finished measurements are read once: their ids are hashes of what decides them, and they are never changed.
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        super().__init__(folder)
         self._rigs: dict[str, Rig] = {}
         self._measurements: dict[str, StoredMeasurement] = {}
-        self._only: Mapping[str, Collection[str]] = {}
         self._read: tuple[str, pa.Table] | None = None
-        self.packs = Packs(folder)
-
-    def __str__(self) -> str:
-        return str(self.folder)
-
-    @classmethod
-    def open(cls, path: str | Path, *, create: bool = False) -> Self:
-        """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
-
-        Raises StoreError where the folder holds something else, or a store of another version, and SettingError for an
-        address such as s3://bucket.
-        """
-        store = cls(marked_folder(path, create=create))
-        if create:
-            store.remove_abandoned()
-        return store
-
-    def only(self, **ids: Collection[str]) -> "Store":
-        """This store with these ids of some tables alone, as if it had no others: what is asked of it costs as much."""
-        part = Store(self.folder)
-        part._only, part.packs = ids, self.packs
-        return part
-
-    @staticmethod
-    def is_at(path: Path) -> bool:
-        """True where a folder is a store."""
-        return (path / MARKER).is_file()
-
-    def path(self, table: str, row_id: str) -> Path:
-        """Where a file of an id of its own lies, or would."""
-        return self.folder / table / f"{checked_id(row_id)}.parquet"
 
     def source(self, table: str, row_id: str) -> Stored:
         """Where the rows of an id are read: in a file of its own, or in a pack."""
         path = self.path(table, row_id)
         return Stored(path, lambda: path if path.is_file() else self.packs.part(table, row_id) or path)
-
-    def has(self, table: str, row_id: str) -> bool:
-        """True where there are rows of an id, or a file for them."""
-        return self.path(table, row_id).is_file() or self.packs.member(table, row_id) is not None
-
-    def remove_abandoned(self) -> None:
-        """Remove what killed runs left behind; what is being written stays."""
-        for folder in (self.folder, *(self.folder / table for table in TABLES), *self.folder.glob("pictures/*")):
-            remove_abandoned(folder)
 
     def write(self, table: str, row_id: str, rows: Iterable[Row]) -> None:
         """Put a file of a table in its place; the log says so. Raises StoreError."""
@@ -368,23 +316,6 @@ class Store:
     def frame_pictures(self, measurement_id: str, frame: int) -> list[FramePicture]:
         """The pictures of a frame at full resolution, by sensor; none where none were kept."""
         return read_frame_pictures(self.folder / "pictures", measurement_id, frame)
-
-    # Files
-
-    def ids(self, table: str) -> list[str]:
-        """The ids of the finished files of a table, sorted; other rows finish some of them, see MANIFESTS."""
-        manifest = MANIFESTS.get(table, table)
-        packed = self.packs.ids(manifest)
-        known = sorted(packed.union(finished(self.folder / manifest))) if packed else finished(self.folder / manifest)
-        return known if manifest not in self._only else [one for one in known if one in self._only[manifest]]
-
-    def files(self, table: str) -> Files:
-        """The finished files of a table. Raises StoreError where one is missing that its manifest names."""
-        return finished_files(self.packs, self.folder, table, self.ids(table))
-
-    def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table that nothing is packed of, by id. Raises StoreError."""
-        return list(self.files(table).alone)
 
     def _rows(self, table: str, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
         """The rows of all finished ids, by id, or some columns of them."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,8 +15,9 @@ import pyarrow.parquet as pq
 from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.store.files import Announce, PartFile, Written, part_file
+from auditor.store.packs.files import Files
 from auditor.store.packs.index import Part
-from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
+from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TableSchema, newer_version, table_schema, version_of
 
 Row = Mapping[str, object]
 T = TypeVar("T")
@@ -40,6 +42,9 @@ _UNREADABLE = (OSError, pa.ArrowException, ValueError, KeyError, OverflowError, 
 BATCH_ROWS = 256
 ROW_GROUP_BATCHES = 32
 """Batches in a row group; of tables whose rows hold whole grids it is one."""
+
+FEW_ROWS = BATCH_ROWS * ROW_GROUP_BATCHES
+"""Rows that one thread reads: to share the columns of a small file among threads takes a third more CPU."""
 
 GROUP_BYTES = 32 << 20
 """A row group ends with so many bytes where its rows are long, as those of calibrations are."""
@@ -186,9 +191,12 @@ def _stored(place: Path | Part, columns: Sequence[str], group: int | None, sourc
     if isinstance(place, Part):
         return _of_part(place, columns, source)
     with pq.ParquetFile(place) as file:
-        _check_version(file.schema_arrow, source)
-        present = _common(columns, file.schema_arrow)
-        return file.read(columns=present) if group is None else file.read_row_group(group, columns=present)
+        schema: pa.Schema = file.schema_arrow
+        _check_version(schema, source)
+        present, threads = _common(columns, schema), file.metadata.num_rows > FEW_ROWS
+        if group is None:
+            return file.read(columns=present, use_threads=threads)
+        return file.read_row_group(group, columns=present, use_threads=threads)
 
 
 def _of_part(part: Part, columns: Sequence[str], source: Source) -> pa.Table:
@@ -269,6 +277,19 @@ def listed(content: pa.Table, source: Source) -> list[dict[str, Any]]:
     return rows
 
 
+def rows_of_files(table: str, files: Files, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """All rows of them, by id, or these columns, the id among them. Raises StoreError."""
+    rows = [row for path in files.alone for row in listed(read_table(table, path, columns), path)]
+    if not files.packs:
+        return rows
+    column = ID_COLUMNS[table]
+    for path in files.packs:
+        content = read_table(table, path, columns)
+        hidden = pc.is_in(content[column], pa.array(sorted(files.hidden), pa.string()))
+        rows += listed(content.filter(pc.invert(hidden)), path)
+    return sorted(rows, key=itemgetter(column))
+
+
 def in_one_line(error: Exception) -> str:
     """What an error of Arrow says, on one line."""
     return " ".join(str(error).split()) or type(error).__name__
@@ -312,12 +333,3 @@ def _check_version(schema: pa.Schema, path: object) -> None:
             where=path,
             remedy="make it again, or upgrade its store with auditor store upgrade",
         )
-
-
-def newer_version(version: int, where: object) -> StoreError:
-    """The error for a file or store that a newer auditor has written."""
-    return StoreError(
-        f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
-        where=where,
-        remedy="use the auditor that wrote it, or a newer one",
-    )

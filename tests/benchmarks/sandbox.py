@@ -11,6 +11,7 @@ import duckdb
 
 from auditor.errors import AuditorError
 from auditor.store import run_sandboxed
+from auditor.store.sandbox.read_only_files import name_of
 from tests.making.sandbox_attempts import REFUSED
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
@@ -26,7 +27,7 @@ def main() -> None:
             "secret": folder / "secret.txt",
             "inside": finished.with_name("unfinished.parquet"),
             "finished": finished,
-            "known": f"store://verdicts/{finished.name}",
+            "known": name_of(finished, finished.stat()),
             "folder": folder,
         }
         paths["secret"].write_text("secret,words\n1,2\n")

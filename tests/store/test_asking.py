@@ -52,6 +52,14 @@ def test_each_question_sees_its_own_store_as_it_is_now(stores, tmp_path):
     assert run_queries(first, {"contents": {}})["contents"].num_rows > 0
 
 
+def test_files_of_one_name_and_one_time_of_change_are_not_taken_for_each_other(stores):
+    for store in stores:
+        for path in store.folder.rglob("*.parquet"):
+            os.utime(path, (1_700_000_000, 1_700_000_000))
+    for _ in range(2):
+        assert [run_sql(store, FRAMES).num_rows for store in stores] == [2, 3]
+
+
 def test_nothing_of_a_store_is_left_between_questions(stores):
     first, _ = stores
     connection = shared_by(first)

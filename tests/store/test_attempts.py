@@ -10,6 +10,7 @@ from auditor.errors import AuditorError
 from auditor.store import queries
 from auditor.store.connection import connected
 from auditor.store.queries import run_sql
+from auditor.store.sandbox.read_only_files import name_of
 from tests.making.sandbox_attempts import HARMLESS, READING, REFUSED, WRITING
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
@@ -56,7 +57,7 @@ def filled(folder, store, monkeypatch):
         "secret": folder / "secret.txt",
         "inside": finished.with_name("unfinished.parquet"),
         "finished": finished,
-        "known": f"store://verdicts/{finished.name}",
+        "known": name_of(finished, finished.stat()),
         "folder": folder,
     }
     return lambda text: text.format(**paths)

@@ -15,8 +15,8 @@ from auditor.model.measurement import Counts, Statistic
 from auditor.store.log import entries
 from auditor.store.log.chains import START, chain_paths
 from auditor.store.log.entry import Entry
-from auditor.store.maintenance.hashes import write_checked
-from auditor.store.maintenance.verify import verify, verify_changes, verify_hashes
+from auditor.store.maintenance.hashes import changed, read_checked, write_checked
+from auditor.store.maintenance.verify import verify, verify_hashes
 from auditor.store.records import RecordingRecord
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
@@ -217,9 +217,9 @@ def verdict_flip(store, *, silent):
 
 
 def test_nothing_is_hashed_twice_that_did_not_change(checked):
-    assert verify_changes(checked) is None
+    assert not changed(checked.folder, read_checked(checked.folder))
     write_checked(checked.folder, {})
-    assert verify_changes(checked) is not None
+    assert changed(checked.folder, read_checked(checked.folder))
 
 
 def test_query_names_a_file_that_changed_since_it_was_last_checked(checked, capsys):

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -15,7 +16,9 @@ from auditor.cli.values import FiniteRange
 from auditor.errors import QueryError
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from collections.abc import Callable
+
+    from auditor.store import StoreFolder
     from auditor.store.export import Table
     from auditor.store.sql_files import SqlFile
 
@@ -81,33 +84,28 @@ def command(
     auditor query --file question.sql --format csv
     echo "FROM verdicts" | auditor query --file -
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.asking import query  # noqa: PLC0415 - heavy
-    from auditor.store import SqlLimits, Store, run_sandboxed  # noqa: PLC0415
-    from auditor.store import query as find_query  # noqa: PLC0415
-    from auditor.store.sql_files import queries  # noqa: PLC0415
-
     if (name is not None) + (sql is not None) + (source is not None) > 1:
         raise click.UsageError("give one of a query's name, --sql and --file")
     if source is not None:
         sql = _read(source)
     if sql is not None:
-        kept = Store.open(store)
-        altered = tell_altered(kept, every=verify)
-        with reading(kept.folder):
-            _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
-    elif name is None:
+        from auditor.store import SqlLimits, run_sandboxed  # noqa: PLC0415 - heavy
+
+        limits = SqlLimits(time_limit, memory_limit)
+        return _tell(store, sql, partial(run_sandboxed, text=sql, limits=limits), form, every=verify)
+    if name is None:
         _list()
-        return Exit.CLEAN
     elif describe:
         _describe(name)
-        return Exit.CLEAN
     else:
+        from auditor.pipeline.asking import query  # noqa: PLC0415 - heavy
+        from auditor.store import query as find_query  # noqa: PLC0415
+        from auditor.store.sql_files import queries  # noqa: PLC0415
+
         values = _values(parameters, queries().get(name))
-        text, kept = find_query(name).sql, Store.open(store)
-        altered = tell_altered(kept, every=verify)
-        with reading(kept.folder):
-            _show(kept, text, query(kept, name, **values), form)
-    return Exit.INCOMPLETE if altered else Exit.CLEAN
+        text = find_query(name).sql
+        return _tell(store, text, lambda kept: query(kept, name, **values), form, every=verify)
+    return Exit.CLEAN
 
 
 def _read(source: BinaryIO) -> str:
@@ -121,13 +119,26 @@ def _read(source: BinaryIO) -> str:
         raise QueryError("it is not UTF-8", where=source.name, remedy="name a file that holds one SELECT") from error
 
 
-def _show(store: "Store", sql: str, answer: "Table", form: str) -> None:
+def _tell(store: Path, sql: str, answer: "Callable[[StoreFolder], Table]", form: str, *, every: bool) -> Exit:
+    """Print what a store answers to SQL."""
+    from auditor.store import StoreFolder  # noqa: PLC0415 - heavy
+
+    kept = StoreFolder.open(store)
+    altered = tell_altered(kept, every=every)
+    with reading(kept.folder):
+        _show(kept, sql, answer(kept), form)
+    return Exit.INCOMPLETE if altered else Exit.CLEAN
+
+
+def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
     """Print the answer. One without rows may come from missing verdicts: then it says so."""
     emit(answer, form)
     if len(answer) or not _OF_VERDICTS.search(sql):
         return
+    from auditor.store import Store  # noqa: PLC0415 - heavy
+
     measured = store.ids("measurements")
-    missing = len(set(measured) - store.current_judgements().keys())
+    missing = len(set(measured) - Store(store.folder).current_judgements().keys())
     if not measured:
         say("nothing has been measured: auditor scan audits recordings")
     elif missing:

@@ -17,7 +17,7 @@ from auditor.identification.parameters import (
     FROZEN,
     TEMPORAL_WINDOW,
 )
-from auditor.identification.statistics import window_means
+from auditor.identification.statistics import measured_medians, window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import (
@@ -299,7 +299,7 @@ def _medians(values: Floats) -> Floats:
     """(F,) the median of what was measured in each row, of two at least; else NaN."""
     known = _enough(values)
     medians = np.full(len(values), np.nan)
-    medians[known] = np.nanmedian(values[known], axis=1)
+    medians[known] = measured_medians(values[known])[0]
     return medians
 
 

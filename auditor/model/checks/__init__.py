@@ -4,7 +4,7 @@ Fault features separate faults from attacks; they are measured with every frame,
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import combinations, groupby
 from math import nan
 from typing import NamedTuple, TypeVar
@@ -64,9 +64,14 @@ class SensorCheck(NamedTuple):
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
-        kind = self.check.kind
-        alone = len(self.others) < FEWEST_VOTERS and kind.of is Of.CAMERAS and not kind.of_colours
-        return self.needed if alone else (self.sensor,)
+        return _nameable(self)
+
+
+@cache
+def _nameable(check: SensorCheck) -> tuple[int, ...]:
+    kind = check.check.kind
+    alone = len(check.others) < FEWEST_VOTERS and kind.of is Of.CAMERAS and not kind.of_colours
+    return check.needed if alone else (check.sensor,)
 
 
 class CountedPair(NamedTuple):

@@ -36,8 +36,8 @@ from auditor.store import RecordingRecord, Store
 from auditor.store.files import is_part, make_folder, write_whole
 from auditor.store.log import LOG, hash_file, logged
 from auditor.store.log.chains import log_lock
+from auditor.store.log.mirrored import foreign_chains, is_mirror, note_foreign
 from auditor.store.maintenance.relations import relate
-from auditor.store.mirrored import foreign_chains, is_mirror, note_foreign
 from auditor.store.rows import stored_recording
 from auditor.store.tables import read_rows
 

@@ -15,7 +15,7 @@ from pathlib import PurePosixPath
 from auditor.errors import StoreError
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.object_store import read_small, replace_small
-from auditor.store.measurement_tables import WRITTEN
+from auditor.store.schema import WRITTEN
 
 SNAPSHOT = "snapshot.json"
 _FORMAT = "auditor store snapshot 1"

@@ -13,10 +13,10 @@ from auditor.errors import AuditorError, StoreError
 from auditor.store.files import Written, held
 from auditor.store.log.chains import LOG, append, chain_paths, entries_from, heads, last_entry, log_lock, whole_lines
 from auditor.store.log.entry import Entry, Kind, Outcome
+from auditor.store.log.mirrored import foreign_chains
 from auditor.store.log.outputs import Output, hash_file, place_in
 from auditor.store.log.provenance import provenance, this_program
 from auditor.store.log.signatures import Signer, signer_of
-from auditor.store.mirrored import foreign_chains
 
 _LONGEST_HOST = 40
 _ID_BYTES = 8

@@ -16,6 +16,9 @@ from auditor.errors import StoreError
 from auditor.store.files import write_whole
 from auditor.store.log.outputs import Output, hash_file
 
+PAGES = "reports/"
+"""Where pages lie, which anybody may change."""
+
 Stamp = tuple[int, int, int]
 """Size in bytes, time of change in nanoseconds, and inode."""
 
@@ -84,6 +87,13 @@ def read_checked(folder: Path) -> dict[str, Checked]:
         return {place: Checked((size, time, inode), sha) for place, (size, time, inode, sha) in content.items()}
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
+
+
+def changed(folder: Path, checked: Mapping[str, Checked]) -> set[str]:
+    """The places of a store, pages apart, where something has changed since it was found right."""
+    there = stamps(folder)
+    places = (place for place in checked.keys() | there.keys() if not place.startswith(PAGES))
+    return {place for place in places if place not in checked or checked[place].stamp != there.get(place)}
 
 
 def write_checked(folder: Path, checked: Mapping[str, Checked]) -> None:

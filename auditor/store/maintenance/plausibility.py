@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auditor.model.checks import SIGNED_CHECKS
 from auditor.model.optics.common_view import view_size_px
+from auditor.model.rig import Rig
 from auditor.store.store import Store
 from auditor.store.tables import read_table, stream_tables
 
@@ -29,9 +30,8 @@ _BRIGHTEST = 255.0
 _EDGES = ("left_px", "top_px", "right_px", "bottom_px")
 
 
-def implausible(store: Store, measurement_id: str) -> Iterator[tuple[str, str]]:
+def implausible(store: Store, measurement_id: str, rig: Rig) -> Iterator[tuple[str, str]]:
     """Tables of a measurement, each with a sentence on what in it cannot be. Raises StoreError."""
-    rig = store.rig(store.measurement(measurement_id).rig_id)
     width, height = view_size_px(rig)
     names = [*{name for pair in _WITHIN for name in pair}, *_SHARES, "level", "returns", "frame"]
     frames = read_table("frames", store.source("frames", measurement_id), names)

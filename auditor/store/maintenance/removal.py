@@ -13,11 +13,11 @@ from auditor.errors import StoreError
 from auditor.store.files import locked
 from auditor.store.log import logged
 from auditor.store.log.outputs import place_in
-from auditor.store.packs.files import rows_of_files
 from auditor.store.pictures import full_pictures
 from auditor.store.records import RecordingRecord
-from auditor.store.store import MANIFESTS, Store
-from auditor.store.tables import read_table
+from auditor.store.schema import MANIFESTS
+from auditor.store.store import Store
+from auditor.store.tables import read_table, rows_of_files
 
 _EVALUATIONS = ("evaluations", "object_evaluations")
 _OF_RECORDINGS = ("labels", "given_labels", "recordings")

@@ -19,9 +19,8 @@ from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.packs.index import Packs, Part
-from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.store import MANIFESTS
-from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
+from auditor.store.schema import MANIFESTS, SCHEMA_VERSION, TABLES, newer_version
+from auditor.store.tables import BATCH_ROWS, write_rows
 
 _Row = dict[str, Any]
 

@@ -8,27 +8,27 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from auditor.store.files import is_part
+from auditor.store.folder import StoreFolder
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
 from auditor.store.log.entry import Entry
 from auditor.store.log.expected import expected
 from auditor.store.log.outputs import Output
 from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.check import check_file
-from auditor.store.maintenance.hashes import Hashes, read_checked, stamps
+from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
 from auditor.store.maintenance.plausibility import implausible
 from auditor.store.marker import MARKER, UPGRADED, marker_content
-from auditor.store.packs.files import Files, rows_of_files
+from auditor.store.packs.files import Files
 from auditor.store.packs.index import FOLDER, INDEX, Member, Packs
-from auditor.store.schema import ID_COLUMNS, TABLES
-from auditor.store.store import MANIFESTS, Store
-from auditor.store.tables import read_rows
+from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
+from auditor.store.store import Store
+from auditor.store.tables import listed, read_table, rows_of_files
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 _MANIFESTS = frozenset(MANIFESTS.values())
 _AT_MOST = 3
-_REPORTS = "reports"
 _PICTURES = "pictures"
 _PARQUET = ".parquet"
 
@@ -61,7 +61,7 @@ class Verified:
         return tuple(problem for problem in self.problems if problem.grave)
 
 
-def verify(store: Store, key: "Ed25519PublicKey | None" = None) -> Verified:
+def verify(store: StoreFolder, key: "Ed25519PublicKey | None" = None) -> Verified:
     """Look at every file of a store, and at its signatures where a key is given.
 
     What runs write meanwhile is looked at again. Raises StoreError.
@@ -69,26 +69,19 @@ def verify(store: Store, key: "Ed25519PublicKey | None" = None) -> Verified:
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified(key, deep=True))
 
 
-def verify_hashes(store: Store) -> Verified:
+def verify_hashes(store: StoreFolder) -> Verified:
     """Hash every file of a store, and nothing else. Raises StoreError."""
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified())
 
 
-def verify_changes(store: Store) -> Verified | None:
-    """Look at the files of a store that have changed since they were last looked at; None where none have.
-
-    Raises StoreError.
-    """
-    checked, there = read_checked(store.folder), stamps(store.folder)
-    places = {place for place in checked.keys() | there.keys() if not place.startswith(f"{_REPORTS}/")}
-    changed = {place for place in places if place not in checked or checked[place].stamp != there.get(place)}
-    if not changed:
-        return None
-    touched = {_row_id(place) for place in changed}
+def verify_changes(store: StoreFolder) -> Verified:
+    """Look at the files of a store that have changed since they were last looked at. Raises StoreError."""
+    checked = read_checked(store.folder)
+    touched = {_row_id(place) for place in changed(store.folder, checked)}
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, checked), touched).verified())
 
 
-def _settled(store: Store, look: Callable[[], Verified]) -> Verified:
+def _settled(store: StoreFolder, look: Callable[[], Verified]) -> Verified:
     """What was found while no run wrote to the store, or at the last try."""
     for _ in range(_AT_MOST):
         before = heads(store.folder)
@@ -107,7 +100,7 @@ def _row_id(place: str) -> str:
 class _Verification:
     """One look at a store; at all of it, or at the rows `touched` of manifests."""
 
-    def __init__(self, store: Store, hashes: Hashes, touched: set[str] | None = None) -> None:
+    def __init__(self, store: StoreFolder, hashes: Hashes, touched: set[str] | None = None) -> None:
         self._store = Store(store.folder)
         self._hashes = hashes
         self._touched = touched
@@ -116,6 +109,7 @@ class _Verification:
         self._log = expected(self._entries)
         self._seen: set[str] = set()
         self._wrong: set[str] = set()
+        self._rigs: dict[str, str] = {}
         self._removed: dict[str, Problem] = {}
 
     def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
@@ -190,17 +184,18 @@ class _Verification:
 
     def _of_manifest(self, manifest: str) -> Iterator[Problem]:
         """The files that the rows of a manifest finish, by rows that are as they were written."""
-        files = self._store.files(manifest)
+        files, column = self._store.files(manifest), ID_COLUMNS[manifest]
+        columns = [column, "outputs", *(["rig_id"] if manifest == "measurements" else [])]
         for path in files.alone:
             place = f"{manifest}/{path.name}"
             wanted = self._touched is None or path.stem in self._touched
             if wanted and place in self._log.places and place not in self._wrong:
-                yield from self._of_rows(place, read_rows(manifest, path))
+                yield from self._of_rows(place, listed(read_table(manifest, path, columns), path))
         for path in files.packs:
-            place, column = path.relative_to(self._store.folder).as_posix(), ID_COLUMNS[manifest]
+            place = path.relative_to(self._store.folder).as_posix()
             looked_at = self._wanted(manifest, self._store.packs.members(path))
             if looked_at and place in self._log.places:
-                rows = rows_of_files(manifest, Files((), (path,), files.hidden), [column, "outputs"])
+                rows = rows_of_files(manifest, Files((), (path,), files.hidden), columns)
                 yield from self._of_rows(place, [row for row in rows if row[column] in looked_at])
 
     def _wanted(self, manifest: str, members: Collection[str]) -> Collection[str]:
@@ -210,6 +205,7 @@ class _Verification:
 
     def _of_rows(self, place: str, rows: list[dict[str, object]]) -> Iterator[Problem]:
         """The files that rows finish, as they were, or packs that were made of them."""
+        self._rigs |= {str(row["measurement_id"]): str(row["rig_id"]) for row in rows if "rig_id" in row}
         for output in outputs_of(rows):
             path = self._store.folder / output.path
             self._seen.add(output.path)
@@ -260,7 +256,7 @@ class _Verification:
     def _is_apart(self, place: str) -> bool:
         """Whether nothing is to be said of a place: it is among the pages, or nothing of its row has changed."""
         untouched = self._touched is not None and _row_id(place) not in self._touched
-        return untouched or place.startswith(f"{_REPORTS}/")
+        return untouched or place.startswith(PAGES)
 
     def _is_of_finished(self, place: str) -> bool:
         """Whether a file of a table or a picture belongs to a finished row, which does not name it."""
@@ -272,11 +268,10 @@ class _Verification:
 
     def _implausible(self) -> Iterator[Problem]:
         tables = [table for table, manifest in MANIFESTS.items() if manifest == "measurements"]
-        for known in self._store.ids("measurements"):
-            row = self._store.measurement(known) if f"measurements/{known}.parquet" not in self._wrong else None
-            needed = {f"{table}/{known}.parquet" for table in tables}
-            if row is not None and not self._wrong & {*needed, f"rigs/{row.rig_id}.parquet"}:
-                for table, what in implausible(self._store, known):
+        for known, rig_id in sorted(self._rigs.items()):
+            needed = {f"{table}/{known}.parquet" for table in ("measurements", *tables)}
+            if not self._wrong & {*needed, f"rigs/{rig_id}.parquet"}:
+                for table, what in implausible(self._store, known, self._store.rig(rig_id)):
                     yield Problem(f"{table}/{known}.parquet", what)
 
 

@@ -2,18 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
-from typing import Any
-
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from auditor.errors import StoreError
 from auditor.store.files import finished
 from auditor.store.packs.index import Packs
-from auditor.store.schema import ID_COLUMNS
-from auditor.store.tables import listed, read_table
 
 
 @dataclass(frozen=True)
@@ -37,16 +30,3 @@ def finished_files(packs: Packs, folder: Path, table: str, ids: Sequence[str]) -
     hidden = {one for path in used for one in packs.members(path)} - counting
     own = (folder / table / f"{one}.parquet" for one in ids if one in alone)
     return Files(tuple(own), tuple(used), frozenset(hidden))
-
-
-def rows_of_files(table: str, files: Files, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """All rows of them, by id, or these columns, the id among them. Raises StoreError."""
-    rows = [row for path in files.alone for row in listed(read_table(table, path, columns), path)]
-    if not files.packs:
-        return rows
-    column = ID_COLUMNS[table]
-    for path in files.packs:
-        content = read_table(table, path, columns)
-        hidden = pc.is_in(content[column], pa.array(sorted(files.hidden), pa.string()))
-        rows += listed(content.filter(pc.invert(hidden)), path)
-    return sorted(rows, key=itemgetter(column))

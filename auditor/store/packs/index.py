@@ -11,14 +11,16 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
 from auditor.store.files import locked, make_folder, write_whole
-from auditor.store.log import Run
 from auditor.store.schema import ID_COLUMNS
+
+if TYPE_CHECKING:
+    from auditor.store.log import Run
 
 INDEX = "packs.csv"
 FOLDER = "packs"
@@ -105,6 +107,8 @@ def pack_path(folder: Path, table: str, pack_id: str) -> Path:
 
 def members_of(path: Path) -> dict[str, Member]:
     """The members of a pack by id, in their order. Raises StoreError."""
+    import pyarrow.parquet as pq  # noqa: PLC0415 - heavy, and most stores have no packs
+
     try:
         listed = json.loads((pq.read_metadata(path).metadata or {})[MEMBERS])
         return {one[0]: Member(*one) for one in listed}
@@ -172,7 +176,7 @@ class Packs:
         found = self.member(table, row_id)
         return found and Part(found[0], ID_COLUMNS[table], row_id, found[1].group)
 
-    def hide(self, rows: Mapping[str, Collection[str]], entry: Run) -> None:
+    def hide(self, rows: Mapping[str, Collection[str]], entry: "Run") -> None:
         """The rows of some ids count no longer, by table; all of them go at one moment. Raises StoreError."""
         if not (self._folder / FOLDER).is_dir():
             return

@@ -19,14 +19,13 @@ import pyarrow.parquet as pq
 from auditor.store.files import finished, part_file, write_whole
 from auditor.store.log import Output, Run, entries, logged, output_of
 from auditor.store.log.expected import Expected, expected
+from auditor.store.log.mirrored import is_mirror
 from auditor.store.marker import MARKER
-from auditor.store.mirrored import is_mirror
-from auditor.store.packs.files import rows_of_files
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED, Index, Member, index_lock, pack_path
 from auditor.store.records import content_id
-from auditor.store.schema import ID_COLUMNS, table_schema
-from auditor.store.store import MANIFESTS, Store
-from auditor.store.tables import Source, read_table
+from auditor.store.schema import ID_COLUMNS, MANIFESTS, table_schema
+from auditor.store.store import Store
+from auditor.store.tables import Source, read_table, rows_of_files
 
 SMALL_BYTES = 1 << 20
 """Larger files stay as they are: they are few, and one that is read whole gains nothing."""

@@ -12,10 +12,10 @@ from typing import IO, Any
 import pyarrow as pa
 
 from auditor.errors import AuditorError, QueryError
+from auditor.store.folder import StoreFolder
 from auditor.store.queries import stream_sql
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.rights import give_up_writing, limit
-from auditor.store.store import Store
 
 
 def main() -> int:
@@ -43,7 +43,7 @@ def main() -> int:
 
 
 def _send(request: dict[str, Any], limits: SqlLimits, sink: IO[bytes]) -> None:
-    store = Store.open(request["store"])
+    store = StoreFolder.open(request["store"])
     with stream_sql(store, request["sql"], limits) as batches, pa.ipc.new_stream(sink, batches.schema) as stream:
         for batch in batches:
             stream.write_batch(batch)

@@ -10,13 +10,13 @@ import pyarrow as pa
 from auditor import errors
 from auditor.errors import AuditorError, QueryError
 from auditor.safety.launching import start
+from auditor.store.folder import StoreFolder
 from auditor.store.sandbox.limits import SqlLimits
-from auditor.store.store import Store
 
 _CHILD = "auditor.store.sandbox.child"
 
 
-def run_sandboxed(store: Store, text: str, limits: SqlLimits | None = None) -> pa.Table:
+def run_sandboxed(store: StoreFolder, text: str, limits: SqlLimits | None = None) -> pa.Table:
     """The answer to one SELECT statement of a user's own, over the views.
 
     It can read the store's finished files and nothing else, and write nothing. Raises QueryError where it is no single

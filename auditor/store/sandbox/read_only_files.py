@@ -68,7 +68,10 @@ class ReadOnlyFile:
 
 
 class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships no type information
-    """Files by the names `store://<table>/<id>.parquet`.
+    """Files by the names `store://<device>-<inode>-<time of change>/<table>/<id>.parquet`.
+
+    DuckDB keeps footers and blocks by name and by the second of the last change: those of a file of the same name in
+    another store, or of one that was replaced within a second, would be taken for those of this one.
 
     It can open, list and describe the files that it was given. Whatever would write, move or remove one raises OSError
     or NotImplementedError: there is no code here that could. While it is there, it holds a lock on a file of the store
@@ -87,15 +90,19 @@ class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships n
 
     def names(self, paths: Iterable[Path]) -> list[str]:
         """Take files of the store in, and return the names that DuckDB may open them by."""
-        known = {f"{_PREFIX}{path.parent.name}/{path.name}": path for path in paths}
-        self._files |= {name: (path, path.stat()) for name, path in known.items()}
+        known = {name_of(path, status): (path, status) for path, status in ((path, path.stat()) for path in paths)}
+        self._files |= known
         return [*known]
+
+    def path(self, name: str) -> Path:
+        """Where a file lies."""
+        return self._known(name)[0]
 
     def open(self, path: str, mode: str = "rb", **_: object) -> ReadOnlyFile:
         """A file. Raises OSError for another mode than reading."""
         if mode != "rb":
             raise OSError(f"files of a store can only be read, not opened as {mode!r}: {path}")
-        return ReadOnlyFile(self._known(path)[0])
+        return ReadOnlyFile(self.path(path))
 
     def info(self, path: str, **_: object) -> dict[str, object]:
         """Name, kind and size of a file."""
@@ -122,6 +129,11 @@ class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships n
             return self._files[_named(path)]
         except KeyError:
             raise FileNotFoundError(path) from None
+
+
+def name_of(path: Path, status: os.stat_result) -> str:
+    """The name that DuckDB may open a file of the store by."""
+    return f"{_PREFIX}{status.st_dev}-{status.st_ino}-{status.st_mtime_ns}/{path.parent.name}/{path.name}"
 
 
 def _named(path: str) -> str:

@@ -1,15 +1,10 @@
-"""Macros of what is declared of checks: the rows of the view `checks`, and their evidence in words."""
+"""SQL of what is declared of checks: the rows of the view `checks`, and their evidence in words."""
 
 from collections.abc import Iterator
 
 from auditor.model.checks import Check
 from auditor.model.checks.kinds import FORMER
 from auditor.store.views.comments import literal
-
-
-def declared_checks() -> str:
-    """The macro of a list of all checks."""
-    return f"CREATE MACRO declared_checks() AS [{', '.join(map(_row, Check))}];"
 
 
 def _row(check: Check) -> str:
@@ -26,14 +21,16 @@ def _row(check: Check) -> str:
     return "{" + ", ".join([*fields, f"position: {[*Check].index(check) + 1}"]) + "}"
 
 
-def evidence_template() -> str:
-    """The macro of a check's evidence, of one sensor {i} or by_two {i} and {k}; NULL of another name."""
-    return f"CREATE MACRO evidence_template(check_name, by_two) AS CASE check_name {' '.join(_cases())} END;"
-
-
 def _cases() -> Iterator[str]:
     for check in Check:
         words = check.kind.words
         alone, two = (literal(text) for text in (words.evidence, words.evidence_by_two or words.evidence))
         yield f"WHEN '{check}' THEN CASE WHEN by_two THEN {two} ELSE {alone} END"
     yield from (f"WHEN '{name}' THEN CASE WHEN by_two THEN {literal(text)} END" for name, text in FORMER.items())
+
+
+DECLARED_CHECKS = f"[{', '.join(map(_row, Check))}]"
+"""A list of all checks."""
+
+EVIDENCE_TEMPLATE = f"CASE check_name {' '.join(_cases())} END"
+"""The evidence of a check_name, of one sensor {i} or by_two {i} and {k}; NULL of another name."""

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 
 from auditor import __version__
-from auditor.store.connection import LARGE, all_macros, connected, in_order
+from auditor.store.connection import DECLARED, LARGE, connected, in_order, macros_of
 from auditor.store.marker import MARKER
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED
 from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TABLES, TableSchema, table_schema
-from auditor.store.sql_files import views
+from auditor.store.sql_files import macros, views
 from auditor.store.views.comments import comments, literal
 
 _HEAD = f"""\
@@ -153,7 +153,7 @@ FROM glob(getvariable('auditor_pattern') || '/pictures/*/*');
 
 
 def _macros() -> Iterator[str]:
-    for macro in all_macros().values():
+    for macro in macros_of({*DECLARED, *macros()}):
         yield re.sub(r"^CREATE MACRO ", "CREATE OR REPLACE TEMP MACRO ", macro, flags=re.MULTILINE) + "\n"
 
 
