@@ -51,8 +51,8 @@ def three_days(first_night, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def refreshed_three_days(three_days, tmp_path_factory):
-    store = shutil.copytree(three_days, tmp_path_factory.mktemp("refreshed_three_days") / "audit")
+def refreshed_later(three_days, tmp_path_factory):
+    store = shutil.copytree(three_days, tmp_path_factory.mktemp("refreshed_later") / "audit")
     assert run(["refresh", "--store", str(store)]) == 0
     return store
 
@@ -223,8 +223,8 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
     assert run(label["command"].split()[1:]) == 0, "the command is one that runs"
 
 
-def test_a_night_of_raised_recordings_alone_is_refused_once(refreshed_three_days, audit_of):
-    audit = audit_of(refreshed_three_days)
+def test_a_night_of_raised_recordings_alone_is_refused_once(refreshed_later, audit_of):
+    audit = audit_of(refreshed_later)
     before = in_force(audit)
     for number in range(2):
         add_drive(Store.open(audit.store), f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
@@ -260,8 +260,8 @@ def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_n
     assert audit("store", "check", audit.store, store=False).code == 0
 
 
-def test_a_drive_unlike_the_others_is_left_out_though_nothing_in_it_is_raised(refreshed_three_days, audit_of, monkeypatch):
-    audit = audit_of(refreshed_three_days)
+def test_a_drive_unlike_the_others_is_left_out_though_nothing_in_it_is_raised(refreshed_later, audit_of, monkeypatch):
+    audit = audit_of(refreshed_later)
     add_drive(Store.open(audit.store), "odd.mcap", seed=65, vehicle="car7", day=6, raised=2.0)
     monkeypatch.setattr("auditor.identification.refreshing.drives.Shown.raised", lambda *_: "")
     kind = kind_of(audit("refresh"))
