@@ -132,7 +132,7 @@ def test_documents_have_the_tables_of_checks() -> None:
 
 def test_each_is_declared_in_two_files_at_most_and_is_measured_judged_stored_and_shown(tmp_path: Path) -> None:
     for name in ("auditor", "schemas", "queries", "reports"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, tmp_path / name)
     package = tmp_path / "auditor"
     (package / "lab/attacks/inked.py").write_text(KIND.lstrip(), encoding="utf-8")
     (package / "measurement/checks/inked_rows.py").write_text(MEASURED.lstrip(), encoding="utf-8")

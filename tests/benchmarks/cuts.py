@@ -20,16 +20,8 @@ def main() -> None:
     parser.add_argument("--places", type=int, default=50)
     options = parser.parse_args()
     for kind in KINDS:
-        printed = io.TextIOWrapper(io.BytesIO(), write_through=True)
-
-        def shown(printed: io.TextIOWrapper = printed) -> str:
-            text = printed.buffer.getvalue().decode()  # type: ignore[attr-defined]
-            printed.seek(0)
-            printed.truncate()
-            return str(text)
-
-        with tempfile.TemporaryDirectory() as folder, redirect_stdout(printed):
-            scan = scan_cuts(Path(folder), kind, options.frames, options.places, shown)
+        with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.TextIOWrapper(io.BytesIO())):
+            scan = scan_cuts(Path(folder), kind, options.frames, options.places)
         lost = [options.frames * cut.share - cut.measured for cut in scan.cuts]
         for cut in scan.cuts:
             before = options.frames * cut.share

@@ -15,6 +15,7 @@ import pytest
 from auditor.cli import VERBS
 from auditor.safety.launching import environment
 from tests.making.case_stores import attacked_store
+from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 AUDITOR = Path(sys.executable).with_name("auditor")
 MODULES = sys.stdlib_module_names | packages_distributions().keys() | {"auditor", "sitecustomize", "usercustomize"}
@@ -54,8 +55,8 @@ def incident(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A folder with drives, a store, and a planted module of every name; an incident of that store."""
     made = attacked_store(tmp_path_factory.mktemp("made"))
     folder = tmp_path_factory.mktemp("logs")
-    shutil.copy(made.recordings[0], folder / "drive.mcap")
-    shutil.copy(made.recordings[2], folder / "other.mcap")
+    write_drive(folder / "drive.mcap", 3, positions_m=THREE_CAMERAS)
+    write_drive(folder / "other.mcap", 3, positions_m=THREE_CAMERAS, start_ns=START_NS + DAY_NS)
     shutil.copytree(made.folder, folder / "audit")
     shutil.copytree(made.folder, folder / "own")
     for name in MODULES:
@@ -144,7 +145,7 @@ def test_a_checkout_runs_from_its_own_root(incident: tuple[Path, str], tmp_path:
     """Nothing but the working folder says where the package is."""
     root = Path(__file__).parents[2]
     for name in ("auditor", "schemas", "queries", "reports"):
-        shutil.copytree(root / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(root / name, tmp_path / name)
     [packages] = [folder for folder in sys.path if Path(folder).name == "site-packages"]
     folder, _ = incident
     # with -S no .pth file says where this checkout is

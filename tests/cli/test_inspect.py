@@ -9,6 +9,7 @@ import pytest
 from auditor.cli import run
 from auditor.model.frames import CameraImage, Frame
 from auditor.recordings import write_mcap
+from tests.making.audits import ask
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, drive_frames
 
@@ -65,16 +66,14 @@ def test_a_sensor_that_starts_late_says_when(tmp_path: Path, capfd: pytest.Captu
     assert late["present"] == 10
 
 
-def test_offsets_given_in_a_rig_file_reach_the_store(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_offsets_given_in_a_rig_file_reach_the_store(tmp_path: Path) -> None:
     write_mcap(tmp_path / "a.mcap", RIG, drive_frames(RIG, 4))
     rig, store = tmp_path / "rig.toml", tmp_path / "audit"
     assert run(["inspect", str(tmp_path / "a.mcap"), "--write-rig", str(rig)]) == 0
     rig.write_text(rig.read_text().replace("[lidar]\n", "[lidar]\noffset_ns = -3000000\n"))
     assert run(["scan", str(tmp_path / "a.mcap"), "--rig", str(rig), "--measure-only", "--store", str(store)]) == 3
-    capfd.readouterr()
-    query = "SELECT DISTINCT sensor, skew_ns FROM sensors WHERE sensor < 2 ORDER BY sensor"
-    assert run(["query", "--sql", query, "--store", str(store), "--format", "json"]) == 0
-    assert [row["skew_ns"] for row in json.loads(capfd.readouterr().out)] == [3_000_000, 0]
+    rows = ask(store, "SELECT DISTINCT sensor, skew_ns FROM sensors WHERE sensor < 2 ORDER BY sensor")
+    assert [row["skew_ns"] for row in rows] == [3_000_000, 0]
 
 
 def test_a_rig_file_is_tried_before_a_scan_needs_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

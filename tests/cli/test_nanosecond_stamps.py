@@ -62,11 +62,11 @@ def test_every_query_answers_in_every_form(name, folder, capfdbinary):
         assert capfdbinary.readouterr().out
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", ["table", "json"])
 def test_a_moment_of_ones_own_sql_is_printed(form, folder, capfdbinary):
     sql = "SELECT make_timestamp_ns(stamp_ns) AS moment, [moment] AS moments FROM verdicts ORDER BY frame LIMIT 1"
     printed = answered(folder, capfdbinary, "--sql", sql, "--format", form)
-    assert form == "parquet" or b"2011-09-26T13:02:25.964389445Z" in printed
+    assert b"2011-09-26T13:02:25.964389445Z" in printed
 
 
 @pytest.mark.parametrize("method", ["robust", "paper"])

@@ -5,6 +5,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from auditor.recordings.decoding.videos import tracks
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Store
+from tests.making.audits import ask
 from tests.making.restamped import Extra, Told, rewritten
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, START_NS, drive_frames, write_drive
@@ -58,7 +60,7 @@ def both(clean: Path, capfd: pytest.CaptureFixture[str]) -> Callable[[Path], tup
     return audit
 
 
-def described(path: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
+def described(path: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, Any]]:
     run(["inspect", str(path), "--format", "json"])
     [one] = json.loads(capfd.readouterr().out)
     return {topic["topic"]: topic for topic in one["topics"]}
@@ -74,12 +76,11 @@ def beside(name: str, schema: str, data: bytes, encoding: str = "cdr", definitio
     return Extra(Topic(name, schema, encoding), times, definition)
 
 
-def image(encoding: str, height: int = 4, width: int = 4) -> Extra:
+def image(encoding: str, name: str = "/other/image") -> Extra:
     maker = MessageMaker("cdr")
-    data = maker.raw_image(np.zeros((height, width), np.uint8), encoding, maker.header(START_NS, "other"))
-    return beside(
-        "/other/image", schemas.IMAGE, data, definition=Definition("ros2msg", maker.definition(schemas.IMAGE).encode())
-    )
+    data = maker.raw_image(np.zeros((4, 4), np.uint8), encoding, maker.header(START_NS, "other"))
+    definition = Definition("ros2msg", maker.definition(schemas.IMAGE).encode())
+    return beside(name, schemas.IMAGE, data, definition=definition)
 
 
 def compressed(form: str, name: str = "/other/compressed") -> Extra:
@@ -141,47 +142,47 @@ def test_the_least_coverage_is_an_option_of_scan(tmp_path: Path, clean: Path) ->
     assert run([*scan, "--min-coverage", "0.8"]) == 0
 
 
-@pytest.mark.parametrize("schema", UNREAD)
-def test_a_sensor_of_a_type_that_cannot_be_read_is_named_with_what_helps(
-    schema: str,
-    tmp_path: Path,
-    clean: Path,
-    both: Callable[[Path], tuple[int, str]],
-    capfd: pytest.CaptureFixture[str],
+def test_each_sensor_of_a_type_that_cannot_be_read_is_named_with_what_helps(
+    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    path = rewritten(
-        clean, tmp_path / "drive.mcap", same, [beside("/front/packets", schema, b"\0\1\0\0" + bytes(4092))]
-    )
-    if schema == LIVOX:
-        code, remarks = both(path)
-        assert code == 3
-        [line] = [line for line in remarks.splitlines() if "cannot be read" in line]
-        assert line.startswith("drive.mcap: 1 sensor cannot be read: /front/packets (LiDAR): " + schema)
-        assert "xfer_format 0" in line
-    else:
-        assert run(["inspect", str(path)]) == 3
-        assert UNREAD[schema].remedy in capfd.readouterr().out
-    topic = described(path, capfd)["/front/packets"]
-    assert (topic["state"], topic["messages"]) == ("unreadable", COUNT)
+    """All types in one recording."""
+    named = {f"/sensor_{number}/packets": schema for number, schema in enumerate(UNREAD)}
+    extra = [beside(name, schema, b"\0\1\0\0" + bytes(4092)) for name, schema in named.items()]
+    path = rewritten(clean, tmp_path / "drive.mcap", same, extra)
+    assert run(["inspect", str(path)]) == 3
+    assert next(iter(UNREAD.values())).remedy in capfd.readouterr().out
+    topics = described(path, capfd)
+    assert {name: topics[name]["remedy"] for name in named} == {name: UNREAD[named[name]].remedy for name in named}
+    assert {(topics[name]["state"], topics[name]["messages"]) for name in named} == {("unreadable", COUNT)}
 
 
-@pytest.mark.parametrize(
-    ("extra", "reason"),
-    [
-        (image("xyz12"), "the image encoding 'xyz12' is not supported"),
-        (image("bgr8"), "and holds 16 bytes"),
-        (beside("/other/video", "foxglove.CompressedVideo", b"\0", "flatbuffer"), "in the encoding 'flatbuffer'"),
-        (beside("/other/points", "foxglove.PointCloud", b"\0", "flatbuffer"), "in the encoding 'flatbuffer'"),
-        (beside("/other/points", "foxglove.PointCloud", b"{}", "json"), "the cloud has no fields x, y and z"),
-    ],
-)
-def test_the_reason_that_was_found_while_reading_is_shown(
-    extra: Extra, reason: str, tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+def test_the_reasons_that_were_found_while_reading_are_shown(
+    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", same, [extra]))
+    reasons = {
+        "/other/unknown": (image("xyz12", "/other/unknown"), "the image encoding 'xyz12' is not supported"),
+        "/other/short": (image("bgr8", "/other/short"), "and holds 16 bytes"),
+        "/other/video": (
+            beside("/other/video", "foxglove.CompressedVideo", b"\0", "flatbuffer"),
+            "in the encoding 'flatbuffer'",
+        ),
+        "/other/points": (
+            beside("/other/points", "foxglove.PointCloud", b"\0", "flatbuffer"),
+            "in the encoding 'flatbuffer'",
+        ),
+        "/other/nothing": (
+            beside("/other/nothing", "foxglove.PointCloud", b"{}", "json"),
+            "the cloud has no fields x, y and z",
+        ),
+    }
+    path = rewritten(clean, tmp_path / "drive.mcap", same, [extra for extra, _ in reasons.values()])
+    code, remarks = both(path)
     assert code == 3
     [line] = [line for line in remarks.splitlines() if "cannot be read" in line]
-    assert reason in line
+    assert line.startswith("drive.mcap: 5 sensors cannot be read: ")
+    topics = described(path, capfd)
+    for name, (_, reason) in reasons.items():
+        assert reason in topics[name]["why"], name
 
 
 def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
@@ -239,22 +240,18 @@ def test_video_without_the_extra_says_what_to_install(
     assert unreadable.reason == "video needs the package av: install auditor[video]"
 
 
-@pytest.mark.parametrize(
-    "extra",
-    [
-        image("32FC1"),
-        beside("/ouster/packets", "ouster_ros/msg/PacketMsg", bytes(48)),
+def test_what_is_no_camera_or_lidar_leaves_a_recording_complete(
+    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    others = [
+        image("32FC1"),  # depth
+        beside("/ouster/packets", "ouster_ros/msg/PacketMsg", bytes(48)),  # its IMU's
         compressed("16UC1; compressedDepth png"),
         beside("/map", "nav_msgs/msg/OccupancyGrid", b"\0"),
         beside("/scan", "sensor_msgs/msg/LaserScan", b"\0"),
-        Extra(Topic("/front/livox", LIVOX, "cdr"), ()),
-    ],
-    ids=["depth", "imu", "compressedDepth", "occupancy", "2D scan", "no message"],
-)
-def test_what_is_no_camera_or_lidar_leaves_a_recording_complete(
-    extra: Extra, tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
-) -> None:
-    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", same, [extra]))
+        Extra(Topic("/front/livox", LIVOX, "cdr"), ()),  # no message
+    ]
+    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", same, others))
     assert (code, "cannot be read" in remarks) == (0, False), remarks
 
 
@@ -352,7 +349,6 @@ def test_coverage_is_kept_and_queried(tmp_path: Path, clean: Path, capfd: pytest
     assert "xfer_format" in rows["/livox"]["remedy"]
     assert rows["/other/image"]["reason"] == "/other/image has no camera info"
     sql = "SELECT topic, state, reason FROM balance WHERE state <> 'read' ORDER BY topic"
-    assert run(["query", "--sql", sql, "--store", str(store), "--format", "json"]) == 0
-    unread, left_out = json.loads(capfd.readouterr().out)
+    unread, left_out = ask(store, sql)
     assert (unread["topic"], unread["state"]) == ("/livox", "unreadable")
     assert (left_out["topic"], left_out["reason"]) == ("/other/image", "/other/image has no camera info")

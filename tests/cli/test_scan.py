@@ -10,6 +10,7 @@ from auditor.cli import run
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import incident_limit
 from auditor.store import Store
+from tests.making.audits import ask
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
@@ -214,8 +215,7 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
     assert run([*scan, "1"]) == 1
     assert "too few clean frames for that incident rate: its limit is extrapolated" in capfd.readouterr().err
     sql = "SELECT incidents_per_hour, score_threshold FROM judgements"
-    assert run(["query", "--store", str(store), "--format", "json", "--sql", sql]) == 0
-    [row] = json.loads(capfd.readouterr().out)
+    [row] = ask(store, sql)
     assert row["incidents_per_hour"] == 1.0
     assert row["score_threshold"] > incident_limit(2.0)
     assert run([*scan, "1", "--strict"]) == 2

@@ -1,12 +1,11 @@
 """A drive cut at many places, every cut scanned by one command; tests/benchmarks/cuts.py prints it."""
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from auditor.cli import run
 from auditor.recordings import write_bag, write_db3, write_mcap
+from tests.making.audits import ask
 from tests.making.forms import copy_bag
 from tests.making.recorded_drives import rechunk
 from tests.making.scenes import plane_rig
@@ -35,8 +34,8 @@ class CutScan(NamedTuple):
     cuts: tuple[Cut, ...]
 
 
-def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable[[], str]) -> CutScan:
-    """Scan a drive of so many frames, cut at so many places; `shown` gives the output since its last call.
+def scan_cuts(folder: Path, kind: str, frames: int, places: int) -> CutScan:
+    """Scan a drive of so many frames, cut at so many places.
 
     Cuts of one drive hold each other's frames, and the views leave all but the longest out: its tables are asked.
     """
@@ -57,18 +56,17 @@ def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable
     names = [f"cut{place:02d}.{kind}" for place in range(1, places + 1)]
     for place, name in enumerate(names, start=1):
         (cuts / name).write_bytes(content[: len(content) * place // (places + 1)])
-    store = str(folder / "audit")
-    assert run(["calibrate", str(whole), "-r", "0", "--store", store]) in (0, 3)
-    code = run(["scan", *(str(cuts / name) for name in names), "-r", "0", "--method", "paper", "--store", store])
-    shown()
+    store = folder / "audit"
+    assert run(["calibrate", str(whole), "-r", "0", "--store", str(store)]) in (0, 3)
+    scanned = [str(cuts / name) for name in names]
+    code = run(["scan", *scanned, "-r", "0", "--method", "paper", "--pictures", "none", "--store", str(store)])
     sql = """
         SELECT name, measured, len(measurement.damage) AS damage, list_bool_and(list_transform(balance, lambda topic:
             topic.read = topic.used + topic.unused + topic.damaged
                 + coalesce(list_sum(map_values(topic.skipped)), 0))) AS whole
         FROM stored_measurements AS measurement JOIN stored_recordings USING (recording_id)
     """
-    assert run(["query", "--sql", sql, "--store", store, "--format", "json"]) == 0
-    rows: dict[str, dict[str, Any]] = {row["name"]: row for row in json.loads(shown())}
+    rows: dict[str, dict[str, Any]] = {row["name"]: row for row in ask(store, sql)}
     nothing = {"measured": 0, "damage": 0, "whole": True}
     found = ((name, rows.get(name, nothing)) for name in names)
     return CutScan(

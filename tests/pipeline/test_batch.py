@@ -1,6 +1,7 @@
 """Recordings of a batch that no calibration fits are judged by those that show nothing, never by themselves."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -66,10 +67,18 @@ def store(tmp_path) -> Store:
     return Store.open(tmp_path / "audit", create=True)
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory) -> tuple[Store, dict[str, str]]:
+    store = Store.open(tmp_path_factory.mktemp("fleet") / "audit", create=True)
+    return store, drives(store, (*CLEAN, *ATTACKED))
+
+
 @pytest.fixture
-def fleet(store) -> dict[str, str]:
-    """Six drives of one rig kind, two of them attacked."""
-    return drives(store, (*CLEAN, *ATTACKED))
+def fleet(measured, store) -> dict[str, str]:
+    """Six drives of one rig kind in the test's own store, two of them attacked."""
+    kept, found = measured
+    shutil.copytree(kept.folder, store.folder, dirs_exist_ok=True)
+    return found
 
 
 def test_recordings_are_judged_by_the_others_that_show_nothing(store, fleet) -> None:

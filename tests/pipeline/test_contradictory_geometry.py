@@ -144,26 +144,32 @@ def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda xyz: xyz * 3.28, "fit the images nowhere"),
         (lambda xyz: xyz * np.array([1, -1, 1]), "with y negated, and not as they are"),
         (lambda xyz: xyz * np.array([-1, -1, 1]), "no camera sees points"),
     ],
-    ids=["feet", "left-handed", "turned"],
+    ids=["left-handed", "turned"],
 )
-def test_points_that_fit_no_image_are_no_attack(
+def test_points_that_fit_no_image_withhold_verdicts(
     drive: SyntheticDrive, tmp_path: Path, change: Points, why: str
 ) -> None:
     write_mcap(tmp_path / "points.mcap", drive.rig, with_points(drive, change))
-    code, store, withheld = scan(tmp_path / "points.mcap", tmp_path)
+    code, _, withheld = scan(tmp_path / "points.mcap", tmp_path)
     assert code == 3
     assert why in withheld
+
+
+def test_points_that_fit_no_image_are_no_attack(drive: SyntheticDrive, tmp_path: Path) -> None:
+    write_mcap(tmp_path / "feet.mcap", drive.rig, with_points(drive, lambda xyz: xyz * 3.28))
+    code, store, withheld = scan(tmp_path / "feet.mcap", tmp_path)
+    assert code == 3
+    assert "fit the images nowhere" in withheld
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
     [measurement] = store.ids("measurements")
     with pytest.raises(ThresholdsError, match="verdicts are withheld"):
         calibrate([(store, measurement)])
     assert run(["judge", str(tmp_path / "audit"), "--method", "paper"]) == 3
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
-    assert run(["inspect", str(tmp_path / "points.mcap")]) == 3
+    assert run(["inspect", str(tmp_path / "feet.mcap")]) == 3
 
 
 def test_points_in_millimetres_are_not_read(

@@ -1,5 +1,7 @@
 """Recordings of a rig kind that nobody calibrated are judged by the prior; and what else a judgement says."""
 
+import shutil
+from collections.abc import Callable
 from dataclasses import fields, replace
 from decimal import Decimal
 from pathlib import Path
@@ -41,17 +43,35 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: write_drive(folder / f"{name}.mcap", FRAMES, **of) for name, of in how.items()}
 
 
-def measured(store: Path, recording: Path) -> str:
-    return measure_recording(MeasureTask(recording, store), lambda *_: None).measurement_ids[0]
+@pytest.fixture(scope="module")
+def kept(recordings: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, Path]]:
+    """Of each recording its measurement, and a store that has it and the clean one."""
+    folder, found = tmp_path_factory.mktemp("kept"), {}
+    for name, path in recordings.items():
+        if name != "clean":
+            shutil.copytree(folder / "clean", folder / name)
+        known = measure_recording(MeasureTask(path, folder / name), lambda *_: None).measurement_ids[0]
+        found[name] = known, folder / name
+    return found
+
+
+@pytest.fixture
+def measured(kept: dict[str, tuple[str, Path]], tmp_path: Path) -> Callable[..., tuple[Store, str, str]]:
+    """A store of the test's own with the measurements of the clean recording and of another one."""
+
+    def put(name: str = "clean") -> tuple[Store, str, str]:
+        store = Store.open(shutil.copytree(kept[name][1], tmp_path / "audit"))
+        return store, kept["clean"][0], kept[name][0]
+
+    return put
 
 
 def judged(store: Store, measurement: str, criteria: Criteria = BY_DEFAULT, **settings: object) -> Judged:
     return Judge(store, JudgeSettings(criteria, **settings)).judge(measurement)
 
 
-def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(recordings, tmp_path) -> None:
-    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
-    store = Store.open(tmp_path / "audit")
+def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(measured) -> None:
+    store, clean, attacked = measured("attacked")
     quiet, found = (judged(store, one) for one in (clean, attacked))
     assert ALONE in quiet.warnings
     assert ALONE in found.warnings
@@ -68,9 +88,8 @@ def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(recor
     assert rows["attacked.mcap"]["attacked_sensors"] == [2]
 
 
-def test_where_the_store_has_thresholds_of_others_only_the_recording_is_not_fully_audited(recordings, tmp_path) -> None:
-    clean, other = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "another kind"))
-    store = Store.open(tmp_path / "audit")
+def test_where_the_store_has_thresholds_of_others_only_the_recording_is_not_fully_audited(measured) -> None:
+    store, clean, other = measured("another kind")
     put_first_in_force(store, calibrate([(store, clean)]))
     found = judged(store, other)
     assert found.judgement.calibration_id == PRIOR
@@ -79,22 +98,21 @@ def test_where_the_store_has_thresholds_of_others_only_the_recording_is_not_full
     assert judged(store, clean).judgement.calibration_id != PRIOR
 
 
-def test_the_paper_s_method_has_no_prior(recordings, tmp_path) -> None:
-    clean = measured(tmp_path / "audit", recordings["clean"])
-    found = judged(Store.open(tmp_path / "audit"), clean, Criteria(R, Method.PAPER))
+def test_the_paper_s_method_has_no_prior(measured) -> None:
+    store, clean, _ = measured()
+    found = judged(store, clean, Criteria(R, Method.PAPER))
     assert (found.judgement, found.complete) == (None, False)
     assert found.gaps == ("no thresholds for its rig kind and matcher",)
 
 
-def test_the_prior_holds_for_the_matcher_that_it_was_fitted_on(recordings, tmp_path, monkeypatch) -> None:
-    clean = measured(tmp_path / "audit", recordings["clean"])
+def test_the_prior_holds_for_the_matcher_that_it_was_fitted_on(measured, monkeypatch) -> None:
+    store, clean, _ = measured()
     monkeypatch.setattr("auditor.pipeline.judge.PRIOR_MATCHER", "another")
-    assert judged(Store.open(tmp_path / "audit"), clean).judgement is None
+    assert judged(store, clean).judgement is None
 
 
-def test_the_prior_gives_no_incident_rate_and_is_not_strict(recordings, tmp_path) -> None:
-    clean = measured(tmp_path / "audit", recordings["clean"])
-    store = Store.open(tmp_path / "audit")
+def test_the_prior_gives_no_incident_rate_and_is_not_strict(measured) -> None:
+    store, clean, _ = measured()
     criteria = Criteria(R, incidents_per_hour=1.0)
     assert (
         "too few clean frames for that incident rate: its limit is extrapolated"
@@ -104,11 +122,8 @@ def test_the_prior_gives_no_incident_rate_and_is_not_strict(recordings, tmp_path
     assert error.what == "its thresholds are the prior alone: no clean drive of this rig kind was seen"
 
 
-def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where_it_differs(
-    recordings, tmp_path
-) -> None:
-    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
-    store = Store.open(tmp_path / "audit")
+def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where_it_differs(measured, tmp_path) -> None:
+    store, clean, attacked = measured("attacked")
     made = calibrate([(store, clean)])
     versions = store.measurement(clean).versions
     assert made.clean[0].versions == {name: versions[name] for name in (OPENCV, OPENCV_CPU)}
@@ -128,9 +143,8 @@ def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where
     assert {row["measured_otherwise"] for row in rows} == {differs}
 
 
-def test_a_recording_that_is_judged_by_itself_is_in_sample(recordings, tmp_path) -> None:
-    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
-    store = Store.open(tmp_path / "audit")
+def test_a_recording_that_is_judged_by_itself_is_in_sample(measured) -> None:
+    store, clean, attacked = measured("attacked")
     put_first_in_force(store, calibrate([(store, clean)]))
     for criteria in (Criteria(R), Criteria(R, Method.PAPER)):
         assert "in sample: the calibration was made of it" in judged(store, clean, criteria).warnings

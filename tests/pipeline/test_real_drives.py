@@ -17,6 +17,7 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
 from tests.making import named_on_frames
+from tests.making.audits import ask
 
 DEPTH_FRAMES = (5, 25, 45, 65, 85)
 ANNOTATED_PER_METRE = 256
@@ -47,9 +48,7 @@ def test_a_drive_calibrated_on_its_first_half_is_audited_whole(
     recording = str(converted / "0009.mcap")
     assert run(["calibrate", recording, "--frames", "0:20", "-r", "0", "--store", str(store)]) == 0
     code = run(["scan", recording, "-r", "0", *UNSHOWN, "--store", str(store)])
-    capfd.readouterr()
-    assert run(["query", "--store", str(store), "--format", "json", "--sql", VERDICTS]) == 0
-    raised = [row["frame"] for row in json.loads(capfd.readouterr().out) if row["kind"] != "clean"]
+    raised = [row["frame"] for row in ask(store, VERDICTS) if row["kind"] != "clean"]
     assert not [frame for frame in raised if frame < 20]
     assert len(raised) <= 4
     assert code == (1 if raised else 0)

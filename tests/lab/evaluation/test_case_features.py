@@ -41,7 +41,7 @@ def drive(request):
     gone = Presence(SensorState.MISSING)
     images = {s: image for s, image in frames[3].images.items() if s != 2}
     frames[3] = replace(frames[3], images=images, presence={**frames[3].presence, 2: gone})
-    return rig, frames
+    return rig, frames, [measure(frame, rig, MATCHER) for frame in frames]
 
 
 def attacked(frame, rig, attacks):
@@ -49,25 +49,28 @@ def attacked(frame, rig, attacks):
     return replace(frame, images=images, cloud=WALL.apply(frame.cloud, rig) if LIDAR in attacks else frame.cloud)
 
 
-def scanned(frames, rig, number):
-    """Features of the frame of a number, as a scan measures and stores them."""
-    watch = FaultFeatures()
-    for frame in frames:
-        measurement, evidence = measure(frame, rig, MATCHER)
+def scanned(drive, attacks, hit):
+    """Features of each frame as a scan measures and stores them, where those of some numbers are attacked."""
+    rig, frames, clean = drive
+    watch, found = FaultFeatures(), []
+    for frame, known in zip(frames, clean, strict=True):
+        taken = measure(attacked(frame, rig, attacks), rig, MATCHER) if frame.number in hit else known
+        measurement, evidence = taken
         fault_features = watch.update(evidence)
-        if frame.number == number:
-            pairs = [
-                fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs
-            ]
-            coverage = [measurement.coverage.get(s) for s in rig.sensors]
-            return (
+        pairs = [
+            fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs
+        ]
+        coverage = [measurement.coverage.get(s) for s in rig.sensors]
+        found.append(
+            (
                 [s in measurement.fingerprints for s in rig.sensors],
                 [measurement.fingerprints.get(s) for s in rig.sensors],
                 [[one and getattr(one, name) for one in coverage] for name in BRIGHTNESS],
                 [coverage[LIDAR].returns],
                 list(chain.from_iterable(pairs)),
             )
-    raise AssertionError
+        )
+    return found
 
 
 def kept(features):
@@ -88,24 +91,25 @@ def same(one, other):
 
 @pytest.mark.parametrize("attacks", [{}, {LIDAR: WALL}, {1: FACULA}, {2: FACULA, 3: FACULA}], ids=repr)
 def test_the_features_of_a_case_are_those_of_a_scan_and_so_are_those_of_the_frame_after_it(drive, attacks):
-    rig, frames = drive
+    rig, frames, _ = drive
+    benches = [AttackedFrame(frame, rig, MATCHER) for frame in frames]
     for number in (0, 1, 2):
-        benches = [AttackedFrame(frame, rig, MATCHER) for frame in frames]
         before = benches[number - 1] if number else None
         now = InTime(benches[number], before, benches[number + 1])
         found = FeaturesOfCases().of(now, SINGLE, 0, Case(attacks))
-        copy = [attacked(f, rig, attacks) if f.number == number else f for f in frames]
-        same(kept(found), scanned(copy, rig, number))
+        benches[number].forget_attacks()
+        expected = scanned(drive, attacks, {number})
+        same(kept(found), expected[number])
         after = [np.nan if x is None else x for x in found.fault_features_after]
         if attacks:
-            np.testing.assert_array_equal(after, scanned(copy, rig, number + 1)[-1])
+            np.testing.assert_array_equal(after, expected[number + 1][-1])
         else:
             assert np.isnan(after).all()
 
 
 @pytest.mark.parametrize("attacks", [{}, {LIDAR: WALL}, {1: FACULA}, {2: FACULA, 3: FACULA}], ids=repr)
 def test_the_statistics_of_a_case_are_those_of_measuring_the_attacked_frame(drive, attacks):
-    rig, frames = drive
+    rig, frames, _ = drive
     for frame in frames[2:]:  # of the last S_2 is missing
         if set(attacks) <= {LIDAR, *frame.images}:
             measurement, _ = measure(attacked(frame, rig, attacks), rig, MATCHER)
@@ -114,12 +118,12 @@ def test_the_statistics_of_a_case_are_those_of_measuring_the_attacked_frame(driv
 
 
 def test_inside_an_interval_the_frame_before_is_attacked_as_well(drive):
-    rig, frames = drive
+    rig, frames, _ = drive
     benches, taken, attacks = [AttackedFrame(frame, rig, MATCHER) for frame in frames], FeaturesOfCases(), {1: FACULA}
-    copy = [attacked(f, rig, attacks) if f.number < 3 else f for f in frames]
+    expected = scanned(drive, attacks, range(3))
     for number in range(3):
         now = InTime(benches[number], benches[number - 1] if number else None, benches[number + 1])
         found = taken.of(now, LASTING, 0, Case(attacks, "still"))
         benches[number].forget_attacks()
-        same(kept(found), scanned(copy, rig, number))
+        same(kept(found), expected[number])
     assert kept(found)[-1] != kept(FeaturesOfCases().of(now, LASTING, 0, Case(attacks, "still")))[-1]

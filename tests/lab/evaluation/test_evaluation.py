@@ -218,12 +218,12 @@ def short_chunks(monkeypatch):
 
 
 def few_in_short_chunks(patched):
-    """A sixth of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
+    """A twelfth of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
 
     def few(experiment):
         together = min(experiment.together, CHUNK)
         return replace(
-            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 6)
+            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 12)
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))

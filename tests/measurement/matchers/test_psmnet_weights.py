@@ -57,8 +57,11 @@ CONTENTS = {
 }
 
 
-@pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
-@pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS)
+@pytest.mark.parametrize(
+    ("content", "zipped"),
+    [*((content, True) for content in CONTENTS.values()), (training_checkpoint, False)],
+    ids=[*CONTENTS, "beside what training leaves, in the legacy format"],
+)
 def test_checkpoints_load_in_both_formats_with_and_without_prefix_and_extras(
     tmp_path: Path, content: Callable[[], object], zipped: bool
 ) -> None:
