@@ -23,7 +23,7 @@ def test_a_rig_is_measured_by_no_other_numbers_than_those_that_its_version_is_bo
     if not cameras:
         rig, frames = Rig(rig.lidar, ()), [replace(one, images={}) for one in frames]
     assert rig.kind.compared_to is compared_to
-    own, read = MEASURED_BY[compared_to], set()
+    own, read, matcher = MEASURED_BY[compared_to], set(), find_matcher("sgbm")
 
     def reading(group: object, name: str) -> object:
         read.add(type(group).__name__)
@@ -32,7 +32,7 @@ def test_a_rig_is_measured_by_no_other_numbers_than_those_that_its_version_is_bo
     for group in MEASURING:
         monkeypatch.setattr(type(group), "__getattribute__", reading)
     features = FaultFeatures()
-    for _, arrays in measure_stream(frames, rig, find_matcher("sgbm")):
+    for _, arrays in measure_stream(frames, rig, matcher):
         features.update(arrays)
         localise(arrays, {LIDAR, *rig.sensors[:2]}, rig)
     assert read

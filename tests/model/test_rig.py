@@ -66,7 +66,7 @@ def test_a_description_reads_back_to_the_same_rig() -> None:
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (lambda d: d.pop("cameras"), "the rig lacks cameras, which should be a list of tables"),
+        (lambda d: (d.pop("cameras"), d.pop("lidar")), "the rig lacks cameras, which should be a list of tables"),
         (lambda d: d.update(cameras="none"), "cameras of the rig should be a list of tables, but is 'none'"),
         (lambda d: d.update(lidar=3), "lidar of the rig should be a table, but is 3"),
         (lambda d: d["cameras"][0].pop("projection"), "camera 1 lacks projection, which should be 3 x 4 finite"),
