@@ -29,7 +29,7 @@ from auditor.model.settings import (
 from auditor.pipeline.asking import PathLike
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
-from auditor.pipeline.calibrations.making import make
+from auditor.pipeline.calibrations.making import by_kind, make
 from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
@@ -95,11 +95,16 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurem
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A calibration, which the store keeps, a sentence for each recording left out of it, and what went wrong."""
+    """The calibrations of all rig kinds, which the store keeps, a sentence for each recording left out, and errors."""
 
-    calibration: Calibration
+    calibrations: tuple[Calibration, ...]
     left_out: tuple[str, ...]
     errors: tuple[AuditorError, ...]
+
+    @property
+    def calibration(self) -> Calibration:
+        """The first one: there is one for each rig kind, as of the cameras of a ring."""
+        return self.calibrations[0]
 
 
 @dataclass(frozen=True)
@@ -140,11 +145,11 @@ def calibrate(
 ) -> Calibrated:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
-    They are measured into `store`, which keeps the calibration; the first of a rig kind is in force, later ones are
-    once somebody promotes them. `frames` restricts it to these frame numbers of each. `network` gives several settings
-    of a network at once.
+    Recordings are measured into `store`, which keeps a calibration of each rig kind: the first of a kind is in force,
+    later ones are once somebody promotes them. `frames` restricts it to these frame numbers of each. `network` gives
+    several settings of a network at once.
 
-    Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
+    Raises ThresholdsError where nothing clean remains, SettingError, RigError and StoreError.
     """
     if isinstance(address := path_or_address(store), Address):
         with mirrored(address) as here:
@@ -159,10 +164,11 @@ def calibrate(
         relate(kept)
         measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(measured, stores)
-        made = make(clean, Criteria.r, frames, jobs=settings.jobs)
-        keep_calibrated(kept, made)
+        made = [make(group, Criteria.r, frames, jobs=settings.jobs) for group in by_kind(clean)]
+        for one in made:
+            keep_calibrated(kept, one)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
-    return Calibrated(made.calibration, clean.left_out, (*batch.errors, *failed))
+    return Calibrated(tuple(one.calibration for one in made), clean.left_out, (*batch.errors, *failed))
 
 
 @explained(Criteria, MeasureSettings)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import auditor
 from auditor.cli import run
 from auditor.lab.attacks.spoofing import GhostCar
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
@@ -136,6 +137,20 @@ def test_of_two_lidars_each_that_no_camera_takes_is_a_rig_of_its_own(
     rigs = ask(tmp_path / "audit", "SELECT n, attacked_names FROM rigs LEFT JOIN incidents USING (rig_id) ORDER BY n")
     assert [row["n"] for row in rigs] == ([0, 2] if with_cameras else [0, 0])
     assert [row["attacked_names"] for row in rigs if row["attacked_names"]] == [["S_0 side"]]
+
+
+def test_a_vehicle_with_two_kinds_of_rigs_is_calibrated_in_one_call(
+    drive: SyntheticDrive, frames: list[Frame], tmp_path: Path
+) -> None:
+    folder, store = tmp_path / "drive", tmp_path / "audit"
+    folder.mkdir()
+    write_mcap(folder / "cameras_and_top.mcap", drive.rig, frames)
+    write_mcap(folder / "side.mcap", lidar_of(drive, "side"), scans(drive, frames))
+    made = auditor.calibrate(folder, store=store)
+    assert len(made.calibrations) == 2
+    assert made.calibration == made.calibrations[0]
+    versions = ask(store, "SELECT DISTINCT calibration_id FROM calibrations")
+    assert {row["calibration_id"] for row in versions} == {one.calibration_id for one in made.calibrations}
 
 
 def test_a_lidar_alone_that_need_not_be_audited_leaves_the_audit_complete(
