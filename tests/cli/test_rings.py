@@ -70,8 +70,8 @@ def test_a_wall_behind_the_vehicle_is_named_by_the_camera_that_looks_there_alone
     assert code == 4
     # How sure it is of each frame differs a little from processor to processor.
     raised = {frame: kind for frame, kind in enumerate(kinds.pop("cam_back")) if kind in ("attacked", "unidentified")}
-    assert len(raised) >= 4
-    assert "attacked" in raised.values()
+    assert len(raised) >= 3
+    assert list(raised.values()).count("attacked") >= 2
     assert set(raised) <= set(ATTACKED)
     assert set(kinds) == {"cam_front", "cam_front_left"}
     assert all(kind != "attacked" for each in kinds.values() for kind in each)

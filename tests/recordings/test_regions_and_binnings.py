@@ -89,7 +89,7 @@ def test_a_camera_whose_pictures_are_neither_is_left_out_with_the_reason(
     path = write_sensors(tmp_path / "a.mcap", made.rig, frames[:1], _Recording(wrong, REGION))
     with open_recording(path) as recording:
         found = search_rigs(survey(recording))
-    assert not found.rigs
+    assert [one.cameras for one in found.rigs] == [()], "the LiDAR is a rig alone"
     assert any("its pictures have 960 x 300 px" in reason for reason in found.reasons)
 
 

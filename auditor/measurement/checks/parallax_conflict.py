@@ -263,8 +263,8 @@ def _best_elsewhere(
 ) -> tuple[Floats32, Floats]:
     """(P,) the largest NCC on the points' lines, not at the LiDAR's range, and how many px from there it is.
 
-    No farther away than the point at infinity. The points come in the order of their parallax, the largest first;
-    their NCC is `known` at some offsets.
+    No farther away than the point at infinity; -1 where it is the last of what is tried, which may be no peak. The
+    points come in the order of their parallax, the largest first; their NCC is `known` at some offsets.
     """
     found = np.full((_OFFSETS.size, sought.point.size), -1, dtype=np.float32)
     for step, offset in enumerate(_OFFSETS.tolist()):
@@ -275,7 +275,9 @@ def _best_elsewhere(
             found[step, some] = _ncc(patches[some], norms[some], before, sought.chosen(some), offset)
     elsewhere = np.where(np.abs(_OFFSETS[:, None]) <= _BESIDE, np.float32(-1), found)
     best = elsewhere.argmax(axis=0)
-    return elsewhere.max(axis=0, initial=-1), _OFFSETS[best] + _between(found, best)
+    at_an_end = (best == 0) | (best == len(_OFFSETS) - 1)
+    largest = np.where(at_an_end, np.float32(-1), elsewhere.max(axis=0, initial=-1))
+    return largest, _OFFSETS[best] + _between(found, best)
 
 
 def _between(ncc: Floats32, best: Indices) -> Floats:

@@ -229,7 +229,7 @@ class Check(StrEnum):
                 "the camera and its own past agree with each other and not with it",
                 "the camera and its own past disagree with the LiDAR",
             ),
-            (PriorOf("parallax_conflict", (-3.6, 0.6, 0.2, 1.4), _IN_TIME),),
+            (PriorOf("parallax_conflict", (-3.6, 0.6, 0.2, 1.5), _IN_TIME),),
             Counted.POINTS,
             Vote.MEAN,
         ),
