@@ -84,6 +84,8 @@ def search_rigs(survey: Survey) -> FoundRigs:
     reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
     rigs.extend(alone)
     rigs.extend(lidars_alone(rigs, survey, frames))
+    if rigs and survey.images and not any(rig.cameras for rig in rigs):
+        reasons.extend(map(Reason, _lacking_calibration(survey)))
     rigs.sort(key=lambda rig: -len(rig.sensors))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras] or [rig.name(LIDAR)])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
@@ -362,13 +364,17 @@ def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reas
     return lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
 
 
-def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
+def _lacking_calibration(survey: Survey) -> Iterator[str]:
     if not survey.camera_infos:
         yield "there is no camera info for any of the images"
-    if not survey.clouds:
-        yield "there is no LiDAR"
     if survey.other_parts and not (survey.camera_infos and survey.transforms):
         yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
+
+
+def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
+    yield from _lacking_calibration(survey)
+    if not survey.clouds:
+        yield "there is no LiDAR"
     yield from _unreadable(survey)
     yield from map(str, reasons[:12])
     if any(isinstance(why, TooFew) for why in reasons):
