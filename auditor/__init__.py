@@ -15,8 +15,9 @@ change them, and CHANGELOG.md says so. Every other module may change at any time
 Names are imported when they are first used, so that `import auditor` itself takes no time.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from auditor.model.lazy_names import imported_when_used
 
 if TYPE_CHECKING:
     from auditor.errors import (
@@ -140,17 +141,9 @@ _HOMES = {
     "reporting": "render_incident_report",
     "store": "Store StoredJudgement StoredMeasurement rows_of",
 }
-"""The module of each name; the same as the imports above, which are for type checkers only."""
+"""The module of each name."""
 
-
-def __getattr__(name: str) -> object:
-    """Import a name of the API when it is first used (PEP 562)."""
-    for module, names in _HOMES.items():
-        if name in names.split():
-            found: object = getattr(import_module(f"{__name__}.{module}"), name)
-            globals()[name] = found
-            return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = imported_when_used(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -3,10 +3,11 @@
 Names are imported when they are first used: a question needs neither what writes nor the types of what is kept.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 import pyarrow
+
+from auditor.model.lazy_names import imported_when_used
 
 if TYPE_CHECKING:
     from auditor.store.calibrations import (
@@ -106,14 +107,6 @@ _HOMES = {
     "store": "Store",
     "views.script": "views_script",
 }
-"""The module of each name; the same as the imports above, which are for type checkers only."""
+"""The module of each name."""
 
-
-def __getattr__(name: str) -> object:
-    """Import a name when it is first used (PEP 562)."""
-    for module, names in _HOMES.items():
-        if name in names.split():
-            found: object = getattr(import_module(f"{__name__}.{module}"), name)
-            globals()[name] = found
-            return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = imported_when_used(__name__, _HOMES)

@@ -7,7 +7,7 @@ that line, clearly better. Where the vehicle stands, at the focus of expansion a
 What moves by itself is found elsewhere, too (`moving_things`), and is no conflict.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -31,6 +31,7 @@ from auditor.model.rig import Camera
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
 _HALVES = _DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0
+"""Of a patch: upper, lower, left and right."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
 _SECOND_NS = 10**9
 _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1)
@@ -38,6 +39,7 @@ _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
 _AT_ONCE = 256
+"""Points that are compared with all others at once: memory stays bounded."""
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
@@ -241,15 +243,16 @@ def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats
 
     The edge of a thing is in its patch beside what lies behind it, which is found elsewhere; the thing is not.
     """
-    there = _half_nccs(patches, before, sought, offset)
-    at_range = np.max([_half_nccs(patches, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)], axis=0)
+    halves = [_of_half(patches, half) for half in _HALVES]
+    there = _half_nccs(halves, before, sought, offset)
+    at_range = np.max([_half_nccs(halves, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)], axis=0)
     return np.asarray((there > at_range + PARALLAX_CONFLICT.clearly_less).all(axis=0))
 
 
-def _half_nccs(patches: Floats32, before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
-    """(4, P) the NCC of the upper, lower, left and right halves of patches, as `_ncc`."""
+def _half_nccs(halves: Sequence[Floats32], before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
+    """(4, P) the NCC of the halves of patches, as `_ncc`."""
     others, _ = _patches_before(before, sought, offset)
-    pairs = [(_of_half(patches, half), _of_half(others, half)) for half in _HALVES]
+    pairs = [(now, _of_half(others, half)) for now, half in zip(halves, _HALVES, strict=True)]
     return np.array([np.einsum("mp,mp->m", a, b) / (_norms(a) * _norms(b)) for a, b in pairs], dtype=np.float32)
 
 
