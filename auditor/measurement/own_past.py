@@ -100,13 +100,16 @@ class _Way:
     def __init__(self) -> None:
         self._placed: dict[int, tuple[Motion, float]] = {}
         self._glimpses: deque[Glimpse] = deque(maxlen=STILL_LIGHT.most_held)
+        self._said: dict[Check, OfThePast] = {}
 
     def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> dict[Check, OfThePast]:
         """What the next moment shows, whose camera moved so since the one `before`; nothing where that is not known."""
         if before is None or motion is None:
+            self._said = {}
             return {}
         if before.stamp_ns not in self._placed:
             self._glimpses.clear()
+            self._said = {}
             self._placed = {before.stamp_ns: _BEGINNING}
             self._glimpses.append(_glimpse(before, _BEGINNING))
         placed = _further(self._placed[before.stamp_ns], motion)
@@ -114,10 +117,14 @@ class _Way:
         while self._glimpses and now.stamp_ns - self._glimpses[0].stamp_ns > STILL_LIGHT.most_s * NANOSECONDS:
             self._glimpses.popleft()
         glimpse = _glimpse(now, placed)
-        said = {check: measuring(check)(glimpse, now.point_m, self._glimpses) for check in _BY_THE_PAST}
+        said = {
+            check: measuring(check)(glimpse, now.point_m, self._glimpses, self._said.get(check))
+            for check in _BY_THE_PAST
+        }
         if not self._glimpses or glimpse.way_m - self._glimpses[-1].way_m >= STILL_LIGHT.apart_m:
             self._glimpses.append(glimpse)
-        return {check: one for check, one in said.items() if one is not None}
+        self._said = {check: one for check, one in said.items() if one is not None}
+        return self._said
 
 
 def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, float]:

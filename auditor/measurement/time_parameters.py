@@ -122,6 +122,11 @@ class StillLight:
         unit="share of the points that moved into a light that saturate, at least",
         source="faculas and mud on drives 0009, 0001 and 04: 0.02 and 0.04 tried (docs/decisions.md)",
     )
+    once_share: float = parameter(
+        0.1,
+        unit="of what a light shows: as much it counts to have shown a frame before, at least",
+        source="rendered rings, drives 0009, 0001 and 04: 0, 0.1 and 1 tried (docs/decisions.md)",
+    )
 
 
 EGO_MOTION = EgoMotion()

@@ -4,7 +4,8 @@ A point of the scene has the same radiance now and a moment ago. Where it lies i
 range and from how the camera moved. So after the tone curve of the two pictures the difference of its levels is light
 that was added where it is now, less light that was added where it was then. Round lights are tried all over the
 picture: of each, points that moved into it have to be brighter, and those that moved out of it darker, and some of
-those in it have to saturate. Between drops of mud it is brighter too, as the scene itself is there.
+those in it have to saturate. Between drops of mud it is brighter too, as the scene itself is there. A light has to have
+shown at the same place a frame before; else it counts for less. What passes near by is another light in each frame.
 """
 
 from collections.abc import Sequence
@@ -83,10 +84,15 @@ class Glimpse:
 
 
 class OfThePast(NamedTuple):
-    """The statistic of a frame, 0 to 1, and the share of the camera's picture that was compared for it."""
+    """The statistic of a frame, 0 to 1, and the share of the camera's picture that was compared for it.
+
+    `lights` (L,), 0 to 1, is what each of the lights that are tried shows in this frame alone, in the order of
+    `_lights`.
+    """
 
     statistic: float
     looked_share: float
+    lights: Floats
 
 
 class _Seen(NamedTuple):
@@ -104,10 +110,13 @@ class _Seen(NamedTuple):
     before: Floats
 
 
-def measure_still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) -> OfThePast | None:
+def measure_still_light(
+    now: Glimpse, point_m: Matrix, held: Sequence[Glimpse], last: OfThePast | None = None
+) -> OfThePast | None:
     """What the LiDAR's points (M, 3), in the camera's frame, say of light in its picture by earlier ones.
 
-    None where none of those that are `held`, oldest first, is far enough away, or too few points moved.
+    None where none of those that are `held`, oldest first, is far enough away, or too few points moved. `last` is what
+    was found of the frame before, None where it was compared with nothing.
     """
     chosen = _chosen(now, held)
     point_m = point_m[:: max(-(-len(point_m) // STILL_LIGHT.most_points), 1)]
@@ -115,7 +124,10 @@ def measure_still_light(now: Glimpse, point_m: Matrix, held: Sequence[Glimpse]) 
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
-    return OfThePast(_largest(now, seen), min(cells / now.levels.size, 1.0))
+    lights = _shown(now, seen)
+    before = np.zeros_like(lights) if last is None else last.lights
+    twice = np.sqrt(lights * np.maximum(before, STILL_LIGHT.once_share * lights))
+    return OfThePast(float(twice.max()), min(cells / now.levels.size, 1.0), lights)
 
 
 def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
@@ -203,14 +215,14 @@ def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, sat
     return _Seen(weight, mean(residual), of_points, mean(saturated) * of_points, where, was)
 
 
-def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
-    """The largest, over all round lights that saturate, of the mean of what its two sides show.
+def _shown(now: Glimpse, seen: Sequence[_Seen]) -> Floats:
+    """(L,) for each round light the mean of what its two sides show, 0 to 1, and less where too few points saturate.
 
     A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
     which a corner alone is in view needs more.
     """
-    best, cell_px = 0.0, _cell_px(now)
+    found, cell_px = [], _cell_px(now)
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
@@ -229,8 +241,8 @@ def _largest(now: Glimpse, seen: Sequence[_Seen]) -> float:
         into, of_into, out, of_out = sides
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
         outshines = np.minimum(saturated / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
-        best = max(best, float((shown_by * outshines).max()))
-    return min(best, 1.0)
+        found.append(np.clip(shown_by * outshines, 0, 1))
+    return np.concatenate(found)
 
 
 def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:

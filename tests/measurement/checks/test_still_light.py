@@ -66,6 +66,15 @@ def test_light_that_begins_shows_at_once(clean: list[float | None]) -> None:
     assert min(one for one in lit[6:] if one is not None) > 2 * max(one for one in clean if one is not None)
 
 
+def test_light_that_is_elsewhere_in_the_next_frame_counts_for_less() -> None:
+    """What passes near by, as the roof of a car that reflects the sky, is elsewhere in each frame."""
+    opposite = Facula(255.0, 0.2 * WIDTH, 0.2 * WIDTH, 0.7 * HEIGHT)
+    lights = iter([ASIDE, opposite] * 2)
+    passing = statistics(lambda image: next(lights).apply(image), since=6)[7:]
+    staying = statistics(ASIDE.apply, since=6)[7:]
+    assert max(one for one in passing if one is not None) < 0.5 * min(one for one in staying if one is not None)
+
+
 @pytest.mark.parametrize("gain", [0.7, 1.3])
 def test_an_exposure_that_changes_is_none(gain: float, clean: list[float | None]) -> None:
     def brighter(image: CameraImage) -> CameraImage:
