@@ -367,6 +367,8 @@ class _Surveyor:
             declared = decoder or self._decoders.in_any_encoding(topic.schema)
             if declared is not None and declared.kind in sensor_types.KINDS:
                 kind, remedy = sensor_types.KINDS[declared.kind], sensor_types.remedy_of(topic.schema)
+                if decoder is None:
+                    remedy = f"convert its messages to {' or '.join(sorted(decoder_table()[topic.schema][0]))}"
                 yield UnreadableTopic(topic, kind, self._why_unread(topic, readable=decoder is not None), remedy)
             elif declared is None and topic.schema in sensor_types.UNREAD:
                 kind, remedy, _ = sensor_types.UNREAD[topic.schema]
