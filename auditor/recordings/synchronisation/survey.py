@@ -10,6 +10,7 @@ import numpy as np
 from auditor.errors import DecodingError
 from auditor.model.arrays import Points
 from auditor.model.frames import Message
+from auditor.recordings import schemas
 from auditor.recordings.decoding import (
     CameraInfo,
     CloudDecoder,
@@ -277,7 +278,8 @@ class _Surveyor:
             self._note(f"{message.topic}: {error.what}")
 
     def _take_description(self, message: Message) -> None:
-        if message.topic not in self._described:
+        # A name may have messages of another type as well.
+        if message.schema == schemas.STRING and message.topic not in self._described:
             self._described[message.topic] = ()
             try:
                 self._described[message.topic] = fixed_joints(message, self._decoders.types)
