@@ -221,7 +221,7 @@ class PictureOrder:
     smoother: float = parameter(
         2.5,
         unit="times less that neighbours differ, of the deviation of all",
-        source="of 10 to 14 bits 2.9 to 11 times, of luma for chroma 4.7 to 38; declared rightly at most 1",
+        source="of 10 to 14 bits 2.9 to 14 times, of luma for chroma 3.4 to 40; declared rightly at most 1",
     )
     rows_apart: int = parameter(8, unit="rows from one that is looked at to the next", source=BY_HAND)
 
