@@ -278,8 +278,7 @@ class _Surveyor:
             self._note(f"{message.topic}: {error.what}")
 
     def _take_description(self, message: Message) -> None:
-        # A name may have messages of another type as well.
-        if message.schema == schemas.STRING and message.topic not in self._described:
+        if message.schema == schemas.STRING and message.topic not in self._described:  # a name may have two types
             self._described[message.topic] = ()
             try:
                 self._described[message.topic] = fixed_joints(message, self._decoders.types)
