@@ -87,7 +87,8 @@ def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = 
     """
     if not rig.cameras and min_view > 0 and rig.topic(LIDAR) not in no_sensors:
         yield (
-            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees"
+            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees "
+            "(where one should, auditor inspect says which place is missing)"
         )
     for number, share in compared_shares(rig).items():
         if rig.by_time and share < min_view:

@@ -21,6 +21,11 @@ TRANSFORM = "geometry_msgs/msg/TransformStamped"
 
 
 def schema_name(name: str) -> str:
-    """The name in its ROS 2 spelling; names that are not `package/Type` stay as they are."""
+    """The name in its ROS 2 spelling; names that are not `package/Type` stay as they are.
+
+    IDL spells it `package::msg::Type`, DDS `package::msg::dds_::Type_`.
+    """
+    if "::msg::" in name:
+        name = name.replace("::dds_::", "::").removesuffix("_").replace("::", "/")
     package, slash, kind = name.partition("/")
     return f"{package}/msg/{kind}" if slash and kind and "/" not in kind else name

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from auditor.errors import RigError
 from auditor.model.frames import Frame
-from auditor.recordings import convert, open_recording, survey
+from auditor.recordings import convert, find_rigs, open_recording, survey
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.forms import CONTAINERS
@@ -20,7 +21,9 @@ FRAMES = make_frames(RIG, 4)
 Text = Callable[[Definition], bytes]
 
 
-def rewritten(folder: Path, container: str, *texts: Text) -> Path:
+def rewritten(
+    folder: Path, container: str, *texts: Text, named: Callable[[str], str] = str, encoding: str = ""
+) -> Path:
     """A drive whose schemas have other texts; of several, each topic has as many channels, and messages take turns."""
     write = next(one.write for one in CONTAINERS if one.name == container)
     target, channels, counted = folder / "b.mcap", dict[tuple[str, int], int](), dict[str, int]()
@@ -33,7 +36,7 @@ def rewritten(folder: Path, container: str, *texts: Text) -> Path:
             if key not in channels:
                 own = recording.definition(message.schema)
                 assert own is not None
-                schema = writer.register_schema(message.schema, own.encoding, texts[key[1]](own))
+                schema = writer.register_schema(named(message.schema), encoding or own.encoding, texts[key[1]](own))
                 channels[key] = writer.register_channel(message.topic, message.encoding, schema)
             writer.add_message(channels[key], message.log_time_ns, bytes(message.data), message.log_time_ns)
         writer.finish()
@@ -50,12 +53,49 @@ def frames_of(path: Path) -> list[Frame]:
     return frames
 
 
-def written(path: Path, schema: str, data: bytes) -> Path:
+@pytest.mark.parametrize("dds", [False, True])
+def test_types_are_known_by_the_names_of_idl_and_dds(dds: bool, tmp_path: Path) -> None:
+    def named(schema: str) -> str:
+        package, _, kind = schema.split("/")
+        return f"{package}::msg::dds_::{kind}_" if dds else f"{package}::msg::{kind}"
+
+    if dds:
+        path = rewritten(tmp_path, "mcap ros2", lambda _: b"", named=named)
+    else:
+        path = rewritten(tmp_path, "mcap ros2, idl", _without_rulers, named=named, encoding="omgidl")
+    assert all(same_frame(a, b) for a, b in zip(frames_of(path), FRAMES, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("schema", "encoding", "data", "said"),
+    [
+        ("sensor_msgs/msg/Image", "cdr", b"\0\7\0\0", "a form of CDR that is not read (0x0007: XCDR2 or parameter"),
+        (
+            "sensor_msgs/msg/Image",
+            "json",
+            b"{}",
+            "in the encoding 'json' cannot be decoded; convert its messages to cdr",
+        ),
+        ("foxglove.RawImage", "flatbuffer", b"\0", "convert its messages to json or protobuf"),
+        ("acme::Frame", "cdr", b"\0", "types that are not known: /a (acme::Frame, cdr); convert what is a sensor's"),
+    ],
+)
+def test_messages_in_another_form_are_said_with_what_helps(
+    schema: str, encoding: str, data: bytes, said: str, tmp_path: Path
+) -> None:
+    with open_recording(written(tmp_path / "a.mcap", schema, data + bytes(40), encoding)) as recording:
+        surveyed = survey(recording)
+    with pytest.raises(RigError) as raised:
+        find_rigs(surveyed)
+    assert said in raised.value.what
+
+
+def written(path: Path, schema: str, data: bytes, encoding: str = "cdr") -> Path:
     """One message of a schema without text."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start("ros2")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema(schema, "ros2msg", b""))
+        channel = writer.register_channel("/a", encoding, writer.register_schema(schema, "ros2msg", b""))
         writer.add_message(channel, 1, data, 1)
         writer.finish()
     return path
@@ -63,6 +103,10 @@ def written(path: Path, schema: str, data: bytes) -> Path:
 
 def _top_alone(definition: Definition) -> bytes:
     return definition.data.split(b"=" * 80)[0]
+
+
+def _without_rulers(definition: Definition) -> bytes:
+    return "\n".join(one for one in definition.text.splitlines() if not one.startswith(("===", "IDL: "))).encode()
 
 
 def _with_blanks(definition: Definition) -> bytes:
@@ -101,6 +145,18 @@ def test_a_drive_is_read_whatever_its_recorder_found_of_its_definitions(
     frames = frames_of(rewritten(tmp_path, container, *texts))
     assert len(frames) == len(FRAMES)
     assert all(same_frame(a, b) for a, b in zip(frames, FRAMES, strict=True))
+
+
+def test_a_second_type_of_a_topic_that_nobody_knows_does_no_harm(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        for schema, text in (("sensor_msgs/msg/Image", b""), ("acme/msg/Image", b"uint8[] data")):
+            channel = writer.register_channel("/a", "cdr", writer.register_schema(schema, "ros2msg", text))
+            writer.add_message(channel, 1, b"\0\1\0\0\1\0\0\0<", 1)
+        writer.finish()
+    with open_recording(tmp_path / "a.mcap") as recording:
+        assert not survey(recording).images
 
 
 def test_two_definitions_of_one_name_are_damage(tmp_path: Path) -> None:

@@ -5,10 +5,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
-from auditor.recordings import open_recording
+from auditor.recordings import open_recording, survey
 from auditor.recordings.decoding.pictures import encode_picture
-from auditor.recordings.writers.messages import Form
+from auditor.recordings.writers.messages import Form, MessageMaker
 from tests.making.forms import CONTAINERS, Container
 from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 
@@ -38,3 +39,18 @@ def test_a_recording_gives_the_frames_that_were_written(
         for number, image in frame.images.items():
             packed = np.frombuffer(encode_picture(before.images[number].pixels, "jpeg"), np.uint8)
             assert np.array_equal(image.pixels, cv2.imdecode(packed, cv2.IMREAD_GRAYSCALE))
+
+
+def test_cameras_that_share_a_topic_are_said(tmp_path: Path) -> None:
+    maker = MessageMaker("cdr")
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("sensor_msgs/msg/Image", "ros2msg", b""))
+        for time_ns, frame in enumerate(("left", "right", "left"), start=1):
+            data = maker.raw_image(np.zeros((4, 4), np.uint8), "mono8", maker.header(time_ns, frame))
+            writer.add_message(channel, time_ns, data, time_ns)
+        writer.finish()
+    with open_recording(tmp_path / "a.mcap") as recording:
+        [problem] = survey(recording).problems
+    assert "/a: its messages are of several coordinate frames" in problem

@@ -49,7 +49,8 @@ def calibrations_of(text: str) -> Calibrations:
     if len(text) > MAX_CALIBRATION_BYTES:
         raise DecodingError(f"it has more than {MAX_CALIBRATION_BYTES} characters")
     try:
-        documents = list(islice(YAML(typ="safe", pure=True).load_all(text), _MOST_DOCUMENTS))
+        # OpenCV's own first line is no directive of YAML.
+        documents = list(islice(YAML(typ="safe", pure=True).load_all(text.removeprefix("%YAML:1.0")), _MOST_DOCUMENTS))
     except (YAMLError, RecursionError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise DecodingError(f"it is not YAML ({type(error).__name__})") from error
     found = [_calibrations_in(document) for document in documents if isinstance(document, Mapping)]
@@ -75,14 +76,16 @@ def _calibrations_in(document: Mapping[object, object]) -> Calibrations:
 def _chain(chain: Mapping[object, object]) -> Calibrations:
     cameras: list[CameraCalibration] = []
     transforms: list[Transform] = []
+    before: Mapping[str, object] = {}
     if not isinstance(chain["cam0"], Mapping):
         raise DecodingError("cam0 is ill-formed")
     while isinstance(described := chain.get(name := f"cam{len(cameras)}"), Mapping):
         try:
             if cameras:
-                place = invert(_motion(described["T_cn_cnm1"]))
+                place = invert(_from_one_before(described, before))
                 transforms.append(Transform(f"cam{len(cameras) - 1}", name, place))
             cameras.append(_kalibrs(described, name))
+            before = described
         except KeyError as error:
             raise DecodingError(f"{name} lacks {error}") from error
         except (TypeError, ValueError) as error:
@@ -154,12 +157,22 @@ def _places(document: Mapping[object, object]) -> Iterator[Transform]:
                 yield Transform(str(child), optical, motion(_BODY_R_OPTICAL, np.zeros(3)))
 
 
-def _motion(rows: object) -> Matrix:
+def _from_one_before(described: Mapping[str, object], before: Mapping[str, object]) -> Matrix:
+    """The motion from a chain's camera before to this one, (4, 4); files for use with an IMU may say both by that."""
+    for name, is_to_camera in (("T_cam_imu", True), ("T_imu_cam", False)):
+        if "T_cn_cnm1" not in described and name in described and name in before:
+            own, other = _motion(described, name), _motion(before, name)
+            return own @ invert(other) if is_to_camera else invert(own) @ other
+    return _motion(described, "T_cn_cnm1")
+
+
+def _motion(described: Mapping[str, object], name: str) -> Matrix:
+    rows = described[name]
     if not isinstance(rows, list) or len(rows) != 4:
-        raise ValueError("T_cn_cnm1 must be 4 x 4")
+        raise ValueError(f"{name} must be 4 x 4")
     matrix = np.array([numbers(row, 4) for row in rows])
     if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3):
-        raise ValueError("the rotation of T_cn_cnm1 is ill-formed")
+        raise ValueError(f"the rotation of {name} is ill-formed")
     return matrix
 
 

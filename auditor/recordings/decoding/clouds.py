@@ -113,7 +113,7 @@ def hold_distances(points: NDArray[np.void]) -> bool:
 def xyz_of(points: NDArray[np.void]) -> NDArray[np.float32]:
     """(N, 3) float32 of the points' x, y and z."""
     xyz_m = np.empty((len(points), 3), np.float32)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         for column, name in enumerate("xyz"):
             xyz_m[:, column] = points[name]
     return xyz_m

@@ -19,15 +19,18 @@ from auditor.recordings.decoding.pictures import (
     check_size,
     decode_picture,
     largest_picture_value,
+    roughness,
     upper_8_bits,
 )
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.videos.forms import form_of
 from auditor.recordings.decoding.videos.tracks import VideoData, Videos
+from auditor.recordings.parameters import PICTURE_ORDER
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
 
+_OTHER_ORDER = "its bytes do not lie as declared: in the other order of each two they give a far smoother picture"
 
 DEPTH_PICTURE = "compressedDepth"
 """In the format of a compressed image: depths, by the transport of that name."""
@@ -57,6 +60,9 @@ _GREY_16 = Encoding(1, None, None, bytes_a_value=2)
 _UYVY = Encoding(2, "COLOR_YUV2GRAY_UYVY", "COLOR_YUV2BGR_UYVY")
 _YUYV = Encoding(2, "COLOR_YUV2GRAY_YUY2", "COLOR_YUV2BGR_YUY2")
 _I420 = Encoding(1, "COLOR_YUV2GRAY_I420", "COLOR_YUV2BGR_I420", planar=True)
+
+
+_SWAPPED_BYTES = {_UYVY: _YUYV, _YUYV: _UYVY}
 
 
 def _colours(order: str, bytes_a_value: int = 1) -> Encoding:
@@ -135,24 +141,31 @@ class RawDecoder(_Depths, ABC):
         """The pixels, a view of the message where nothing had to be converted."""
         image = self.image(message)
         check_size((image.width, image.height), size_px)
-        encoding = _encoding_of(image, message.topic)
-        rows = _rows(image, encoding, self._step(image, encoding, message.topic))
+        rows, encoding = self._values(image, message.topic)
         return _convert(upper_8_bits(rows, self.bits(message)), encoding, colour=colour)
 
     def largest_value(self, message: Message) -> int | None:
         """The largest value of 16 bits; None where there are 8."""
         image = self.image(message)
         check_size((image.width, image.height), None)
-        encoding = _encoding_of(image, message.topic)
-        if encoding.bytes_a_value == 1:
+        if _encoding_of(image, message.topic).bytes_a_value == 1:
             return None
-        return int(_rows(image, encoding, self._step(image, encoding, message.topic)).max())
+        return int(self._values(image, message.topic)[0].max())
 
-    def _step(self, image: Any, encoding: Encoding, topic: str) -> int:  # noqa: ANN401
+    def _values(self, image: Any, topic: str) -> tuple[Values, Encoding]:  # noqa: ANN401
+        """The values of a picture, and how they lie: in the other order of bytes where only so they are a picture."""
+        encoding = _encoding_of(image, topic)
         step, repair = _step_of(image, encoding)
-        if repair:
-            self.repairs[f"{topic}: {repair}"] = None
-        return step
+        rows = _rows(image, encoding, step)
+        repairs = [repair] if repair else []
+        swapped = f"{topic}: {_OTHER_ORDER}"
+        if swapped in self.repairs or _is_swapped(rows, encoding):
+            repairs.append(_OTHER_ORDER)
+            rows, encoding = (
+                (rows.byteswap(), encoding) if encoding.bytes_a_value > 1 else (rows, _SWAPPED_BYTES[encoding])
+            )
+        self.repairs.update(dict.fromkeys(f"{topic}: {one}" for one in repairs))
+        return rows, encoding
 
 
 class PictureDecoder(_Depths, ABC):
@@ -212,6 +225,17 @@ def _rows(image: Any, encoding: Encoding, step: int) -> Values:  # noqa: ANN401 
         values = values.view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
     result: Values = values.reshape(shape)
     return result
+
+
+def _is_swapped(rows: Values, encoding: Encoding) -> bool:
+    """Whether each two bytes are the other way round than declared: only so neighbours in a row are much alike."""
+    few = rows[:: PICTURE_ORDER.rows_apart]
+    if encoding.bytes_a_value > 1:  # in a mosaic every second value has the same colour
+        return roughness(few.byteswap(), 2) * PICTURE_ORDER.smoother < roughness(few, 2)
+    if encoding in _SWAPPED_BYTES:
+        grey = int(encoding == _UYVY)
+        return roughness(few[..., 1 - grey], 1) * PICTURE_ORDER.smoother < roughness(few[..., grey], 1)
+    return False
 
 
 def _row_count(image: Any, encoding: Encoding) -> int:  # noqa: ANN401

@@ -81,6 +81,15 @@ def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
     return kept
 
 
+def roughness(values: Values, step: int) -> float:
+    """How much values `step` apart in a row differ, of the deviation of all; NaN where all are the same."""
+    values = values.astype(np.float32)
+    deviation = float(values.std())
+    if not deviation or values.shape[1] <= step:
+        return float("nan")
+    return float(np.abs(values[:, step:] - values[:, :-step]).mean()) / deviation
+
+
 def encode_picture(pixels: NDArray[np.uint8], form: str) -> bytes:
     """A JPEG (quality 95), or for any other form a PNG (lossless), of (H, W) grey or (H, W, 3) BGR pixels."""
     if form != "jpeg":

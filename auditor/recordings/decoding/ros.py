@@ -18,6 +18,9 @@ from auditor.recordings.decoding.standard_types import known_types
 from auditor.recordings.recording import Definition
 
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
+_OTHER_CDR = {bytes([0, kind]) for kind in (2, 3, 6, 7, 8, 9, 10, 11)}
+"""The first bytes of other forms of CDR (DDS-XTypes 1.3, section 7.6.3.1.2)."""
+
 _ROS1_HEAD = struct.Struct("<4xIII")
 _MAX_FRAME_ID_BYTES = 1024
 
@@ -65,6 +68,12 @@ def _head(message: Message) -> tuple[struct.Struct, int, int, int]:
     """The layout of a message's header, its seconds and nanoseconds, and where it ends."""
     data = message.data
     layout = _ROS1_HEAD if message.encoding == "ros1" else _CDR_HEAD.get(bytes(data[:2]))
+    if layout is None and bytes(data[:2]) in _OTHER_CDR:
+        raise DecodingError(
+            f"the message is encoded in a form of CDR that is not read (0x{bytes(data[:2]).hex()}: XCDR2 or parameter "
+            "lists); record it with rosbag2, in plain CDR",
+            where=message.topic,
+        )
     if layout is None or len(data) < layout.size:
         raise DecodingError("the message has no readable header", where=message.topic)
     seconds, nanoseconds, length = layout.unpack_from(data)
@@ -191,7 +200,7 @@ def parse_definition(schema: str, definition: Definition) -> Types:
 
 
 def _parse(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees
-    if definition.encoding != "ros2idl":
+    if definition.encoding not in {"ros2idl", "omgidl"}:
         return get_types_from_msg(definition.text, schema)
     parsed: dict[str, Any] = {}
     for part in definition.text.split(_IDL_RULER):

@@ -52,8 +52,8 @@ class View:
 
     @cached_property
     def projection(self) -> Matrix:
-        """P, (3, 4); K without an offset where unrectified images have none."""
-        if self.rectified or self.info.projection[0, 0] > 0:
+        """P, (3, 4); K without an offset where there is none, unless K is of a lens and the images are rectified."""
+        if self.info.projection[0, 0] > 0 or (self.rectified and any(self.info.distortion)):
             return self.info.projection
         return np.hstack([self.info.intrinsics, np.zeros((3, 1))])
 

@@ -11,7 +11,10 @@ from auditor.errors import RigError
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import LIDAR, Camera, Lidar, Rig
+from auditor.recordings.decoding import decoder_table
 from auditor.recordings.decoding.calibration_texts import Calibrations
+from auditor.recordings.decoding.other_types import is_other
+from auditor.recordings.decoding.sensor_types import UNREAD
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.cameras import View, find_views
@@ -53,7 +56,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images and not survey.clouds:
-        missing = "; ".join(["there are no camera images and no points that can be read", *_unreadable(survey)])
+        none = "there are no camera images and no points that can be read"
+        missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
         raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
     found = search_rigs(survey)
     if not found.rigs:
@@ -380,6 +384,14 @@ def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
     if any(isinstance(why, TooFew) for why in reasons):
         degrees = round(np.degrees(MAX_SQUINT))
         yield f"two cameras within {degrees} degrees of each other with a LiDAR, or three cameras, can be compared"
+
+
+def _unknown(survey: Survey) -> Iterator[str]:
+    """The topics of types that nobody knows, of which one may be a sensor's."""
+    unknown = [one for one in survey.topics if one.schema not in decoder_table() and not is_other(one.schema)]
+    names = [f"{one.name} ({one.schema or 'no type'}, {one.encoding})" for one in unknown if one.schema not in UNREAD]
+    if names:
+        yield f"types that are not known: {', '.join(names[:6])}; convert what is a sensor's to sensor_msgs"
 
 
 def _unreadable(survey: Survey) -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from auditor.errors import DecodingError
 from auditor.model.arrays import Points
 from auditor.model.frames import Message
+from auditor.recordings import schemas
 from auditor.recordings.decoding import (
     CameraInfo,
     CloudDecoder,
@@ -277,7 +278,7 @@ class _Surveyor:
             self._note(f"{message.topic}: {error.what}")
 
     def _take_description(self, message: Message) -> None:
-        if message.topic not in self._described:
+        if message.schema == schemas.STRING and message.topic not in self._described:  # a name may have two types
             self._described[message.topic] = ()
             try:
                 self._described[message.topic] = fixed_joints(message, self._decoders.types)
@@ -296,6 +297,8 @@ class _Surveyor:
             size = _size_px(message, decoder) if decoder.kind == "image" else _points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+        elif header.frame_id != self._sensors[message.topic][1]:
+            self._note(f"{message.topic}: its messages are of several coordinate frames; the place of the first counts")
         if decoder.kind == "cloud":
             self._take_sector(message, decoder)
         if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
@@ -367,15 +370,14 @@ class _Surveyor:
             declared = decoder or self._decoders.in_any_encoding(topic.schema)
             if declared is not None and declared.kind in sensor_types.KINDS:
                 kind, remedy = sensor_types.KINDS[declared.kind], sensor_types.remedy_of(topic.schema)
-                yield UnreadableTopic(topic, kind, self._why_unread(topic, readable=decoder is not None), remedy)
+                reason = self._reasons.get(topic.name, "no message of it lies at the beginning, where rigs are found")
+                if decoder is None:
+                    reason = f"{topic.schema} in the encoding {topic.encoding!r} cannot be decoded"
+                    remedy = f"convert its messages to {' or '.join(sorted(decoder_table()[topic.schema][0]))}"
+                yield UnreadableTopic(topic, kind, reason, remedy)
             elif declared is None and topic.schema in sensor_types.UNREAD:
                 kind, remedy, _ = sensor_types.UNREAD[topic.schema]
                 yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
-
-    def _why_unread(self, topic: Topic, *, readable: bool) -> str:
-        if not readable:
-            return f"{topic.schema} in the encoding {topic.encoding!r} cannot be decoded"
-        return self._reasons.get(topic.name, "no message of it lies at the beginning, from which rigs are found")
 
 
 def _thinned(xyz_m: Points, number: int) -> Points:

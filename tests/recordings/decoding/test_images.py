@@ -423,3 +423,39 @@ def test_an_image_without_an_encoding_is_said_to_have_none() -> None:
     """One byte a pixel may be grey or a mosaic."""
     with pytest.raises(DecodingError, match="does not say its encoding"):
         decoder_of(schemas.IMAGE).pixels(image_message(GREY, ""), colour=True)
+
+
+SMOOTH = cv2.resize(RANDOM.integers(40, 216, (6, 8, 3), np.uint8), (64, 48), interpolation=cv2.INTER_CUBIC)
+VALUES_12 = cv2.resize(RANDOM.integers(0, 4096, (6, 8), np.uint16), (64, 48), interpolation=cv2.INTER_LINEAR)
+
+
+@pytest.mark.parametrize(
+    ("data", "right", "wrong", "is_bigendian"),
+    [
+        (VALUES_12.astype(">u2").view(np.uint8), {"encoding": "mono16", "is_bigendian": 1}, "mono16", 0),
+        (VALUES_12.astype("<u2").view(np.uint8), {"encoding": "mono16"}, "mono16", 1),
+        (yuyv(SMOOTH), {"encoding": "yuyv"}, "yuv422", 0),
+        (yuyv(SMOOTH)[..., ::-1], {"encoding": "uyvy"}, "yuv422_yuy2", 0),
+    ],
+)
+@pytest.mark.parametrize("colour", [True, False])
+def test_bytes_the_other_way_round_than_declared_are_put_right_and_said(
+    data: NDArray[np.uint8], right: dict[str, object], wrong: str, is_bigendian: int, colour: bool
+) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    declared = image_message(data, wrong, is_bigendian=is_bigendian)
+    found = decoder.pixels(declared, colour=colour)
+    assert np.array_equal(found, pixels(image_message(data, **right), colour=colour))  # type: ignore[arg-type]
+    assert isinstance(decoder, RepairingDecoder)
+    [repair] = decoder.repairs
+    assert repair.startswith("/a: its bytes do not lie as declared")
+
+
+@pytest.mark.parametrize("values", [VALUES_12, VALUES_12 << 4, RANDOM.integers(0, 4096, (48, 64)), VALUES_12 * 0 + 7])
+def test_bytes_are_left_as_declared_where_the_other_way_is_not_far_smoother(values: NDArray[np.uint16]) -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    decoder.pixels(image_message(values.astype("<u2").view(np.uint8), "mono16"), colour=False)
+    decoder.pixels(image_message(yuyv(SMOOTH), "yuyv"), colour=False)
+    decoder.pixels(image_message(yuyv(BGR // 255), "yuyv"), colour=False)
+    assert isinstance(decoder, RepairingDecoder)
+    assert not decoder.repairs

@@ -1,12 +1,16 @@
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from auditor.errors import RigError
+from auditor.model.optics.geometry import invert, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_yaml, survey, write_mcap
+from auditor.recordings.decoding.calibration_texts import calibrations_of
 from tests.making.camchains import camchain
 from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
@@ -39,6 +43,23 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, le
     for a, b in zip(rig.cameras, again.cameras, strict=True):
         expected, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((a, rig), (b, again)))
         assert np.allclose(expected, read, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["T_cam_imu", "T_imu_cam"])
+def test_a_chain_whose_places_are_those_of_an_imu_gives_the_same(rig: Rig, name: str) -> None:
+    plain = calibrations_of(camchain(rig))
+    places = [np.eye(4)]  # of each camera in the first one's frame, which is put beside an IMU
+    for transform in plain.transforms:
+        places.append(places[-1] @ transform.parent_SE3_child)
+    imu_SE3_cam0 = motion(rig.cameras[0].rotation, np.array([0.1, -0.2, 0.3]))
+    document = YAML(typ="safe", pure=True).load(camchain(rig))
+    for camera, place in zip(document.values(), places, strict=True):
+        imu_SE3_cam = imu_SE3_cam0 @ place
+        camera.pop("T_cn_cnm1", None)
+        camera[name] = (invert(imu_SE3_cam) if name == "T_cam_imu" else imu_SE3_cam).tolist()
+    by_imu = calibrations_of("%YAML:1.0\n" + json.dumps(document))  # OpenCV's own first line
+    for a, b in zip(plain.transforms, by_imu.transforms, strict=True):
+        assert np.allclose(a.parent_SE3_child, b.parent_SE3_child, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,9 @@ def test_a_frame_that_tf_does_not_know_is_that_of_the_pictures() -> None:
 
 def test_rectified_pictures_go_with_the_info_of_rectified_pictures() -> None:
     survey = surveyed()
-    raw = {topic: replace(one, projection=np.zeros((3, 4))) for topic, one in survey.camera_infos.items()}
+    no_P = {topic: replace(one, projection=np.zeros((3, 4))) for topic, one in survey.camera_infos.items()}
+    assert any(rig.cameras for rig in search_rigs(replace(survey, camera_infos=no_P)).rigs), "K says it all"
+    raw = {topic: replace(one, distortion=(-0.3, 0.1, 0.0, 0.0, 0.0)) for topic, one in no_P.items()}
     rectified = {f"{topic}_rect": one for topic, one in survey.camera_infos.items()}
     assert not any(rig.cameras for rig in search_rigs(replace(survey, camera_infos=raw)).rigs)
     assert x_of(replace(survey, camera_infos=raw | rectified)) == X_M

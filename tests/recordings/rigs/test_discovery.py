@@ -415,9 +415,12 @@ def test_no_images_and_no_camera_info_are_distinguished() -> None:
         find_rigs(Survey(**{**survey.__dict__, "camera_infos": {}}))
 
 
+NO_LENS_AT_ALL = replace(info("b", np.zeros((3, 4))), intrinsics=np.zeros((3, 3)))
+
+
 def test_an_uncalibrated_camera_is_named() -> None:
     with pytest.raises(RigError, match="/b/image_rect: it is uncalibrated"):
-        find_rigs(look({"a": info("a", P(0.0)), "b": info("b", np.zeros((3, 4)))}, {"a": at(0)}, clouds={}))
+        find_rigs(look({"a": info("a", P(0.0)), "b": NO_LENS_AT_ALL}, {"a": at(0)}, clouds={}))
 
 
 def test_a_camera_info_elsewhere_is_found_by_its_frame() -> None:

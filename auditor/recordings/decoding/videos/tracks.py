@@ -130,7 +130,9 @@ class Videos:
             return "the video picture is damaged"
         if not pictures and track.codec.has_b_frames:
             track.forget()
-            return "the video's pictures depend on later ones (B-frames), which is not read: record it without (bf=0)"
+            return (
+                "its pictures depend on later ones (B-frames), which is not read: record or convert it without (bf=0)"
+            )
         size = track.size_px
         if len(pictures) != 1 or pictures[0].is_corrupt or (pictures[0].width, pictures[0].height) != size:
             track.forget()
