@@ -33,6 +33,9 @@ if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_us
 # once, for the process that the others are forked from.
 fork_server._PRELOADED.append("tests.making.own_definitions")
 
+# So is what `inspect` describes a recording by: it imports the pages, a quarter of a second in each process.
+fork_server._PRELOADED.append("auditor.cli.recording_description")
+
 # However busy the machine, no example fails for the time that it took.
 settings.register_profile("without time limits", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("without time limits")

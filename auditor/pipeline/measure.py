@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from itertools import islice
 from time import perf_counter
@@ -373,6 +374,12 @@ def _preflight(
         progress(remark, 0)
 
 
+@cache
+def library_versions() -> Mapping[str, str]:
+    """The versions of the libraries that change what is measured, as they are installed."""
+    return {name: version(name) for name in _VERSIONED}
+
+
 def _versions(matcher: Matcher) -> dict[str, str]:
-    ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
+    ours = {"auditor": __version__, "python": platform.python_version(), **library_versions()}
     return plug_ins() | ours | {OPENCV_CPU: instruction_sets()} | dict(libraries(matcher))

@@ -8,12 +8,20 @@ import pwd  # noqa: F401 - the standard library and NumPy import these two when 
 
 import numpy.ma  # noqa: F401
 
-import auditor.pipeline.measure  # noqa: F401 - with all that it imports
+from auditor.measurement.checks.found import measuring_digest
+from auditor.model.rig_kind import ComparedTo
+from auditor.pipeline.measure import library_versions  # with all that it imports
 from auditor.recordings.decoding.standard_types import known_types
 from auditor.resources import plug_ins
 from auditor.store import leave_pandas_out, table_of
+from auditor.store.schema import TABLES, table_schema
 
 known_types()
 plug_ins()
 leave_pandas_out()
 table_of([{"frame": 0}])
+for table in TABLES:  # to read their descriptions takes a fifth of what a recording of one frame costs
+    table_schema(table)
+for compared_to in ComparedTo:
+    measuring_digest(compared_to)
+library_versions()

@@ -77,48 +77,57 @@ def topics_of(path: Path, capfd: pytest.CaptureFixture[str]) -> dict[tuple[str, 
     return {(topic["topic"], topic["schema"]): topic for topic in one["topics"]}
 
 
-@pytest.mark.parametrize(
-    ("extra", "says"),
-    [
-        (beside("/iv_packets", "acme_lidar/msg/Scan", 2000, BLOB), "whose definition holds raw bytes"),
-        (beside("/rgbd", "rtabmap_msgs/msg/RGBDImage", 60_000, RGBD), "whose definition holds sensor_msgs/Image"),
-        (beside("/scan_blob", "a/msg/B", 2000, OF_IDL), "whose definition holds raw bytes"),
-        (beside("/json_cam", "acme.Frame", 5000, OF_JSON, "json"), "whose definition holds raw bytes"),
-        (beside("/events", "event_camera_msgs/msg/EventPacket", 60_000), "event_camera_msgs/msg/EventPacket is not"),
-        (beside("/bytes", "std_msgs/msg/UInt8MultiArray", 60_000), "std_msgs/msg/UInt8MultiArray is not known"),
-        (beside("/text", "std_msgs/msg/String", 60_000), "std_msgs/msg/String is not known"),
-        (beside("/nameless", "", 60_000, None, "json"), "the type without a name is not known"),
-        (beside("/imu", "acme/msg/Imu", 60_000, STATES), "8 messages of 60,000 bytes, 8 a second, 480.0 kB/s"),
-    ],
-    ids=["packets", "nested", "idl", "json", "events", "bytes", "text", "no type", "much"],
-)
-def test_a_topic_that_may_be_a_sensor_by_its_data_is_named_with_its_rates_and_what_to_do(
-    extra: Extra, says: str, tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
+BY_THEIR_DATA = [
+    (beside("/iv_packets", "acme_lidar/msg/Scan", 2000, BLOB), "whose definition holds raw bytes"),
+    (beside("/rgbd", "rtabmap_msgs/msg/RGBDImage", 60_000, RGBD), "whose definition holds sensor_msgs/Image"),
+    (beside("/scan_blob", "a/msg/B", 2000, OF_IDL), "whose definition holds raw bytes"),
+    (beside("/json_cam", "acme.Frame", 5000, OF_JSON, "json"), "whose definition holds raw bytes"),
+    (beside("/events", "event_camera_msgs/msg/EventPacket", 60_000), "event_camera_msgs/msg/EventPacket is not"),
+    (beside("/bytes", "std_msgs/msg/UInt8MultiArray", 60_000), "std_msgs/msg/UInt8MultiArray is not known"),
+    (beside("/text", "std_msgs/msg/String", 60_000), "std_msgs/msg/String is not known"),
+    (beside("/nameless", "", 60_000, None, "json"), "the type without a name is not known"),
+    (beside("/imu", "acme/msg/Imu", 60_000, STATES), "8 messages of 60,000 bytes, 8 a second, 480.0 kB/s"),
+]
+"""Topics that may be sensors, each for a reason of its own, and what is said of it."""
+
+
+@pytest.mark.parametrize("of_them", [slice(0, 5), slice(5, 9)], ids=["the first", "the others"])
+def test_topics_that_may_be_sensors_by_their_data_are_named_with_their_rates_and_what_to_do(
+    of_them: slice, tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, [extra]), clean, capfd)
+    some = BY_THEIR_DATA[of_them]
+    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, [extra for extra, _ in some]), clean, capfd)
     assert code == 3
     [line] = [line for line in said.splitlines() if "cannot be read" in line]
-    assert f"1 sensor cannot be read: {extra.topic.name} (camera or LiDAR)" in line
-    assert says in line
-    assert "kB/s" in line
-    assert f"--no-sensor {extra.topic.name}" in line
+    assert f"{len(some)} sensors cannot be read: " in line
+    told = line.split("cannot be read: ", 1)[1].split("; ")
+    for extra, says in some:
+        of_it = " ".join(one for one in told if extra.topic.name in one)
+        assert f"{extra.topic.name} (camera or LiDAR)" in line
+        assert says in line
+        assert f"--no-sensor {extra.topic.name}" in of_it
+    assert line.count("kB/s") == len(some)
+    assert line.count("holds raw bytes") == sum("holds raw bytes" in says for _, says in some)
 
 
-@pytest.mark.parametrize("name", ["/radar_points", "/debug/overlay", "/semantic_mask", "/depth/imu"])
+HIDING = ("/radar_points", "/debug/overlay", "/semantic_mask", "/depth/imu")
+
+
 @pytest.mark.parametrize("kind", ["camera", "LiDAR"])
 def test_no_name_hides_a_sensor_that_cannot_be_read(
-    name: str, kind: str, tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
+    kind: str, tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     maker = MessageMaker("cdr")
     if kind == "camera":
         data = maker.raw_image(np.zeros((4, 4), np.uint8), "bayerrg8x", maker.header(START_NS, "other"))
         definition = Definition("ros2msg", maker.definition(schemas.IMAGE).encode())
-        extra = Extra(Topic(name, schemas.IMAGE, "cdr"), ((START_NS, data),), definition)
+        extras = [Extra(Topic(name, schemas.IMAGE, "cdr"), ((START_NS, data),), definition) for name in HIDING]
     else:
-        extra = beside(name, "nebula_msgs/msg/NebulaPackets", 4096)
-    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, [extra]), clean, capfd)
+        extras = [beside(name, "nebula_msgs/msg/NebulaPackets", 4096) for name in HIDING]
+    code, said = codes(rewritten(clean, tmp_path / "drive.mcap", same, extras), clean, capfd)
     assert code == 3
-    assert f"1 sensor cannot be read: {name} ({kind})" in said
+    assert f"{len(HIDING)} sensors cannot be read: " in said
+    assert all(f"{name} ({kind})" in said for name in HIDING)
 
 
 def test_a_recording_with_many_topics_of_other_kinds_stays_complete_and_nothing_is_said_of_them(

@@ -21,7 +21,7 @@ from tests.making.object_stores import begin_with, object_store
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 from tests.pipeline.test_object_stores import content_of
 
-RECORDINGS = 4
+RECORDINGS = 3
 
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed")
 

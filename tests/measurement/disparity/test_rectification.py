@@ -135,7 +135,7 @@ def in_the_drives_frame(drive: SyntheticDrive, ideal: Rig) -> Rig:
 
 
 def test_a_drive_through_bent_and_rotated_cameras_measures_like_one_through_ideal_ones() -> None:
-    drive = make_drive(2, 2, width_px=1242, height_px=375)
+    drive = make_drive(2, 1, width_px=1242, height_px=375)
     crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 2)))
     ideal = rectification(crooked.rig).rig
     straight = replace(drive, vehicle=replace(drive.vehicle, rig=in_the_drives_frame(drive, ideal)))
