@@ -556,9 +556,10 @@ def test_a_calibration_that_is_gone_is_told_every_time_until_one_is_put_in_force
     path = Store.open(audit.store).path("calibrations", known)
     content = path.read_bytes()
     path.unlink()
-    assert audit("refresh").code == 2
-    verified = audit("calibration", "verify")
-    assert (verified.code, f"{known}: its file is gone from the store" in verified.out.decode()) == (3, True)
+    for _ in range(2):
+        assert audit("refresh").code == 2
+        verified = audit("calibration", "verify")
+        assert (verified.code, f"{known}: its file is gone from the store" in verified.out.decode()) == (3, True)
     path.write_bytes(content)
     for history in (audit.store / "calibration_history").glob("*.parquet"):
         history.unlink()
