@@ -89,7 +89,7 @@ def same(one, other):
         np.testing.assert_array_equal(np.array(mine, dtype=np.float64), np.array(its, dtype=np.float64))
 
 
-@pytest.mark.parametrize("attacks", [{}, {LIDAR: WALL}, {2: FACULA, 3: FACULA}], ids=repr)
+@pytest.mark.parametrize("attacks", [{}, {LIDAR: WALL}, {1: FACULA}, {2: FACULA, 3: FACULA}], ids=repr)
 def test_the_features_of_a_case_are_those_of_a_scan_and_so_are_those_of_the_frame_after_it(drive, attacks):
     rig, frames, _ = drive
     benches = [AttackedFrame(frame, rig, MATCHER) for frame in frames]
