@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 
-Written = Mapping[str, str | None]
+Written = Mapping[str, str]
 """What a server says of one writing of an object: S3 and Azure know it by its ETag, Google by its version."""
 
 _PIECE_BYTES = 64 << 20
@@ -90,7 +90,7 @@ def read_small(address: Address) -> tuple[bytes, Written] | None:
 
     def read() -> tuple[bytes, Written]:
         found = _library().get(_store(address.root), address.key)
-        return bytes(found.bytes()), {name: found.meta.get(name) for name in ("e_tag", "version")}
+        return bytes(found.bytes()), {name: known for name in ("e_tag", "version") if (known := found.meta.get(name))}
 
     with suppress(NoObjectError):
         return _asked(str(address), read)
