@@ -102,7 +102,7 @@ class Mirror:
             try:
                 self._fetch(theirs.files)
             except NoObjectError:
-                if read_snapshot(self.address).etag == theirs.etag:
+                if read_snapshot(self.address).written == theirs.written:
                     raise
                 continue  # a chain has outgrown what this snapshot names of it
             with self._still():

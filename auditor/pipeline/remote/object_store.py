@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 
+Written = Mapping[str, str]
+"""What a server says of one writing of an object: S3 and Azure know it by its ETag, Google by its version."""
+
 _PIECE_BYTES = 64 << 20
 _PIECE_S = 300
 """A request is for so much at most, and has so much time: a connection that hangs is cut."""
@@ -44,6 +47,13 @@ _KEYS_A_PAGE = 1000
 
 _STATUS = re.compile(r"status(?: code)?: ([45]\d\d)")
 _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
+_ENDPOINTS = {
+    "s3": ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"),
+    "gs": ("GOOGLE_BASE_URL",),
+    "az": ("AZURE_STORAGE_ENDPOINT", "AZURE_ENDPOINT"),
+}
+"""Variables that say where another server is."""
+
 _LOST = ("169.254.", "metadata.google.internal")
 """Where credentials are looked for last: on the machines of a cloud."""
 
@@ -72,25 +82,28 @@ def find_object(address: Address) -> StoredObject | None:
     return None
 
 
-def read_small(address: Address) -> tuple[bytes, str | None] | None:
-    """The content of a small object, and its ETag; None where there is none. Raises RecordingError and SettingError."""
+def read_small(address: Address) -> tuple[bytes, Written] | None:
+    """The content of a small object, and what is known of its writing; None where there is none.
 
-    def read() -> tuple[bytes, str | None]:
+    Raises RecordingError and SettingError.
+    """
+
+    def read() -> tuple[bytes, Written]:
         found = _library().get(_store(address.root), address.key)
-        return bytes(found.bytes()), found.meta.get("e_tag")
+        return bytes(found.bytes()), {name: known for name in ("e_tag", "version") if (known := found.meta.get(name))}
 
     with suppress(NoObjectError):
         return _asked(str(address), read)
     return None
 
 
-def replace_small(address: Address, content: bytes, etag: str | None) -> bool:
-    """Put a small object in the place of the one with an ETag, or where there is none.
+def replace_small(address: Address, content: bytes, before: Written | None) -> bool:
+    """Put a small object in the place of the one that was read, or where there is none.
 
     False where somebody else was faster, or where it was put and nobody said so: who asks again finds it there. Raises
     RecordingError and SettingError.
     """
-    mode: Any = "create" if etag is None else {"e_tag": etag}
+    mode: Any = "create" if before is None else dict(before)
 
     def replaced() -> bool:
         try:
@@ -230,7 +243,7 @@ def _store(root: str) -> "ObjectStore":
 
 def _allows_http(root: str) -> bool:
     """An endpoint that is named without TLS is wanted so."""
-    named = (os.environ.get(name, "") for name in ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"))
+    named = (os.environ.get(name, "") for name in _ENDPOINTS.get(root.partition(":")[0], ()))
     return root.startswith("http://") or next(filter(None, named), "").startswith("http://")
 
 
@@ -248,9 +261,10 @@ def _profile() -> dict[str, Any]:
 
 
 def _described(address: Address, known: Mapping[str, Any]) -> StoredObject:
-    return StoredObject(
-        address.at(known["path"]), known["size"], known.get("e_tag"), known["last_modified"].isoformat()
-    )
+    etag = known.get("e_tag")
+    if etag and not etag.endswith('"'):
+        etag = f'"{etag}"'  # listings of Azure leave the quotes out
+    return StoredObject(address.at(known["path"]), known["size"], etag, known["last_modified"].isoformat())
 
 
 @contextmanager

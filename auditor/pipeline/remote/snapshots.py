@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 
 from auditor.errors import StoreError
 from auditor.pipeline.remote.addresses import Address
-from auditor.pipeline.remote.object_store import read_small, replace_small
+from auditor.pipeline.remote.object_store import Written, read_small, replace_small
 from auditor.store.schema import WRITTEN
 
 SNAPSHOT = "snapshot.json"
@@ -42,10 +42,10 @@ _TOGETHER = (
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The files of a store at one moment; `etag` is that of the object that says so, None where there is none."""
+    """The files of a store at one moment, and the writing of the object that says so; None where there is none."""
 
     files: Files
-    etag: str | None = None
+    written: Written | None = None
 
 
 def read_snapshot(address: Address) -> Snapshot:
@@ -68,7 +68,7 @@ def read_snapshot(address: Address) -> Snapshot:
 def replace_snapshot(address: Address, before: Snapshot, files: Files) -> bool:
     """Put a snapshot in the place of another; False where somebody else was faster."""
     content = {"format": _FORMAT, "files": {place: files[place] for place in sorted(files)}}
-    return replace_small(_place(address), json.dumps(content, indent=0).encode(), before.etag)
+    return replace_small(_place(address), json.dumps(content, indent=0).encode(), before.written)
 
 
 def object_at(address: Address, place: str, file: File) -> Address:
