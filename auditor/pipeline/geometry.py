@@ -5,7 +5,7 @@ taken and said. Where none fits, no verdict is given. What the first frames, or 
 is said beside its verdicts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -17,6 +17,7 @@ from auditor.errors import RigError
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
+    GeometryFit,
     geometry_fit,
     measure,
     measure_stream,
@@ -49,6 +50,13 @@ from auditor.recordings import (
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
 
+
+_OTHER_WAYS_UP = {
+    "turned by half": (slice(None, None, -1), slice(None, None, -1)),
+    "mirrored": (slice(None), slice(None, None, -1)),
+    "read from their last row to the first": (slice(None, None, -1), slice(None)),
+}
+"""Rows and columns of a picture as cameras that hang upside down, webcams and simulators may give them."""
 
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
 _SUCCESSIVE_FRAMES = (0, 4, 1)  # of a lone camera: each is compared with the one before
@@ -159,6 +167,27 @@ def _negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) ->
     return ""
 
 
+def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Mapping[int, float]) -> str:
+    """Why no verdict may be given where the images of one camera fit no other's as they are, but another way up.
+
+    `of_cameras` is how well those of each fit.
+    """
+    worst = min(of_cameras, key=lambda one: np.nan_to_num(of_cameras[one], nan=1.0), default=0)
+    if not of_cameras.get(worst, 1.0) < GEOMETRY_FIT.fits:
+        return ""
+    for way, cut in _OTHER_WAYS_UP.items():
+        turned = (_cut(frame, worst, cut) for frame in _frames(recording, survey, rig))
+        fits = _fits(turned, rig)
+        fit = _better_frames([one.of_cameras.get(worst, np.nan) for one in fits])
+        if fit >= GEOMETRY_FIT.fits and fit - of_cameras[worst] >= GEOMETRY_FIT.better_by:
+            what = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"
+            return (
+                f"the images of {what} fit the others' once they are {way}, and not as they are: put them right, or "
+                "leave the camera out (--no-sensor)"
+            )
+    return ""
+
+
 class RigDoubts(NamedTuple):
     """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
 
@@ -203,7 +232,9 @@ def doubts_of(
         withheld = ""
     warnings = (*check.warnings(), *stream.remarks)
     withheld = withheld or stream.timing.withheld or check.withheld()
-    return RigDoubts(warnings, withheld or _negated(recording, in_force.survey, in_force.rig, check.pictures))
+    survey, rig = in_force.survey, in_force.rig
+    withheld = withheld or _negated(recording, survey, rig, check.pictures)
+    return RigDoubts(warnings, withheld or _other_way_up(recording, survey, rig, check.of_cameras))
 
 
 def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:
@@ -233,10 +264,22 @@ def _best(candidates: Sequence[_Candidate]) -> tuple[_Candidate, float]:
 
 def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
     """How well a rig of a survey fits some frames of the beginning, in the better ones."""
+    fits = _fits(_frames(recording, survey, rig), rig)
+    return _Candidate(survey, _better_frames([one.points for one in fits]), _better_frames([o.pictures for o in fits]))
+
+
+def _fits(frames: Iterable[Frame], rig: Rig) -> list[GeometryFit]:
     use_one_thread()
     matcher = find_matcher("sgbm")
-    fits = [geometry_fit(measure(frame, rig, matcher)[1]) for frame in _frames(recording, survey, rig)]
-    return _Candidate(survey, _better_frames([one.points for one in fits]), _better_frames([o.pictures for o in fits]))
+    return [geometry_fit(measure(frame, rig, matcher)[1]) for frame in frames]
+
+
+def _cut(frame: Frame, camera: int, cut: tuple[slice, slice]) -> Frame:
+    """A frame with the rows and columns of a camera's image in another order."""
+    images = dict(frame.images)
+    if camera in images:
+        images[camera] = replace(images[camera], pixels=np.ascontiguousarray(images[camera].pixels[cut]))
+    return replace(frame, images=images)
 
 
 def _better_frames(shares: Sequence[float]) -> float:

@@ -192,6 +192,25 @@ def test_a_sign_that_nothing_contradicts_is_told_by_the_images(
     assert "reverse order" in withheld
 
 
+@pytest.mark.parametrize(
+    ("way", "rows", "columns"), [("turned by half", -1, -1), ("mirrored", 1, -1), ("last row to the first", -1, 1)]
+)
+def test_a_camera_whose_pictures_are_another_way_up_is_no_attack(
+    drive: SyntheticDrive, tmp_path: Path, way: str, rows: int, columns: int
+) -> None:
+    def turned(frame: Frame) -> Frame:
+        image = frame.images[2]
+        pixels = np.ascontiguousarray(image.pixels[::rows, ::columns])
+        return replace(frame, images={**frame.images, 2: replace(image, pixels=pixels)})
+
+    write_mcap(tmp_path / "turned.mcap", drive.rig, map(turned, drive.frames()))
+    code, store, withheld = scan(tmp_path / "turned.mcap", tmp_path)
+    assert code == 3
+    assert f"{drive.rig.camera(2).topic} fit the others'" in withheld
+    assert way in withheld
+    assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
+
+
 def test_cameras_out_of_phase_are_not_compared(drive: SyntheticDrive, tmp_path: Path) -> None:
     def late(frame: Frame) -> Frame:
         image = frame.images[1]

@@ -7,7 +7,7 @@ frame, so a few frames are enough, and users are warned before they read verdict
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from math import isnan
+from math import isnan, nan
 
 import numpy as np
 
@@ -72,6 +72,12 @@ class CalibrationCheck:
     def pictures(self) -> float:
         """How well the images of pairs fit each other in the better frames, a share; NaN where it is not known."""
         return _fitting([fit.pictures for fit in self._fits])
+
+    @property
+    def of_cameras(self) -> Mapping[int, float]:
+        """How well the images of each camera fit another's in the better frames, a share; NaN where it is not known."""
+        cameras = {camera for fit in self._fits for camera in fit.of_cameras}
+        return {one: _fitting([fit.of_cameras.get(one, nan) for fit in self._fits]) for one in sorted(cameras)}
 
     def withheld(self) -> str:
         """Why no verdict may be given: in most frames the points fit the images nowhere; empty where they do somewhere.

@@ -41,12 +41,13 @@ class GeometryFit(NamedTuple):
     """The fit of one frame: shares of the better regions, NaN where too few regions could be compared.
 
     `points`: the LiDAR's points agree with stereo, by the best pair. `pictures`: the two images of a pair are
-    consistent, the mean of the pairs. `in_view`: how many points lie in the view of a camera; -1 without a LiDAR.
+    consistent, the mean of the pairs; `of_cameras`: those of a camera by its best pair. `in_view`: how many points lie in the view of a camera; -1 without a LiDAR.
     `other_axes`: as `points`, of points with other axes; known only where `points` fit badly.
     """
 
     points: float
     pictures: float
+    of_cameras: Mapping[int, float]
     in_view: int
     other_axes: Mapping[str, float]
 
@@ -65,9 +66,19 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     return GeometryFit(
         points,
         float(np.mean(pictures)) if pictures else nan,
+        _of_cameras(arrays),
         max((own.lidar[k].returns for own, _, k in seen), default=-1),
         others,
     )
+
+
+def _of_cameras(arrays: FrameArrays) -> Mapping[int, float]:
+    """How well the images of each camera fit those of another, by its best pair."""
+    found: dict[int, float] = {}
+    for pair, (own, i, k) in zip(arrays.maps, _parts(arrays), strict=True):
+        fit = _of_pictures(own.frame_checks.consistencies[i, k])
+        found.update({camera: _best((fit, found.get(camera, nan))) for camera in pair})
+    return found
 
 
 def _of_axes(parts: Sequence[_Part], axes: tuple[float, float, float]) -> float:
