@@ -41,8 +41,9 @@ class GeometryFit(NamedTuple):
     """The fit of one frame: shares of the better regions, NaN where too few regions could be compared.
 
     `points`: the LiDAR's points agree with stereo, by the best pair. `pictures`: the two images of a pair are
-    consistent, the mean of the pairs; `of_cameras`: those of a camera by its best pair. `in_view`: how many points lie in the view of a camera; -1 without a LiDAR.
-    `other_axes`: as `points`, of points with other axes; known only where `points` fit badly.
+    consistent, the mean of the pairs. `of_cameras`: the images of each camera by its best pair. `in_view`: how many
+    points lie in the view of a camera; -1 without a LiDAR. `other_axes`: as `points`, of points with other axes; known
+    only where `points` fit badly.
     """
 
     points: float
