@@ -12,6 +12,7 @@ from auditor.measurement.point_parameters import (
     ISOLATED_POINTS,
     LOST_RETURNS,
     POINT_DROPOUT,
+    POINT_SPACING,
     ROUGH_RANGES,
 )
 from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT
@@ -361,6 +362,7 @@ OF_PAIRS = (
     COLOURED_LIGHT,
     STRIPED_LIGHT,
     LOST_RETURNS,
+    POINT_SPACING,
     FALSE_RANGES,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

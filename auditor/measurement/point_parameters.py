@@ -12,6 +12,8 @@ _FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and
 _CLUSTERS = "three real drives and streets 30000 to 30013, clean and attacked: chosen on them (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
+_THINNED = "KITTI drives 0009, 0001 and 04, every 4th and 8th point, a random 4th, voxels (docs/decisions.md)"
+
 
 @dataclass(frozen=True)
 class PointDropout:
@@ -148,8 +150,18 @@ class RoughRanges:
     )
 
 
+@dataclass(frozen=True)
+class PointSpacing:
+    """How far the points of a beam lie apart in a cloud that is thinned."""
+
+    beam: float = parameter(0.00175, unit="radians of elevation that are one beam: 0.1 degrees", source=BY_HAND)
+    quantile: float = parameter(0.75, unit="quantile of the steps", source=_THINNED)
+    widest: float = parameter(0.0105, unit="radians of a step, at most: 0.6 degrees", source=_THINNED)
+
+
 POINT_DROPOUT = PointDropout()
 ISOLATED_POINTS = IsolatedPoints()
 LOST_RETURNS = LostReturns()
+POINT_SPACING = PointSpacing()
 FALSE_RANGES = FalseRanges()
 ROUGH_RANGES = RoughRanges()

@@ -21,6 +21,7 @@ import numpy as np
 
 from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
+from auditor.measurement.checks.point_distribution import thinned
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
@@ -146,7 +147,10 @@ def scanned(seen: Seen, k: int) -> ScannedView:
 
 
 def measure_lost_returns(seen: Seen, j: int, k: int) -> Cells:
-    """The surface samples that a pair sees, and those whose returns are lost."""
+    """The surface samples that a pair sees, and those whose returns are lost; none where the cloud is thinned."""
+    if seen.once(thinned, k):
+        none = np.zeros(0, dtype=np.intp)
+        return cells_of_directions(none, none, none.astype(np.bool_))
     consistency = seen.once(consistency_of, j, k)
     return count_lost_returns(seen.views[k], seen.once(scanned, k), seen.maps[j, k], consistency, j, seen.halves(j, k))
 

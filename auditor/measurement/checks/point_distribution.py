@@ -12,7 +12,7 @@ import numpy as np
 
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, ROUGH_RANGES
+from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
 from auditor.model.arrays import Floats, Mask
 from auditor.model.checks import IsolatedShares
 
@@ -88,6 +88,24 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
     return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
 
 
+def is_thinned(view: LidarView) -> bool:
+    """Whether the points of a beam lie so far apart that nothing can be said of what lies between them.
+
+    So do those of a cloud of which only some points were recorded. Most LiDARs' own steps are half of that at most.
+    """
+    assert view.rig.lidar is not None
+    x, y, z = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
+    azimuth, beam = np.arctan2(x, z), np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
+    order = np.lexsort((azimuth, beam))
+    steps = np.diff(azimuth[order])[np.diff(beam[order]) == 0]
+    return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
+
+
+def thinned(seen: Seen, k: int) -> bool:
+    """Whether the cloud is thinned in the view of k."""
+    return is_thinned(seen.views[k])
+
+
 def isolated_of(seen: Seen, k: int) -> Mask:
     """(M,) the isolated points of a view."""
     return isolated(seen.views[k], seen.rig.camera(k).focal_px)
@@ -109,7 +127,9 @@ def measure_point_dropout(seen: Seen, k: int) -> float:
 
 
 def measure_rough_ranges(seen: Seen, k: int) -> float | None:
-    """How rough the ranges of a sector of the view of k are."""
+    """How rough the ranges of a sector of the view of k are; None where the cloud is thinned."""
+    if seen.once(thinned, k):
+        return None
     return rough_ranges(seen.views[k], seen.rig.camera(k).focal_px)
 
 
