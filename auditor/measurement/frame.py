@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from auditor.measurement.checks.collect import with_scans
 from auditor.measurement.checks.free_space_conflict import OwnScans
-from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once
+from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
 from auditor.measurement.fault_features.added_light import added_light, with_light
@@ -184,7 +184,7 @@ def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFr
 
 def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Maps]]:
     """The maps of all that is matched in each frame."""
-    if isinstance(matcher, PairMatcher):
+    if takes_pairs(matcher):
         return _match_together(prepared, matcher)
     return [[_maps_of(part, matcher) for part in frame.matched] for frame in prepared]
 

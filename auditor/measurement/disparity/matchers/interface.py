@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,9 +69,14 @@ def for_pair(matcher: Matcher, rig: Rig, i: int, k: int) -> Matcher:
     return matcher.reaching(rig.camera(k).focal_px * rig.baseline_m(i, k))
 
 
+def takes_pairs(matcher: Matcher) -> TypeGuard[PairMatcher]:
+    """Whether a matcher works on several pairs together; asked of this one name, as `isinstance` reads all others."""
+    return hasattr(matcher, "pairs_at_once")
+
+
 def pairs_at_once(matcher: Matcher) -> int:
     """How many pairs a matcher works on together."""
-    return matcher.pairs_at_once if isinstance(matcher, PairMatcher) else 1
+    return matcher.pairs_at_once if takes_pairs(matcher) else 1
 
 
 def libraries(matcher: Matcher) -> Mapping[str, str]:
