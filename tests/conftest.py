@@ -33,7 +33,7 @@ if "TMPDIR" not in os.environ and os.access(_MEMORY, os.W_OK) and shutil.disk_us
 # once, for the process that the others are forked from.
 fork_server._PRELOADED.append("tests.making.own_definitions")
 
-# So is what `inspect` describes a recording by: it imports the pages, a quarter of a second in each process.
+# So is what `inspect` describes a recording by: it imports what measures, a quarter of a second in each process.
 fork_server._PRELOADED.append("auditor.cli.recording_description")
 
 # However busy the machine, no example fails for the time that it took.

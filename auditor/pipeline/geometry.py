@@ -175,9 +175,9 @@ def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Ma
     worst = min(of_cameras, key=lambda one: np.nan_to_num(of_cameras[one], nan=1.0), default=0)
     if not of_cameras.get(worst, 1.0) < GEOMETRY_FIT.fits:
         return ""
+    frames = list(_frames(recording, survey, rig))
     for way, cut in _OTHER_WAYS_UP.items():
-        turned = (_cut(frame, worst, cut) for frame in _frames(recording, survey, rig))
-        fits = _fits(turned, rig)
+        fits = _fits((_cut(frame, worst, cut) for frame in frames), rig)
         fit = _better_frames([one.of_cameras.get(worst, np.nan) for one in fits])
         if fit >= GEOMETRY_FIT.fits and fit - of_cameras[worst] >= GEOMETRY_FIT.better_by:
             what = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"

@@ -17,10 +17,7 @@ def main() -> int:
     sys.path[:] = path
     _load_package(package)
     import_module("auditor.safety.network").give_up_network()
-    gc.disable()  # what is imported stays: to look through it again and again takes a seventh of importing it
-    loaded = import_module(module)
-    gc.enable()
-    code: int = loaded.main()
+    code: int = import_module(module).main()
     gc.freeze()  # as the command line does at its end
     return code
 

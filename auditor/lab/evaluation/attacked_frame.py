@@ -14,7 +14,7 @@ from auditor.measurement.checks.disparity_error import compare_cameras, compare_
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.matchers import Matcher
-from auditor.measurement.disparity.matchers.interface import PairMatcher, for_pair
+from auditor.measurement.disparity.matchers.interface import for_pair, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.fault_features.added_light import AddedLight, added_light
@@ -166,7 +166,7 @@ class AttackedFrame:
 
     def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
         """Make the maps of all these cases at once, where that is faster for the matcher, as for a network on a GPU."""
-        if not isinstance(self._matcher, PairMatcher):
+        if not takes_pairs(self._matcher):
             return
         pairs, cases = matched(self._measurable(triples)), list(cases)
         if not self._pairs:
@@ -177,7 +177,7 @@ class AttackedFrame:
 
     def match_pairs(self, pairs: Sequence[Pair], cases: Sequence[Attacks]) -> None:
         """Make the maps of these pairs, which share a view, of all cases at once."""
-        assert isinstance(self._matcher, PairMatcher)
+        assert takes_pairs(self._matcher)
         wanted = {((i, attacks.get(i)), (k, attacks.get(k))): attacks for attacks in cases for i, k in pairs}
         missing = {key: attacks for key, attacks in wanted.items() if _map_key(*key) not in self._made}
         of_image = {image: attacks for key, attacks in missing.items() for image in key}

@@ -83,8 +83,7 @@ class _Surfaces:
 
 def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
-    assert view.rig.lidar is not None
-    points = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
+    points = view.in_rig_axes_m
     ahead_m = np.hypot(points[0], points[2])
     place = _places(points, ahead_m)
     inside = place >= 0

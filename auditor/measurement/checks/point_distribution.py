@@ -93,8 +93,7 @@ def is_thinned(view: LidarView) -> bool:
 
     So do those of a cloud of which only some points were recorded. Most LiDARs' own steps are half of that at most.
     """
-    assert view.rig.lidar is not None
-    x, y, z = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.in_view_m.T
+    x, y, z = view.in_rig_axes_m
     azimuth, beam = np.arctan2(x, z), np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
     order = np.lexsort((azimuth, beam))
     steps = np.diff(azimuth[order])[np.diff(beam[order]) == 0]

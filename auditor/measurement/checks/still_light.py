@@ -111,7 +111,7 @@ class _Seen(NamedTuple):
 
 
 def measure_still_light(
-    now: Glimpse, point_m: Matrix, held: Sequence[Glimpse], last: OfThePast | None = None
+    now: Glimpse, point_m: Matrix, held: Sequence[Glimpse], last: OfThePast | None
 ) -> OfThePast | None:
     """What the LiDAR's points (M, 3), in the camera's frame, say of light in its picture by earlier ones.
 

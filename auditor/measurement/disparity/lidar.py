@@ -49,6 +49,12 @@ class LidarView:
         squares = self.point_m * self.point_m
         return np.asarray(np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2]))
 
+    @cached_property
+    def in_rig_axes_m(self) -> Points:
+        """(3, returns) the points in view by the rig's axes, to the right, down and ahead, from the LiDAR."""
+        assert self.rig.lidar is not None
+        return np.asarray(self.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ self.in_view_m.T)
+
     def disparity_px(self, source: int) -> Floats32:
         """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
 

@@ -7,6 +7,7 @@ altogether fits by chance, in all regions of all pairs alike.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from math import nan
 from typing import NamedTuple
 
@@ -55,10 +56,14 @@ class GeometryFit(NamedTuple):
 
 def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
-    parts = [(own, i, k) for own, i, k in _parts(arrays) if resolves_depth(own.rig, i, k)]
-    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in parts), default=0.0)
-    parts = [one for one in parts if one[0].rig.baseline_m(*one[1:]) >= GEOMETRY_FIT.least_width * widest_m]
-    pictures = _measured(_of_pictures(own.frame_checks.consistencies[i, k]) for own, i, k in parts)
+    of_pairs = dict(zip(arrays.maps, _parts(arrays), strict=True))
+    fits = {pair: _of_pictures(own.frame_checks.consistencies[i, k]) for pair, (own, i, k) in of_pairs.items()}
+    deep = {pair: one for pair, one in of_pairs.items() if resolves_depth(one[0].rig, *one[1:])}
+    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in deep.values()), default=0.0)
+    wide_m = GEOMETRY_FIT.least_width * widest_m
+    wide = {pair: one for pair, one in deep.items() if one[0].rig.baseline_m(*one[1:]) >= wide_m}
+    parts = list(wide.values())
+    pictures = _measured(fits[pair] for pair in wide)
     seen = [part for part in parts if part[2] in part[0].lidar]
     points = _best(_of_points(part[0].lidar[part[2]], part) for part in seen)
     others = (
@@ -67,19 +72,10 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     return GeometryFit(
         points,
         float(np.mean(pictures)) if pictures else nan,
-        _of_cameras(arrays),
+        {camera: _best(fit for pair, fit in fits.items() if camera in pair) for camera in chain(*fits)},
         max((own.lidar[k].returns for own, _, k in seen), default=-1),
         others,
     )
-
-
-def _of_cameras(arrays: FrameArrays) -> Mapping[int, float]:
-    """How well the images of each camera fit those of another, by its best pair."""
-    found: dict[int, float] = {}
-    for pair, (own, i, k) in zip(arrays.maps, _parts(arrays), strict=True):
-        fit = _of_pictures(own.frame_checks.consistencies[i, k])
-        found.update({camera: _best((fit, found.get(camera, nan))) for camera in pair})
-    return found
 
 
 def _of_axes(parts: Sequence[_Part], axes: tuple[float, float, float]) -> float:

@@ -37,7 +37,6 @@ class Matcher(Protocol):
         ...
 
 
-@runtime_checkable
 class PairMatcher(Matcher, Protocol):
     """A matcher that gains from seeing many pairs at once: those of a frame, or of several.
 
@@ -70,7 +69,7 @@ def for_pair(matcher: Matcher, rig: Rig, i: int, k: int) -> Matcher:
 
 
 def takes_pairs(matcher: Matcher) -> TypeGuard[PairMatcher]:
-    """Whether a matcher works on several pairs together; asked of this one name, as `isinstance` reads all others."""
+    """Whether a matcher works on several pairs together; asked of one name: `isinstance` reads all."""
     return hasattr(matcher, "pairs_at_once")
 
 
