@@ -6,7 +6,7 @@ An attack that removes points leaves a strip without any. And a surface, the roa
 of a point's neighbours: where most points of a sector do not, their echoes came at no fixed time.
 """
 
-from math import isnan
+from math import isnan, pi
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from auditor.model.checks import IsolatedShares
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
 _ACROSS = ISOLATED_POINTS.parts_across
 _STEP_PX = POINT_DROPOUT.step_px
+
+_BEAMS_APART = 4.0 * pi
+"""Added from beam to beam to the azimuths of one sort: a step within a beam is below half of it, one between is not."""
 
 
 def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShares:
@@ -94,9 +97,9 @@ def is_thinned(view: LidarView) -> bool:
     So do those of a cloud of which only some points were recorded. Most LiDARs' own steps are half of that at most.
     """
     x, y, z = view.in_rig_axes_m
-    azimuth, beam = np.arctan2(x, z), np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
-    order = np.lexsort((azimuth, beam))
-    steps = np.diff(azimuth[order])[np.diff(beam[order]) == 0]
+    beam = np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
+    steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
+    steps = steps[steps < _BEAMS_APART - 2.0 * pi]
     return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
 
 
