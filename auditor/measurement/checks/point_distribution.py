@@ -6,7 +6,7 @@ An attack that removes points leaves a strip without any. And a surface, the roa
 of a point's neighbours: where most points of a sector do not, their echoes came at no fixed time.
 """
 
-from math import isnan, pi
+from math import isnan, tau
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
 _ACROSS = ISOLATED_POINTS.parts_across
 _STEP_PX = POINT_DROPOUT.step_px
 
-_BEAMS_APART = 4.0 * pi
+_BEAMS_APART = 2.0 * tau
 """Added from beam to beam to the azimuths of one sort: a step within a beam is below half of it, one between is not."""
 
 
@@ -99,7 +99,7 @@ def is_thinned(view: LidarView) -> bool:
     x, y, z = view.in_rig_axes_m
     beam = np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
-    steps = steps[steps < _BEAMS_APART - 2.0 * pi]
+    steps = steps[steps < _BEAMS_APART - tau]
     return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
 
 
