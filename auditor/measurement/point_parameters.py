@@ -12,6 +12,7 @@ _FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and
 _CLUSTERS = "three real drives and streets 30000 to 30013, clean and attacked: chosen on them (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
+_FEWER_BEAMS = "KITTI drives 0009, 0001 and 04, with beams of eight other LiDARs (docs/decisions.md)"
 _THINNED = "KITTI drives 0009, 0001 and 04, every 4th and 8th point, a random 4th, voxels (docs/decisions.md)"
 
 
@@ -67,8 +68,8 @@ class LostReturns:
         unit="radians of that disc beside a patch's radius, at least: a cell, and a LiDAR's mounting",
         source="streets at half size, whose patches are twice as wide (docs/decisions.md)",
     )
-    gap_medians: float = parameter(
-        2.2, unit="times the median gap at surfaces, at least", source="half the gap between beams, and a tenth more"
+    gaps: float = parameter(
+        2.5, unit="times the distance between two beams there, radius of that disc at least", source=_FEWER_BEAMS
     )
     less_at_infinity: float = parameter(
         0.1,

@@ -3,7 +3,8 @@
 Spoofers make a LiDAR lose an object or a whole sector. A beam that points below the horizon meets the ground, or what
 stands on it, so that something has to return: the sky, which returns nothing, is above. Black paint, glass and wet
 ground lose returns as well, here and there: some beams beside come back, from a tyre, a frame, a number plate. So a
-surface is lost only where a disc as wide as a vehicle's side holds no return at all; then it is lost all over.
+surface is lost only where a disc as wide as a vehicle's side, and several beams high, holds no return at all; then it
+is lost all over.
 
 Two images may be wrong about what they see there. Along their rows a level edge, as the roof of a dark car, matches
 itself at any disparity. So the images have to match less well at that of the sky, 0, and what is seen stands on the
@@ -43,14 +44,15 @@ class ScannedView:
     A hole is what lacks returns among others. `within_rad` (rows, columns) is how far each of its directions is from
     its edge, and `hole_rad` (rows, columns) the radius of the widest disc of the hole that covers the direction,
     infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `nearest_m` (rows, columns)
-    is how far the nearest return of each direction is, infinite without any. `scanned` (rows,) are the rows between the
-    horizon, or the LiDAR's uppermost beam, and its lowest; `road_m` is how far the road is below the LiDAR; `span_px`
-    are the columns of the view within its field.
+    is how far the nearest return of each direction is, infinite without any. `gap_rad` (rows,) is how far apart the
+    LiDAR's beams are there. `scanned` (rows,) are the rows between the horizon, or the LiDAR's uppermost beam, and its
+    lowest; `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field.
     """
 
     within_rad: Floats32
     hole_rad: Floats32
     nearest_m: Floats32
+    gap_rad: Floats32
     scanned: Mask
     road_m: float
     span_px: tuple[float, float]
@@ -99,7 +101,7 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    return ScannedView(within, hole, nearest_m, scanned, _road_m(points[1], ahead_m), view.span_px)
+    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, _road_m(points[1], ahead_m), view.span_px)
 
 
 def count_lost_returns(
@@ -127,11 +129,10 @@ def count_lost_returns(
     inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
     found, place, range_m, hole = found.chosen(inside), place[inside], range_m[inside], hole[inside]
     within = scanned.within_rad.ravel()[place]
-    # Of a LiDAR with few beams most directions lie between two of them.
-    usual = LOST_RETURNS.gap_medians * float(np.median(within)) if within.size else 0.0
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
-    least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch, usual)
+    least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch)
     lost = hole >= np.maximum(LOST_RETURNS.hole_m / range_m, least)
+    lost &= hole >= LOST_RETURNS.gaps * scanned.gap_rad[place // _COLUMNS]
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _no_sky(found.chosen(lost), half_res)
@@ -185,6 +186,21 @@ def _within(mask: Mask) -> Floats32:
     """(rows, columns) how far each direction of a mask is from those outside of it, radians."""
     cells = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(cells * np.float32(_RADIANS), dtype=np.float32)
+
+
+def _gaps(hit: Mask) -> Floats32:
+    """(rows,) how far apart the beams are that each row lies between, or that it and the one above it meet.
+
+    Radians: that of the middle one of the columns with returns above and below, since an attack takes some. Infinite
+    where no column has both.
+    """
+    rows = np.arange(len(hit), dtype=np.float32)[:, None]
+    above = np.full(hit.shape, -np.inf, dtype=np.float32)
+    above[1:] = np.maximum.accumulate(np.where(hit, rows, -np.inf), axis=0)[:-1]
+    below = np.minimum.accumulate(np.where(hit, rows, np.inf)[::-1], axis=0)[::-1]
+    gaps = np.sort(below - above, axis=1)
+    middle = np.minimum(np.isfinite(gaps).sum(axis=1) // 2, hit.shape[1] - 1)
+    return np.asarray(gaps[np.arange(len(hit)), middle] * np.float32(_RADIANS), dtype=np.float32)
 
 
 def _discs(within_rad: Floats32) -> Floats32:

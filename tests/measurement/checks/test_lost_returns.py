@@ -151,6 +151,25 @@ def test_between_the_beams_of_a_lidar_of_few_nothing_is_lost(lost):
         assert cells.valid.sum() > 1000
 
 
+def beams(up, degrees):
+    """(N,) which directions lie on beams so many degrees apart."""
+    return np.abs(np.arctan(up) / np.deg2rad(degrees) % 1 - 0.5) < 0.2
+
+
+def test_one_beam_of_few_that_does_not_return_says_nothing(lost):
+    # A hole 0.7 m high, as a vehicle's side, is one beam of a LiDAR whose beams are 2 degrees apart.
+    for cells in lost(lambda left, up: outside(left, up + 0.04, 2.0, 0.5) & beams(up, 2)):
+        assert cells.total.sum() == 0
+        assert cells.valid.sum() > 1000
+
+
+@pytest.mark.parametrize(("degrees", "height_m", "found"), [(0.5, 0.8, True), (2, 0.8, False), (1, 1.6, True)])
+def test_a_hole_is_lost_where_it_is_several_beams_high(lost, degrees, height_m, found):
+    for cells in lost(lambda left, up: outside(left, up + 0.08, 2.0, height_m) & beams(up, degrees)):
+        assert (cells.total.sum() > 20) == found
+        assert (cells.total.sum() > 0) == found
+
+
 def test_level_stripes_could_be_sky():
     # Along rows they hardly differ: they match themselves at any disparity, and at that of the sky.
     rig = plane_rig()
