@@ -26,7 +26,7 @@ from auditor.measurement.checks.point_distribution import thinned
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_PROJECTION, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
@@ -46,7 +46,8 @@ class ScannedView:
     infinite where a sector lacks all returns down to the lowest beam; both are 0 outside. `nearest_m` (rows, columns)
     is how far the nearest return of each direction is, infinite without any. `gap_rad` (rows,) is how far apart the
     LiDAR's beams are there. `scanned` (rows,) are the rows between the horizon, or the LiDAR's uppermost beam, and its
-    lowest; `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field.
+    lowest; `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field,
+    and `reach_m` is how far it reaches.
     """
 
     within_rad: Floats32
@@ -56,6 +57,7 @@ class ScannedView:
     scanned: Mask
     road_m: float
     span_px: tuple[float, float]
+    reach_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +91,9 @@ def scanned_view(view: LidarView) -> ScannedView:
     ahead_m = np.hypot(points[0], points[2])
     place = _places(points, ahead_m)
     inside = place >= 0
+    range_m = np.sqrt(ahead_m * ahead_m + points[1] * points[1])
     nearest_m = np.full((_ROWS, _COLUMNS), np.inf, dtype=np.float32)
-    np.minimum.at(nearest_m.ravel(), place[inside], np.sqrt(ahead_m * ahead_m + points[1] * points[1])[inside])
+    np.minimum.at(nearest_m.ravel(), place[inside], range_m[inside])
     hit = np.isfinite(nearest_m)
     scanned = _scanned_rows(hit)
     scanned[:_HORIZON] = False
@@ -101,7 +104,8 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, _road_m(points[1], ahead_m), view.span_px)
+    road_m = _road_m(points[1], ahead_m)
+    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, _reach_m(range_m))
 
 
 def count_lost_returns(
@@ -124,6 +128,7 @@ def count_lost_returns(
     place, range_m, below_m = _directions(view, found, source)
     inside = place >= 0
     inside &= scanned.scanned[place // _COLUMNS]
+    inside &= range_m <= scanned.reach_m
     # Wet ground loses returns, but not all of a sector down to the lowest beam.
     hole = scanned.hole_rad.ravel()[place]
     inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
@@ -225,6 +230,14 @@ def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
     """
     below = below_m[below_m > LOST_RETURNS.steeply * ahead_m]
     return float(np.median(below)) if below.size else np.inf
+
+
+def _reach_m(range_m: Floats32) -> float:
+    """How far points (M,) are at most, but for a few of them: some clouds are cropped before they are recorded."""
+    if not range_m.size:
+        return 0.0
+    last = range_m.size - 1 - int(LIDAR_PROJECTION.beside_span * range_m.size)
+    return float(np.partition(range_m, last)[last])
 
 
 def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:

@@ -151,6 +151,12 @@ def test_between_the_beams_of_a_lidar_of_few_nothing_is_lost(lost):
         assert cells.valid.sum() > 1000
 
 
+def test_beyond_the_reach_of_a_cropped_cloud_nothing_is_expected(lost):
+    # What returns is 7 m away, but for a hole, in which the cameras see the plane 10 m away.
+    for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6), lambda _left, up: np.full_like(up, 0.7)):
+        assert cells.total.sum() == 0
+
+
 def beams(up, degrees):
     """(N,) which directions lie on beams so many degrees apart."""
     return np.abs(np.arctan(up) / np.deg2rad(degrees) % 1 - 0.5) < 0.2
