@@ -142,6 +142,15 @@ class Sweeps:
 
 
 @dataclass(frozen=True)
+class MovingFrames:
+    """When a frame of tf moves against another in a recording's beginning, and is not mounted on it."""
+
+    fewest_steps: int = parameter(3, unit="steps, one of which may be a place that was put right", source=BY_HAND)
+    step_m: float = parameter(0.1, unit="m of a step", source="mountings that are measured anew move by less; by hand")
+    step_rad: float = parameter(0.05, unit="rad of a step, as a change of the rotation matrix", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class LidarChoice:
     """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
 
@@ -247,6 +256,7 @@ class SensorLike:
 RIG_LIMITS = RigLimits()
 SWEEPS = Sweeps()
 LIDAR_CHOICE = LidarChoice()
+MOVING_FRAMES = MovingFrames()
 POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
 
@@ -260,7 +270,16 @@ SENSOR_LIKE = SensorLike()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, PICTURE_ORDER, SWEEPS, LIDAR_CHOICE, POINT_UNITS)
+RIG_FINDING = (
+    RIG_LIMITS,
+    CAMERA_LIMITS,
+    PICTURE_DEPTH,
+    PICTURE_ORDER,
+    SWEEPS,
+    LIDAR_CHOICE,
+    POINT_UNITS,
+    MOVING_FRAMES,
+)
 """All that can change which cameras form a rig, and what a rig says of them."""
 
 ACCOUNTING = (SENSOR_LIKE,)

@@ -22,7 +22,7 @@ from auditor.recordings.decoding import (
     sensor_types,
 )
 from auditor.recordings.decoding.clouds import check_unit
-from auditor.recordings.decoding.interface import SizePx, TransformsDecoder
+from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
@@ -31,40 +31,8 @@ from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPT
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
+from auditor.recordings.synchronisation.mountings import Mountings
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
-from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
-
-
-class Mountings:
-    """The first transform between each two frames: mountings do not move."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, str], Transform] = {}
-        self._bytes = 0
-
-    def __len__(self) -> int:
-        return len(self._known)
-
-    def all(self) -> tuple[Transform, ...]:
-        """The transforms, in the order in which they came."""
-        return tuple(self._known.values())
-
-    def take(self, message: Message, decoder: TransformsDecoder) -> Iterator[str]:
-        """Take the transforms of a message, and give the problems. Raises DecodingError where it has none."""
-        size = len(message.data)
-        if size > MAX_TRANSFORM_BYTES:
-            yield f"a message of {size} bytes of transforms is left out; at most {MAX_TRANSFORM_BYTES} are accepted"
-        elif len(self._known) >= MAX_TRANSFORMS:
-            yield f"more than {MAX_TRANSFORMS} transforms: the rest of tf is left out"
-        elif self._bytes + size > MAX_TRANSFORMS_BYTES:
-            yield f"more than {MAX_TRANSFORMS_BYTES} bytes of transforms: the rest of tf is left out"
-        else:
-            self._bytes += size
-            for transform in decoder.transforms(message):
-                if transform.problem:
-                    yield f"{transform.parent} to {transform.child}: {transform.problem}"
-                else:
-                    self._known.setdefault((transform.parent, transform.child), transform)
 
 
 class Sample(NamedTuple):
@@ -127,6 +95,7 @@ class Survey:
     after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
+    `moving` are the frames, as parent and child, that move against each other.
     """
 
     topics: tuple[Topic, ...]
@@ -139,6 +108,7 @@ class Survey:
     other_parts: tuple[Path, ...] = ()
     unreadable: tuple[UnreadableTopic, ...] = ()
     conventions: Conventions = STANDARD
+    moving: frozenset[tuple[str, str]] = frozenset()
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -214,6 +184,7 @@ class _Surveyor:
             interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
+            moving=self._mountings.moving(),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
