@@ -11,12 +11,13 @@ from math import isnan, nan
 
 import numpy as np
 
+from auditor.measurement.checks.point_distribution import is_thinned
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, geometry_fit
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 
 _REPAIR = (
@@ -38,6 +39,7 @@ class CalibrationCheck:
         self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
         self._fits: list[GeometryFit] = []
+        self._thinned: list[bool] = []
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
@@ -49,6 +51,8 @@ class CalibrationCheck:
         """Take this frame."""
         self._rig = arrays.rig
         self._fits.append(geometry_fit(arrays))
+        views = [view for own in (arrays, *(one.own for one in arrays.pairs.values())) for view in own.lidar.values()]
+        self._thinned += [is_thinned(view) for view in views[:1]]
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -66,7 +70,12 @@ class CalibrationCheck:
             if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
         ]
         # Where rows do not fit, stereo's distances cannot check the LiDAR's.
-        return tuple(off) or tuple(self._lidar_warnings(self._rig))
+        return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
+
+    def _not_measured(self, rig: Rig) -> Iterator[str]:
+        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them."""
+        if rig.lidar is not None and rig.n > 1 and 2 * sum(self._thinned) > len(self._thinned):
+            yield f"the points of the LiDAR {rig.lidar.name} {FAR_APART}"
 
     @property
     def pictures(self) -> float:

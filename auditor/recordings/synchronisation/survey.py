@@ -27,7 +27,7 @@ from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, SWEEPS
+from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
@@ -63,10 +63,11 @@ class ImageTopic:
 
 @dataclass(frozen=True)
 class CloudTopic:
-    """A topic of point clouds; `points` is how many finite ones its first readable cloud has.
+    """A topic of point clouds; `points` is how many finite ones its first readable cloud has that is not all but empty.
 
     Where clouds are parts of sweeps, `sectors` are those of the `samples`; else there are none. `some_m` (N, 3) are
-    some points of its first clouds, in metres; None where they were not looked at.
+    some points of its first clouds, in metres; None where they were not looked at. Clouds recorded before `starts_ns`
+    are all but empty: those of a LiDAR that has not started.
     """
 
     topic: Topic
@@ -75,6 +76,7 @@ class CloudTopic:
     samples: tuple[Sample, ...]
     sectors: tuple[Sector | None, ...] = ()
     some_m: Points | None = field(default=None, compare=False, repr=False)
+    starts_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ class _Surveyor:
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}
         self._some_m: dict[str, list[Points]] = {}
+        self._points: dict[str, list[tuple[int, int]]] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._mountings = Mountings()
         self._described: dict[str, tuple[Transform, ...]] = {}
@@ -174,10 +177,7 @@ class _Surveyor:
         return Survey(
             topics=self._recording.topics(),
             images=tuple(pictures),
-            clouds=tuple(
-                CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name), self._some_of(t.name))
-                for t, f, points in clouds
-            ),
+            clouds=tuple(self._cloud(topic, frame_id, points) for topic, frame_id, points in clouds),
             camera_infos=dict(sorted(infos.items())),
             transforms=transforms,
             problems=tuple(self._problems),
@@ -278,12 +278,20 @@ class _Surveyor:
     def _take_sector(self, message: Message, decoder: CloudDecoder) -> None:
         """Note where a cloud looks, as long as the topic's clouds may be parts of sweeps."""
         sectors = self._sectors_seen.setdefault(message.topic, [])
-        if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]):
+        if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]) or not any(sectors):
             xyz_m = decoder.xyz_m(message)
             sectors.append(sector_of(xyz_m))
+            self._points.setdefault(message.topic, []).append((message.log_time_ns, len(xyz_m)))
             some = self._some_m.setdefault(message.topic, [])
             if len(some) < SWEEPS.looked_at:
                 some.append(_thinned(xyz_m, len(some)))
+
+    def _cloud(self, topic: Topic, frame_id: str, points: int) -> CloudTopic:
+        samples, sectors = tuple(self._samples[topic.name]), self._sectors_of(topic.name)
+        seen = self._points.get(topic.name, [])
+        first = next((place for place, (_, count) in enumerate(seen) if count >= POINT_UNITS.fewest_points), 0)
+        starts_ns, points = (seen[first][0], seen[first][1]) if first else (0, points)
+        return CloudTopic(topic, frame_id, points, samples, sectors, self._some_of(topic.name), starts_ns)
 
     def _sectors_of(self, topic: str) -> tuple[Sector | None, ...]:
         sectors = self._sectors_seen.get(topic, [])
