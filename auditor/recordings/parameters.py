@@ -236,6 +236,14 @@ class PictureOrder:
 
 
 @dataclass(frozen=True)
+class GreyPictures:
+    """When a picture of three channels is a grey camera's: a colour camera gives some pixel a colour."""
+
+    most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
+    rows_apart: int = parameter(16, unit="rows from one that is looked at first to the next", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class SensorLike:
     """From which data rate on a topic of an unlisted type may be a camera or a LiDAR, so that it has to be looked at.
 
@@ -262,6 +270,7 @@ CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
 PICTURE_ORDER = PictureOrder()
+GREY_PICTURES = GreyPictures()
 
 POSES = Poses()
 
@@ -275,12 +284,13 @@ RIG_FINDING = (
     CAMERA_LIMITS,
     PICTURE_DEPTH,
     PICTURE_ORDER,
+    GREY_PICTURES,
     SWEEPS,
     LIDAR_CHOICE,
     POINT_UNITS,
     MOVING_FRAMES,
 )
-"""All that can change which cameras form a rig, and what a rig says of them."""
+"""All that can change which cameras form a rig, what a rig says of them, and how odd pictures are read."""
 
 ACCOUNTING = (SENSOR_LIKE,)
 """All that can change which topics count as sensors that cannot be read; no count and no verdict depends on them."""

@@ -15,7 +15,7 @@ from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.picture_heads import Picture, check_whole, inspect_picture
-from auditor.recordings.parameters import PICTURE_DEPTH
+from auditor.recordings.parameters import GREY_PICTURES, PICTURE_DEPTH
 from auditor.safety.budget import MAX_PIXELS
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
@@ -79,6 +79,18 @@ def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
     for row, into in zip(values, kept, strict=True):  # whole pictures of 16 bits would take twice their memory
         np.minimum(row >> shift, 255, out=into, casting="unsafe")
     return kept
+
+
+def grey_if_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) of a picture (H, W, 3) that has no colour anywhere, as many grey cameras are recorded; else as it is."""
+    if pixels.ndim == 2 or _coloured(pixels[:: GREY_PICTURES.rows_apart]) or _coloured(pixels):
+        return pixels
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+
+def _coloured(pixels: NDArray[np.uint8]) -> bool:
+    blue, green, red = cv2.split(pixels)
+    return max(float(cv2.norm(green, one, cv2.NORM_INF)) for one in (blue, red)) > GREY_PICTURES.most_apart
 
 
 def roughness(values: Values, step: int) -> float:
