@@ -85,11 +85,11 @@ def read_by(survey: Survey, conventions: Conventions) -> Survey:
 def zero_lenses(survey: Survey) -> dict[str, str]:
     """The image topics of cameras whose lens is one by the angle with coefficients of 0, each with a sentence on it."""
     views = [view for view in find_views(survey, []) if view.lens.model == FISHEYE and not any(view.lens.coefficients)]
-    return {view.image.topic.name: f"of {view.name} {_zero_lens(view.info)}" for view in views}
+    return {view.image.topic.name: f"the lens of {view.name} {_zero_lens(view.info)}" for view in views}
 
 
 def _zero_lens(info: CameraInfo) -> str:
-    return f"the lens is called {info.distortion_model!r} with coefficients of 0"
+    return f"is called {info.distortion_model!r} with coefficients of 0"
 
 
 def optical_frame(frame_id: str, axes: Axes) -> str:
@@ -138,7 +138,9 @@ def _view(image: ImageTopic, info: CameraInfo, conventions: Conventions) -> View
     info = of_pictures(info, image.size_px, conventions.scale)
     if conventions.zero_lens is not ZeroLens.NAMED and _is_zero_lens(image, info):
         if conventions.zero_lens is ZeroLens.LEFT_OUT:
-            raise RigError(f"{_zero_lens(info)}, and images and points do not tell whether it has one: {_SAY_LENS}")
+            raise RigError(
+                f"its lens {_zero_lens(info)}, and images and points do not tell whether it has one: {_SAY_LENS}"
+            )
         info = replace(info, distortion_model="", distortion=())
     if _is_rectified(image, info):
         view = View(image, info, rectified=True, lens=NO_LENS, repairs=repairs)
