@@ -26,6 +26,8 @@ class CalibrationCheck:
     fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
     smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
     frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
+    successive: int = parameter(20, unit="first frames, each of which is held against the cloud before", source=BY_HAND)
+    fewest_successive: int = parameter(4, unit="of those that can be compared", source=BY_HAND)
 
 
 @dataclass(frozen=True)

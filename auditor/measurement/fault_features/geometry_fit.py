@@ -23,6 +23,7 @@ from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.arrays import Floats, Indices, Mask
 from auditor.model.checks import Pair, resolves_depth
+from auditor.model.frames import PointCloud
 
 _ROWS, _COLUMNS = GEOMETRY_FIT.regions
 
@@ -75,15 +76,17 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     )
 
 
-def fit_of_sides(arrays: FrameArrays) -> float:
+def fit_of_sides(arrays: FrameArrays, cloud: PointCloud | None = None) -> float:
     """The share of the LiDAR's points that agree with stereo at both sides of the views; NaN where too few are there.
 
-    A lens that is read wrongly bends the sides, and hardly the middle.
+    A lens that is read wrongly bends the sides, and hardly the middle; points of another moment lie elsewhere there.
+    `cloud` takes the place of the frame's own.
     """
     compared = agreeing = 0
     for own, i, k in _wide(dict(zip(arrays.maps, _parts(arrays), strict=True))).values():
         if k in own.lidar:
-            region, agree = _compared_points(own.lidar[k], (own, i, k))
+            view = own.lidar[k] if cloud is None else lidar_view(cloud, own.rig, k)
+            region, agree = _compared_points(view, (own, i, k))
             column = region % _COLUMNS
             aside = np.minimum(column, _COLUMNS - 1 - column) < GEOMETRY_FIT.side_columns
             compared += int(np.count_nonzero(aside))

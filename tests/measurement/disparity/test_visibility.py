@@ -15,9 +15,9 @@ def view_of(columns, rows, depths):
     """Points at given pixels and depths, as the leftmost camera at x = 0 sees them."""
     u, v, z = (np.array(values, dtype=np.float32) for values in (columns, rows, depths))
     column, row, nowhere = u.astype(np.int32), v.astype(np.int32), np.zeros((u.size, 3), np.float32)
-    return LidarView(3, column, row, u, nowhere, u.size, plane_rig(), nowhere, (0, WIDTH)), (FOCAL * 0.6 / z).astype(
-        np.float32
-    )
+    return LidarView(3, column, row, u, nowhere, u.size, plane_rig(), nowhere, (0, WIDTH), False), (
+        FOCAL * 0.6 / z
+    ).astype(np.float32)
 
 
 def test_a_point_behind_a_near_one_in_the_source_image_is_occluded():
