@@ -236,11 +236,12 @@ class PictureOrder:
 
 
 @dataclass(frozen=True)
-class GreyPictures:
-    """When a picture of three channels is a grey camera's: a colour camera gives some pixel a colour."""
+class OddPictures:
+    """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
 
     most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
     rows_apart: int = parameter(16, unit="rows from one that is looked at first to the next", source=BY_HAND)
+    least_filled: float = parameter(0.1, unit="share of the rows, of one level that is not black", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -270,7 +271,7 @@ CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
 PICTURE_ORDER = PictureOrder()
-GREY_PICTURES = GreyPictures()
+ODD_PICTURES = OddPictures()
 
 POSES = Poses()
 
@@ -284,7 +285,7 @@ RIG_FINDING = (
     CAMERA_LIMITS,
     PICTURE_DEPTH,
     PICTURE_ORDER,
-    GREY_PICTURES,
+    ODD_PICTURES,
     SWEEPS,
     LIDAR_CHOICE,
     POINT_UNITS,

@@ -20,7 +20,7 @@ from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
-from auditor.recordings.decoding.pictures import grey_if_grey
+from auditor.recordings.decoding.pictures import check_received, grey_if_grey
 from auditor.recordings.recording import Damage, Recording
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
@@ -334,6 +334,7 @@ class _FrameMaker:
         if camera.depth_bits is not None and isinstance(decoder, DeepImageDecoder):
             decoder.use_depth(camera.topic, camera.depth_bits)
         pixels = decoder.pixels(waiting.message, colour=self._colour, size_px=(camera.width_px, camera.height_px))
+        check_received(pixels)
         return CameraImage(sensor, waiting.stamp_ns, grey_if_grey(pixels))
 
     def _cloud(self, waiting: Waiting) -> PointCloud:
