@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -220,6 +221,20 @@ def test_points_that_fit_no_image_are_no_attack(drive: SyntheticDrive, tmp_path:
     assert run(["judge", str(tmp_path / "audit"), "--method", "paper"]) == 3
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
     assert run(["inspect", str(tmp_path / "feet.mcap")]) == 3
+
+
+def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> None:
+    drive = replace(make_drive(2, 6, width_px=621, height_px=188), speed_m_s=18.0)
+    frames = list(drive.frames())
+    early = [
+        replace(frame, cloud=replace(behind.cloud, stamp_ns=frame.stamp_ns)) if behind.cloud else frame
+        for frame, behind in pairwise(frames)
+    ]
+    write_mcap(tmp_path / "early.mcap", drive.rig, early)
+    code, store, withheld = scan(tmp_path / "early.mcap", tmp_path)
+    assert code == 3
+    assert "its stamps are a period early" in withheld
+    assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
 
 
 def test_points_in_millimetres_are_not_read(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from auditor.errors import DecodingError
 from auditor.recordings import open_recording, survey, write_mcap
-from auditor.recordings.decoding.pictures import encode_picture, grey_if_grey
+from auditor.recordings.decoding.pictures import check_received, encode_picture, grey_if_grey
 from auditor.recordings.writers.messages import Form, MessageMaker
 from tests.making.forms import CONTAINERS, Container
 from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
@@ -63,6 +64,24 @@ def test_a_grey_camera_gives_the_same_frames_in_three_channels(tmp_path: Path) -
     with open_recording(tmp_path / "tripled.mcap") as recording:
         frames, _ = split(stream_of(recording, colour=True))
     assert all(same_frame(a, b) for a, b in zip(frames, plain, strict=True))
+
+
+def filled(rows: int, level: int) -> np.ndarray:
+    pixels = np.random.default_rng(2).integers(0, 255, (48, 64), np.uint8)
+    pixels[48 - rows :] = level
+    return pixels
+
+
+@pytest.mark.parametrize(("rows", "level", "says"), [(48, 0, "shows nothing"), (24, 128, "last 24 rows were never")])
+def test_a_picture_that_no_sensor_gives_is_damaged(rows: int, level: int, says: str) -> None:
+    for pixels in (filled(rows, level), np.stack([filled(rows, level)] * 3, axis=-1)):
+        with pytest.raises(DecodingError, match=says):
+            check_received(pixels)
+
+
+@pytest.mark.parametrize(("rows", "level"), [(48, 255), (24, 255), (6, 0), (3, 128), (0, 0)])
+def test_light_everywhere_bars_and_a_few_rows_are_no_damage(rows: int, level: int) -> None:
+    check_received(filled(rows, level))
 
 
 def test_cameras_that_share_a_topic_are_said(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ class CalibrationCheck:
         if max(in_view) < GEOMETRY_FIT.fewest_in_view:
             return f"no camera sees points of the LiDAR {lidar.name} in any frame: {_REPAIR}"
         known = [better for better in self._fits_before if not isnan(better)]
-        if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= GEOMETRY_FIT.better_by:
+        if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
             return (
                 f"the points of the LiDAR {lidar.name} fit the images of the frame behind their own, and not those: "
                 "its stamps are a period early; put them right, or give its offset in a rig file (--rig)"
