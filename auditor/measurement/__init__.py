@@ -5,7 +5,7 @@ import cv2
 from auditor.measurement.fault_features.calibration_check import CalibrationCheck
 from auditor.measurement.fault_features.collect import FaultFeatures
 from auditor.measurement.fault_features.frozen_data import RepeatedData
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, geometry_fit
+from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import FrameArrays
@@ -31,6 +31,7 @@ __all__ = [
     "PictureBook",
     "RepeatedData",
     "draw",
+    "fit_of_sides",
     "geometry_fit",
     "instruction_sets",
     "localise",

@@ -7,6 +7,8 @@ from auditor.model.parameter import BY_HAND, parameter
 _DECISIONS = "docs/decisions.md"
 _WARNINGS = "docs/decisions.md, a rig that does not fit: clean frames and false geometry (benchmark of commit 2f670669)"
 
+_LENSES = "docs/decisions.md, a lens by the angle with coefficients of 0: the right reading 0.5 to 0.7, the wrong 0.1"
+
 _FIT = "docs/decisions.md, verdicts withheld: between clean, attacked and wrong geometry (benchmark geometry_fit)"
 
 
@@ -24,6 +26,11 @@ class CalibrationCheck:
     fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
     smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
     frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
+    successive: int = parameter(20, unit="first frames, each of which is held against the cloud before", source=BY_HAND)
+    fewest_successive: int = parameter(4, unit="of those that can be compared", source=BY_HAND)
+    better_before: float = parameter(
+        0.08, unit="share by which the cloud before fits better, the median", source=f"{_DECISIONS}, a period early"
+    )
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,8 @@ class GeometryFit:
     fits: float = parameter(0.5, unit="share from which on a way to read a calibration fits", source=_FIT)
     better_by: float = parameter(0.12, unit="share by which it has to fit better than the standard's", source=_FIT)
     fewest_in_view: int = parameter(20, unit="LiDAR points in the view of a camera", source=BY_HAND)
+    side_columns: int = parameter(2, unit="columns of regions at each side, where lenses differ", source=_LENSES)
+    sides_better_by: float = parameter(0.25, unit="share of the sides' points by which a lens fits", source=_LENSES)
     most_checked: int = parameter(6, unit="frames by which ways to read a calibration are compared", source=BY_HAND)
     every_checked: int = parameter(4, unit="frames, of which one is compared so", source=BY_HAND)
 

@@ -18,6 +18,7 @@ from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
     GeometryFit,
+    fit_of_sides,
     geometry_fit,
     measure,
     measure_stream,
@@ -37,6 +38,7 @@ from auditor.recordings import (
     RigInForce,
     RigsInForce,
     Survey,
+    ZeroLens,
     contradictions,
     find_rigs,
     given_rig,
@@ -46,6 +48,7 @@ from auditor.recordings import (
     search_rigs,
     survey,
     synchronise,
+    zero_lenses,
 )
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
@@ -78,6 +81,45 @@ def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
 
     Raises RigError where there is no rig.
     """
+    doubted = zero_lenses(surveyed)
+    if doubted:
+        settled, remark = _settled_lens(recording, surveyed, doubted)
+        rigs = _settled_places(recording, settled)
+        return rigs._replace(remarks=(*remark, *rigs.remarks))
+    return _settled_places(recording, surveyed)
+
+
+def _settled_lens(recording: Recording, surveyed: Survey, doubted: Mapping[str, str]) -> tuple[Survey, tuple[str, ...]]:
+    """The survey with the reading of lenses, named with coefficients of 0, that points and images fit; a remark on it.
+
+    Where they do not tell the cameras are left out: read wrongly, a lens makes every frame look attacked.
+    """
+    read = {lens: read_by(surveyed, replace(surveyed.conventions, zero_lens=lens)) for lens in ZeroLens}
+    named, none = (_sides(recording, read[lens], doubted) for lens in (ZeroLens.NAMED, ZeroLens.NONE))
+    if named - none >= GEOMETRY_FIT.sides_better_by:
+        return surveyed, ()
+    if none - named >= GEOMETRY_FIT.sides_better_by:
+        remark = f"{next(iter(doubted.values()))}: none was taken, for so the images and points fit"
+        return read[ZeroLens.NONE], (remark,)
+    return read[ZeroLens.LEFT_OUT], ()
+
+
+def _sides(recording: Recording, surveyed: Survey, topics: Mapping[str, str]) -> float:
+    """How well the sides of the views fit, of the first rig with stereo and a LiDAR that has a camera of these topics.
+
+    NaN where no rig has.
+    """
+    for rig in search_rigs(surveyed).rigs:
+        if rig.lidar is not None and rig.n > 1 and any(camera.topic in topics for camera in rig.cameras):
+            use_one_thread()
+            matcher = find_matcher("sgbm")
+            frames = _frames(recording, surveyed, rig)
+            return _better_frames([fit_of_sides(measure(frame, rig, matcher)[1]) for frame in frames])
+    return float("nan")
+
+
+def _settled_places(recording: Recording, surveyed: Survey) -> RigsInForce:
+    """As `settled_rigs`, whatever the lenses."""
     found = contradictions(surveyed)
     if not (found.sentences or found.doubts):
         return rigs_in_force(recording, surveyed)
@@ -104,7 +146,7 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     RigError where there is no rig.
     """
     found = contradictions(surveyed)
-    if found.sentences or found.doubts or not surveyed.interleaved:
+    if found.sentences or found.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
         return None
     return rigs_unless_changed(recording, surveyed)
 
@@ -131,9 +173,11 @@ def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
 
 def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> RigInForce | None:
     """When the rig of an id is in force, however the recording's calibrations are read; None where it never is."""
-    for conventions in contradictions(surveyed).candidates:
+    lenses = ZeroLens if zero_lenses(surveyed) else (surveyed.conventions.zero_lens,)
+    read = [read_by(surveyed, replace(surveyed.conventions, zero_lens=lens)) for lens in lenses]
+    for candidate in (read_by(one, way) for one in read for way in contradictions(one).candidates):
         try:
-            rigs = rigs_in_force(recording, read_by(surveyed, conventions)).rigs
+            rigs = rigs_in_force(recording, candidate).rigs
         except RigError:
             continue
         for one in rigs:

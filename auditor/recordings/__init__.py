@@ -4,9 +4,9 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
-from auditor.recordings.rigs.cameras import read_by
+from auditor.recordings.rigs.cameras import read_by, zero_lenses
 from auditor.recordings.rigs.changes import Changes
-from auditor.recordings.rigs.conventions import Positions
+from auditor.recordings.rigs.conventions import Positions, ZeroLens
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
@@ -52,6 +52,7 @@ __all__ = [
     "RigsInForce",
     "Survey",
     "Topic",
+    "ZeroLens",
     "check_health",
     "check_rig",
     "check_rig_file",
@@ -83,4 +84,5 @@ __all__ = [
     "write_db3",
     "write_mcap",
     "write_rig",
+    "zero_lenses",
 ]

@@ -142,6 +142,15 @@ class Sweeps:
 
 
 @dataclass(frozen=True)
+class MovingFrames:
+    """When a frame of tf moves against another in a recording's beginning, and is not mounted on it."""
+
+    fewest_steps: int = parameter(3, unit="steps, one of which may be a place that was put right", source=BY_HAND)
+    step_m: float = parameter(0.1, unit="m of a step", source="mountings that are measured anew move by less; by hand")
+    step_rad: float = parameter(0.05, unit="rad of a step, as a change of the rotation matrix", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class LidarChoice:
     """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
 
@@ -227,6 +236,15 @@ class PictureOrder:
 
 
 @dataclass(frozen=True)
+class OddPictures:
+    """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
+
+    most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
+    rows_apart: int = parameter(16, unit="rows from one that is looked at first to the next", source=BY_HAND)
+    least_filled: float = parameter(0.1, unit="share of the rows, of one level that is not black", source=BY_HAND)
+
+
+@dataclass(frozen=True)
 class SensorLike:
     """From which data rate on a topic of an unlisted type may be a camera or a LiDAR, so that it has to be looked at.
 
@@ -247,11 +265,13 @@ class SensorLike:
 RIG_LIMITS = RigLimits()
 SWEEPS = Sweeps()
 LIDAR_CHOICE = LidarChoice()
+MOVING_FRAMES = MovingFrames()
 POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
 PICTURE_ORDER = PictureOrder()
+ODD_PICTURES = OddPictures()
 
 POSES = Poses()
 
@@ -260,8 +280,18 @@ SENSOR_LIKE = SensorLike()
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH, PICTURE_ORDER, SWEEPS, LIDAR_CHOICE, POINT_UNITS)
-"""All that can change which cameras form a rig, and what a rig says of them."""
+RIG_FINDING = (
+    RIG_LIMITS,
+    CAMERA_LIMITS,
+    PICTURE_DEPTH,
+    PICTURE_ORDER,
+    ODD_PICTURES,
+    SWEEPS,
+    LIDAR_CHOICE,
+    POINT_UNITS,
+    MOVING_FRAMES,
+)
+"""All that can change which cameras form a rig, what a rig says of them, and how odd pictures are read."""
 
 ACCOUNTING = (SENSOR_LIKE,)
 """All that can change which topics count as sensors that cannot be read; no count and no verdict depends on them."""

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from auditor.cli import run
-from auditor.errors import ThresholdsError
+from auditor.errors import RigError, ThresholdsError
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.geometry import rigs_through
@@ -141,6 +144,54 @@ def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: 
     assert "--rig" in found.withheld
 
 
+def with_zero_lens(rig: Rig, *, lidar: bool = True) -> Rig:
+    """The rig of the same cameras, as a driver describes them that calls any lens `equidistant`."""
+    cameras = (
+        replace(camera, topic=f"/{camera.name}/image_raw", rectified=False, lens=Lens("equidistant", (0.0,) * 4))
+        for camera in rig.cameras
+    )
+    return Rig(rig.lidar if lidar else None, tuple(cameras))
+
+
+def bent(frame: Frame, rig: Rig) -> Frame:
+    """The frame as cameras see it whose lens maps equal angles to equal distances."""
+    images = {}
+    for number, image in frame.images.items():
+        K, (height, width) = rig.camera(number).projection[:, :3], image.pixels.shape[:2]
+        v, u = np.mgrid[:height, :width]
+        x, y = (u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]
+        angle = np.maximum(np.hypot(x, y), 1e-9)
+        ratio = np.tan(angle) / angle
+        at = (np.float32(K[0, 0] * x * ratio + K[0, 2]), np.float32(K[1, 1] * y * ratio + K[1, 2]))
+        images[number] = replace(image, pixels=cv2.remap(image.pixels, *at, cv2.INTER_LINEAR))
+    return replace(frame, images=images)
+
+
+def test_a_lens_named_without_coefficients_is_none_where_the_sides_fit_so(
+    drive: SyntheticDrive, tmp_path: Path
+) -> None:
+    write_mcap(tmp_path / "named.mcap", with_zero_lens(drive.rig), drive.frames())
+    found = found_in(tmp_path / "named.mcap")
+    assert not found.withheld
+    assert "is called 'equidistant' with coefficients of 0: none was taken" in found.remarks[0]
+    assert {camera.lens for camera in found.rigs[0].rig.cameras} == {NO_LENS}
+
+
+def test_a_lens_of_zeros_is_as_named_where_the_sides_fit_so(drive: SyntheticDrive, tmp_path: Path) -> None:
+    frames = (bent(frame, drive.rig) for frame in drive.frames())
+    write_mcap(tmp_path / "bent.mcap", with_zero_lens(drive.rig), frames)
+    found = found_in(tmp_path / "bent.mcap")
+    assert not found.remarks
+    assert {camera.lens.model for camera in found.rigs[0].rig.cameras} == {"equidistant"}
+
+
+def test_cameras_are_left_out_where_nothing_tells_which_lens_they_have(drive: SyntheticDrive, tmp_path: Path) -> None:
+    frames = (replace(frame, cloud=None) for frame in drive.frames())
+    write_mcap(tmp_path / "unsaid.mcap", with_zero_lens(drive.rig, lidar=False), frames)
+    with pytest.raises(RigError, match="do not tell whether it has one: give a rig file"):
+        found_in(tmp_path / "unsaid.mcap")
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [
@@ -170,6 +221,20 @@ def test_points_that_fit_no_image_are_no_attack(drive: SyntheticDrive, tmp_path:
     assert run(["judge", str(tmp_path / "audit"), "--method", "paper"]) == 3
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
     assert run(["inspect", str(tmp_path / "feet.mcap")]) == 3
+
+
+def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> None:
+    drive = replace(make_drive(2, 6, width_px=621, height_px=188), speed_m_s=18.0)
+    frames = list(drive.frames())
+    early = [
+        replace(frame, cloud=replace(behind.cloud, stamp_ns=frame.stamp_ns)) if behind.cloud else frame
+        for frame, behind in pairwise(frames)
+    ]
+    write_mcap(tmp_path / "early.mcap", drive.rig, early)
+    code, store, withheld = scan(tmp_path / "early.mcap", tmp_path)
+    assert code == 3
+    assert "its stamps are a period early" in withheld
+    assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
 
 
 def test_points_in_millimetres_are_not_read(

@@ -1,5 +1,6 @@
 """Every container with every form of images: the frames that went in come out, and every message is accounted for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,8 +8,9 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from auditor.recordings import open_recording, survey
-from auditor.recordings.decoding.pictures import encode_picture
+from auditor.errors import DecodingError
+from auditor.recordings import open_recording, survey, write_mcap
+from auditor.recordings.decoding.pictures import check_received, encode_picture, grey_if_grey
 from auditor.recordings.writers.messages import Form, MessageMaker
 from tests.making.forms import CONTAINERS, Container
 from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
@@ -39,6 +41,47 @@ def test_a_recording_gives_the_frames_that_were_written(
         for number, image in frame.images.items():
             packed = np.frombuffer(encode_picture(before.images[number].pixels, "jpeg"), np.uint8)
             assert np.array_equal(image.pixels, cv2.imdecode(packed, cv2.IMREAD_GRAYSCALE))
+
+
+@pytest.mark.parametrize(("apart", "grey"), [(0, True), (2, True), (3, False)])
+def test_a_grey_picture_of_three_channels_is_grey(apart: int, grey: bool) -> None:
+    """As grey cameras are recorded in bgr8, WebP and videos; lossy codecs round the channels a little."""
+    levels = np.random.default_rng(1).integers(0, 250, (48, 64), np.uint8)
+    pixels = np.stack([levels] * 3, axis=-1)
+    pixels[7, 9, 0] += apart
+    found = grey_if_grey(pixels)
+    assert found.ndim == (2 if grey else 3)
+    assert np.array_equal(found, pixels) if not grey else np.abs(found.astype(int) - levels).max() <= 1
+
+
+def test_a_grey_camera_gives_the_same_frames_in_three_channels(tmp_path: Path) -> None:
+    plain = FRAMES[False]
+    tripled = [
+        replace(frame, images={n: replace(i, pixels=np.stack([i.pixels] * 3, -1)) for n, i in frame.images.items()})
+        for frame in plain
+    ]
+    write_mcap(tmp_path / "tripled.mcap", RIG, tripled)
+    with open_recording(tmp_path / "tripled.mcap") as recording:
+        frames, _ = split(stream_of(recording, colour=True))
+    assert all(same_frame(a, b) for a, b in zip(frames, plain, strict=True))
+
+
+def filled(rows: int, level: int) -> np.ndarray:
+    pixels = np.random.default_rng(2).integers(0, 255, (48, 64), np.uint8)
+    pixels[48 - rows :] = level
+    return pixels
+
+
+@pytest.mark.parametrize(("rows", "level", "says"), [(48, 0, "shows nothing"), (24, 128, "last 24 rows were never")])
+def test_a_picture_that_no_sensor_gives_is_damaged(rows: int, level: int, says: str) -> None:
+    for pixels in (filled(rows, level), np.stack([filled(rows, level)] * 3, axis=-1)):
+        with pytest.raises(DecodingError, match=says):
+            check_received(pixels)
+
+
+@pytest.mark.parametrize(("rows", "level"), [(48, 255), (24, 255), (6, 0), (3, 128), (0, 0)])
+def test_light_everywhere_bars_and_a_few_rows_are_no_damage(rows: int, level: int) -> None:
+    check_received(filled(rows, level))
 
 
 def test_cameras_that_share_a_topic_are_said(tmp_path: Path) -> None:

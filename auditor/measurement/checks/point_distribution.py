@@ -69,9 +69,14 @@ def point_dropout(view: LidarView, width_px: int) -> float:
     """The share of the usual points that the upright strip with the fewest points lacks, 0 to 1.
 
     Strips are 104 px wide, every 8 px one; usual is the median strip's number of points. 1 where the view has none.
+    Of a LiDAR that looks ahead alone the strips within its field count, unless that is narrower than two of them.
     """
     steps = np.bincount(view.column // _STEP_PX, minlength=-(-width_px // _STEP_PX))[: width_px // _STEP_PX]
     strips = np.convolve(steps, np.ones(min(POINT_DROPOUT.strip_steps, steps.size)), mode="valid")
+    if view.looks_ahead and view.returns:
+        left, right = np.ceil(view.span_px[0] / _STEP_PX), view.span_px[1] // _STEP_PX - POINT_DROPOUT.strip_steps
+        within = strips[max(int(left), 0) : max(int(right) + 1, 0)]
+        strips = within if within.size >= POINT_DROPOUT.strip_steps else strips
     usual = float(np.median(strips))
     return max(1.0 - float(strips.min()) / usual, 0.0) if usual > 0 else 1.0
 

@@ -21,8 +21,9 @@ class LidarView:
 
     `column` and `row` are (M,) integer pixels; `u_px` the (M,) exact column; `point_m` the (M, 3) points in the LiDAR
     frame; `returns` counts the points in view before any was dropped, and `in_view_m` (returns, 3) are these; `span_px`
-    are the leftmost and rightmost columns that the LiDAR's field reaches, in the image or beyond it; `rig` is what the
-    points were projected by.
+    are the leftmost and rightmost columns that the LiDAR's field reaches, in the image or beyond it; `looks_ahead` is
+    whether it has hardly a point behind the camera, as one whose field ends there; `rig` is what the points were
+    projected by.
     """
 
     reference: int
@@ -34,6 +35,7 @@ class LidarView:
     rig: Rig
     in_view_m: Points
     span_px: tuple[float, float]
+    looks_ahead: bool
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
     _places: dict[tuple[int, int], Indices] = field(default_factory=dict, init=False, repr=False)
 
@@ -74,6 +76,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     P = _projection(rig, camera)
     points = cloud.xyz_m
     depth = points @ P[2, :3] + P[2, 3]
+    looks_ahead = int(np.count_nonzero(depth < 0)) <= LIDAR_PROJECTION.beside_span * len(points)
     points = points.take(np.flatnonzero(depth > LIDAR_PROJECTION.nearest_m), axis=0)
     u, v, depth = _project(P, points)
     column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
@@ -82,8 +85,9 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     in_view_m = points.take(inside, axis=0)
     kept = _nearest(camera, column[inside], row[inside], depth[inside], inside)
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
+    point_m, span = points.take(kept, axis=0), _span(u)
     return LidarView(
-        reference, column[kept], row[kept], u[kept], points.take(kept, axis=0), inside.size, rig, in_view_m, _span(u)
+        reference, column[kept], row[kept], u[kept], point_m, inside.size, rig, in_view_m, span, looks_ahead
     )
 
 

@@ -11,12 +11,14 @@ from math import isnan, nan
 
 import numpy as np
 
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, geometry_fit
+from auditor.measurement.checks.point_distribution import is_thinned
+from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
+from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
 
 _REPAIR = (
@@ -38,10 +40,16 @@ class CalibrationCheck:
         self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
         self._fits: list[GeometryFit] = []
+        self._thinned: list[bool] = []
+        self._before: PointCloud | None = None
+        self._fits_before: list[float] = []
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
+        before, self._before = self._before, arrays.cloud
+        if before is not None and arrays.cloud is not None and number < CALIBRATION_CHECK.successive:
+            self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays))
         if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
             self.add(arrays, fault_features)
 
@@ -49,6 +57,8 @@ class CalibrationCheck:
         """Take this frame."""
         self._rig = arrays.rig
         self._fits.append(geometry_fit(arrays))
+        views = [view for own in (arrays, *(one.own for one in arrays.pairs.values())) for view in own.lidar.values()]
+        self._thinned += [is_thinned(view) for view in views[:1]]
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -66,7 +76,12 @@ class CalibrationCheck:
             if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
         ]
         # Where rows do not fit, stereo's distances cannot check the LiDAR's.
-        return tuple(off) or tuple(self._lidar_warnings(self._rig))
+        return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
+
+    def _not_measured(self, rig: Rig) -> Iterator[str]:
+        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them."""
+        if rig.lidar is not None and rig.n > 1 and 2 * sum(self._thinned) > len(self._thinned):
+            yield f"the points of the LiDAR {rig.lidar.name} {FAR_APART}"
 
     @property
     def pictures(self) -> float:
@@ -90,6 +105,12 @@ class CalibrationCheck:
             return ""
         if max(in_view) < GEOMETRY_FIT.fewest_in_view:
             return f"no camera sees points of the LiDAR {lidar.name} in any frame: {_REPAIR}"
+        known = [better for better in self._fits_before if not isnan(better)]
+        if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
+            return (
+                f"the points of the LiDAR {lidar.name} fit the images of the frame behind their own, and not those: "
+                "its stamps are a period early; put them right, or give its offset in a rig file (--rig)"
+            )
         points = _fitting([fit.points for fit in self._fits])
         name, other = self._best_axes()
         if other >= GEOMETRY_FIT.fits and not other - points < GEOMETRY_FIT.better_by:

@@ -22,7 +22,8 @@ from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, PATCH_CORRELAT
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.arrays import Floats, Indices, Mask
-from auditor.model.checks import resolves_depth
+from auditor.model.checks import Pair, resolves_depth
+from auditor.model.frames import PointCloud
 
 _ROWS, _COLUMNS = GEOMETRY_FIT.regions
 
@@ -58,10 +59,7 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
     of_pairs = dict(zip(arrays.maps, _parts(arrays), strict=True))
     fits = {pair: _of_pictures(own.frame_checks.consistencies[i, k]) for pair, (own, i, k) in of_pairs.items()}
-    deep = {pair: one for pair, one in of_pairs.items() if resolves_depth(one[0].rig, *one[1:])}
-    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in deep.values()), default=0.0)
-    wide_m = GEOMETRY_FIT.least_width * widest_m
-    wide = {pair: one for pair, one in deep.items() if one[0].rig.baseline_m(*one[1:]) >= wide_m}
+    wide = _wide(of_pairs)
     parts = list(wide.values())
     pictures = _measured(fits[pair] for pair in wide)
     seen = [part for part in parts if part[2] in part[0].lidar]
@@ -76,6 +74,32 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
         max((own.lidar[k].returns for own, _, k in seen), default=-1),
         others,
     )
+
+
+def fit_of_sides(arrays: FrameArrays, cloud: PointCloud | None = None) -> float:
+    """The share of the LiDAR's points that agree with stereo at both sides of the views; NaN where too few are there.
+
+    A lens that is read wrongly bends the sides, and hardly the middle; points of another moment lie elsewhere there.
+    `cloud` takes the place of the frame's own.
+    """
+    compared = agreeing = 0
+    for own, i, k in _wide(dict(zip(arrays.maps, _parts(arrays), strict=True))).values():
+        if k in own.lidar:
+            view = own.lidar[k] if cloud is None else lidar_view(cloud, own.rig, k)
+            region, agree = _compared_points(view, (own, i, k))
+            column = region % _COLUMNS
+            aside = np.minimum(column, _COLUMNS - 1 - column) < GEOMETRY_FIT.side_columns
+            compared += int(np.count_nonzero(aside))
+            agreeing += int(np.count_nonzero(agree & aside))
+    return agreeing / compared if compared >= GEOMETRY_FIT.fewest_points * GEOMETRY_FIT.fewest_regions else nan
+
+
+def _wide(of_pairs: Mapping[Pair, _Part]) -> dict[Pair, _Part]:
+    """The pairs that resolve depth, less those much narrower than the widest."""
+    deep = {pair: one for pair, one in of_pairs.items() if resolves_depth(one[0].rig, *one[1:])}
+    widest_m = max((own.rig.baseline_m(i, k) for own, i, k in deep.values()), default=0.0)
+    wide_m = GEOMETRY_FIT.least_width * widest_m
+    return {pair: one for pair, one in deep.items() if one[0].rig.baseline_m(*one[1:]) >= wide_m}
 
 
 def _of_axes(parts: Sequence[_Part], axes: tuple[float, float, float]) -> float:
@@ -98,13 +122,17 @@ def _parts(arrays: FrameArrays) -> Iterator[_Part]:
 
 
 def _of_points(view: LidarView, part: _Part) -> float:
+    return _better_regions(*_compared_points(view, part), GEOMETRY_FIT.fewest_points)
+
+
+def _compared_points(view: LidarView, part: _Part) -> tuple[Indices, Mask]:
+    """The regions of the points that can be compared, and whether they agree with stereo."""
     own, i, k = part
     points = LidarComparison.of(view, own.maps[i, k], own.frame_checks.consistencies[i, k], i)
     apart_px = differences(points, points.sure_px)
     compared = ~np.isnan(apart_px)
     region = _region(points.row[compared] // HALF, points.column[compared] // HALF, points.sure_px.shape)
-    agree = np.abs(apart_px[compared]) <= LIDAR_AGREEMENT.agree_px
-    return _better_regions(region, agree, GEOMETRY_FIT.fewest_points)
+    return region, np.abs(apart_px[compared]) <= LIDAR_AGREEMENT.agree_px
 
 
 def _of_pictures(consistency: PairConsistency) -> float:

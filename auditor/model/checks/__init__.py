@@ -39,6 +39,12 @@ SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOT
 SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
+FAR_APART = (
+    "lie so far apart, as where only some were recorded, that lost returns and rough ranges are not measured: what is "
+    "removed from the cloud may pass unseen"
+)
+"""What is said of the points of a LiDAR whose clouds are thinned; it casts no doubt on a calibration."""
+
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
 

@@ -15,7 +15,7 @@ from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.picture_heads import Picture, check_whole, inspect_picture
-from auditor.recordings.parameters import PICTURE_DEPTH
+from auditor.recordings.parameters import ODD_PICTURES, PICTURE_DEPTH
 from auditor.safety.budget import MAX_PIXELS
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
@@ -65,6 +65,9 @@ def _decode(data: memoryview, picture: Picture, *, in_colour: bool) -> Values:
     return np.asarray(values, dtype=np.uint16 if picture.deep else np.uint8)
 
 
+_SATURATED = 255
+
+
 def depth_of(largest: int) -> int:
     """The bits of a camera of whose values this is the largest. Those at the upper end of 16 bits have 16."""
     return next((bits for bits in PICTURE_DEPTH.bits if largest < 1 << bits), MOST_BITS)
@@ -79,6 +82,34 @@ def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
     for row, into in zip(values, kept, strict=True):  # whole pictures of 16 bits would take twice their memory
         np.minimum(row >> shift, 255, out=into, casting="unsafe")
     return kept
+
+
+def check_received(pixels: NDArray[np.uint8]) -> None:
+    """Raises DecodingError for a picture without any content, or whose last rows were filled in by a decoder.
+
+    What a sensor gives has noise, or saturates. Drivers give zeros before the first exposure, and decoders one level
+    where a picture was cut; black rows may be the bars of an encoder.
+    """
+    last = pixels[-1, 0]
+    if not (pixels[-1] == last).all() or (last == _SATURATED).all():
+        return
+    filled = int(np.argmin((pixels == last).reshape(len(pixels), -1).all(axis=1)[::-1])) or len(pixels)
+    if filled == len(pixels):
+        raise DecodingError("it shows nothing: all of its pixels are the same")
+    if last.any() and filled >= ODD_PICTURES.least_filled * len(pixels):
+        raise DecodingError(f"its last {filled} rows were never received: all of their pixels are the same")
+
+
+def grey_if_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) of a picture (H, W, 3) that has no colour anywhere, as many grey cameras are recorded; else as it is."""
+    if pixels.ndim == 2 or _coloured(pixels[:: ODD_PICTURES.rows_apart]) or _coloured(pixels):
+        return pixels
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+
+def _coloured(pixels: NDArray[np.uint8]) -> bool:
+    blue, green, red = cv2.split(pixels)
+    return max(float(cv2.norm(green, one, cv2.NORM_INF)) for one in (blue, red)) > ODD_PICTURES.most_apart
 
 
 def roughness(values: Values, step: int) -> float:

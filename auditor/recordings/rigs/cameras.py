@@ -8,17 +8,19 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, camera_centre, motion
-from auditor.model.optics.lenses import NO_LENS, Lens, of_camera
+from auditor.model.optics.lenses import FISHEYE, NO_LENS, Lens, of_camera
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
 from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
-from auditor.recordings.rigs.conventions import Axes, Conventions, Scale
+from auditor.recordings.rigs.conventions import Axes, Conventions, Scale, ZeroLens
 from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
 """kitti2bag writes rectified images as image_raw, with the K and D of the unrectified camera."""
+
+_SAY_LENS = "give a rig file (--rig) that says which lens it has"
 
 _BODY_R_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 
@@ -80,6 +82,16 @@ def read_by(survey: Survey, conventions: Conventions) -> Survey:
     return replace(survey, conventions=conventions, transforms=(*survey.transforms, *optical))
 
 
+def zero_lenses(survey: Survey) -> dict[str, str]:
+    """The image topics of cameras whose lens is one by the angle with coefficients of 0, each with a sentence on it."""
+    views = [view for view in find_views(survey, []) if view.lens.model == FISHEYE and not any(view.lens.coefficients)]
+    return {view.image.topic.name: f"the lens of {view.name} {_zero_lens(view.info)}" for view in views}
+
+
+def _zero_lens(info: CameraInfo) -> str:
+    return f"is called {info.distortion_model!r} with coefficients of 0"
+
+
 def optical_frame(frame_id: str, axes: Axes) -> str:
     """The frame whose z axis looks ahead, of a camera whose frame is called so."""
     return frame_id if axes is Axes.OPTICAL else f"{frame_id} (optical)"
@@ -100,7 +112,7 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
             continue
         topic, info = found
         try:
-            view = _view(image, info, survey.conventions.scale)
+            view = _view(image, info, survey.conventions)
         except RigError as error:
             reasons.append(Reason(f"{image.topic.name}: {error.what}", image.topic.name))
             continue
@@ -119,11 +131,17 @@ def sensor_name(topic: str) -> str:
     return parts[-1] if parts else topic
 
 
-def _view(image: ImageTopic, info: CameraInfo, scale: Scale) -> View:
+def _view(image: ImageTopic, info: CameraInfo, conventions: Conventions) -> View:
     """The view of an image topic. Raises RigError where its calibration is not that of a camera."""
     check_size(image.size_px)
-    repairs = _scaled(image, info) if scale is Scale.DECLARED else ()
-    info = of_pictures(info, image.size_px, scale)
+    repairs = _scaled(image, info) if conventions.scale is Scale.DECLARED else ()
+    info = of_pictures(info, image.size_px, conventions.scale)
+    if conventions.zero_lens is not ZeroLens.NAMED and _is_zero_lens(image, info):
+        if conventions.zero_lens is ZeroLens.LEFT_OUT:
+            raise RigError(
+                f"its lens {_zero_lens(info)}, and images and points do not tell whether it has one: {_SAY_LENS}"
+            )
+        info = replace(info, distortion_model="", distortion=())
     if _is_rectified(image, info):
         view = View(image, info, rectified=True, lens=NO_LENS, repairs=repairs)
     else:
@@ -131,6 +149,13 @@ def _view(image: ImageTopic, info: CameraInfo, scale: Scale) -> View:
         view = View(image, replace(info, intrinsics=K), rectified=False, lens=lens, repairs=repairs)
     check_camera((view.K, view.projection[:, :3]), view.rotation, view.lens.coefficients)
     return view
+
+
+def _is_zero_lens(image: ImageTopic, info: CameraInfo) -> bool:
+    if _is_rectified(image, info):
+        return False
+    lens = of_camera(info.distortion_model, info.distortion, info.intrinsics)[0]
+    return lens.model == FISHEYE and not any(lens.coefficients)
 
 
 def _scaled(image: ImageTopic, info: CameraInfo) -> tuple[str, ...]:

@@ -42,6 +42,18 @@ class Axes(StrEnum):
     BODY = "body"
 
 
+class ZeroLens(StrEnum):
+    """What a lens by the angle (`equidistant`) is whose coefficients are all 0.
+
+    NAMED: such a lens, as simulators have it. NONE: no lens, as drivers mean that name it and know no coefficients.
+    LEFT_OUT: not known; the camera is left out.
+    """
+
+    NAMED = "named"
+    NONE = "none"
+    LEFT_OUT = "left out"
+
+
 @dataclass(frozen=True)
 class Conventions:
     """How camera infos and tf are read. The first values are those of the standard (sensor_msgs/CameraInfo)."""
@@ -49,6 +61,7 @@ class Conventions:
     positions: Positions = Positions.P
     scale: Scale = Scale.DECLARED
     axes: Axes = Axes.OPTICAL
+    zero_lens: ZeroLens = ZeroLens.NAMED
 
     def __str__(self) -> str:
         """What differs from the standard, in words; empty where nothing does."""

@@ -22,7 +22,7 @@ from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import chained_cameras, read_calibrations, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.lidar_choice import best_lidar
-from auditor.recordings.rigs.lidars import lidar_of, lidars_alone
+from auditor.recordings.rigs.lidars import lidar_of, lidars_alone, on_vehicle
 from auditor.recordings.rigs.ordering import (
     MAX_SQUINT,
     MIN_BASELINE_M,
@@ -78,8 +78,9 @@ def search_rigs(survey: Survey) -> FoundRigs:
     second camera. Each LiDAR that is in no rig with a camera is one alone: it is compared with its own past.
     """
     reasons: list[Reason] = []
-    frames = FrameTree(survey.transforms)
     rigs: list[Rig] = []
+    frames = FrameTree(survey.transforms)
+    survey = replace(survey, clouds=on_vehicle(survey, frames, reasons))
     views = find_views(survey, reasons)
     why: list[Reason] = []
     for group in grouped(views, frames):
@@ -242,9 +243,8 @@ def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
     reasons: list[Reason] = []
     cameras = chained_cameras(found, path)
     _check_count(len(cameras))
-    lidar = _lidar_beside(cameras, survey)
     aside, turn = aligned(cameras, reasons)
-    rig = _rig(aside, _turned(lidar, turn), reasons)
+    rig = _rig(aside, _turned(_lidar_beside(cameras, survey), turn), reasons)
     if rig is None:
         raise RigError("no triple possible: " + "; ".join(map(str, reasons)), where=path)
     return rig
@@ -254,7 +254,7 @@ def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
     frames = FrameTree(survey.transforms)
     frame_ids = {image.topic.name: image.frame_id for image in survey.images}
     for camera in cameras:
-        for cloud in sorted(survey.clouds, key=lambda cloud: -cloud.points):
+        for cloud in sorted(on_vehicle(survey, frames, []), key=lambda cloud: -cloud.points):
             camera_SE3_lidar = frames.between(frame_ids.get(camera.topic, ""), cloud.frame_id)
             if camera_SE3_lidar is not None:
                 rig_SE3_lidar = motion(camera.rotation.T, camera.centre_m) @ camera_SE3_lidar

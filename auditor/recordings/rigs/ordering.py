@@ -146,7 +146,7 @@ def contradictions(survey: Survey) -> Contradictions:
     sentences = tuple(filter(None, (*sizes, *places)))
     upwards = tuple(filter(None, (_of_axes(view, survey, frames) for view in views)))
     candidates = tuple(
-        Conventions(positions, scale, axes)
+        replace(survey.conventions, positions=positions, scale=scale, axes=axes)
         for positions in ((Positions.P, Positions.TF) if any(places) else (Positions.P,))
         for scale in (Scale if any(sizes) else (Scale.DECLARED,))
         for axes in (Axes if upwards else (Axes.OPTICAL,))

@@ -20,6 +20,7 @@ from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
+from auditor.recordings.decoding.pictures import check_received, grey_if_grey
 from auditor.recordings.recording import Damage, Recording
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
@@ -94,7 +95,9 @@ class FrameStream:
         self._counts = counts_of(self._rig.sensors, self.timing)
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(self._recording.definition, self._rig.units_m)
-        return _FrameMaker(self._rig, self._decoders, self._counts, self._time, colour=self._colour)
+        return _FrameMaker(
+            self._rig, self._decoders, self._counts, self._time, self._lidar_starts_ns, colour=self._colour
+        )
 
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
         """The groups of some frames; the recording is not read behind the last one."""
@@ -184,9 +187,16 @@ class FrameStream:
             decoder.follow(message)
 
     @property
+    def _lidar_starts_ns(self) -> int:
+        """When the LiDAR's first cloud with points was recorded; 0 where its first one has."""
+        topic = self._rig.lidar.topic if self._rig.lidar else ""
+        return next((cloud.starts_ns for cloud in self._survey.clouds if cloud.topic.name == topic), 0)
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on clocks that were put together, and on what of the last iteration's messages was put right."""
-        return (*self.timing.remarks, *self._decoders.repairs)
+        start = [f"{self._rig.name(LIDAR)} {_STARTS}"] if self._lidar_starts_ns else []
+        return (*self.timing.remarks, *start, *self._decoders.repairs)
 
     @property
     def damage(self) -> tuple[Damage, ...]:
@@ -230,6 +240,8 @@ def synchronise(
     return FrameStream(recording, rig, survey, colour=colour, stretches=stretches)
 
 
+_STARTS = "has hardly a point at the recording's beginning: a LiDAR that has not started shows nothing"
+
 _MOST_STRETCHES = 1 << 16
 """The time between two stretches is no gap: like the time before a clock was set back, each is counted by itself."""
 
@@ -238,12 +250,20 @@ class _FrameMaker:
     """Decodes the messages of a group."""
 
     def __init__(
-        self, rig: Rig, decoders: Decoders, counts: Mapping[int, Counts], time: TimeLedger, *, colour: bool
+        self,
+        rig: Rig,
+        decoders: Decoders,
+        counts: Mapping[int, Counts],
+        time: TimeLedger,
+        lidar_starts_ns: int,
+        *,
+        colour: bool,
     ) -> None:
         self._rig = rig
         self.decoders = decoders
         self._counts = counts
         self._time = time
+        self._lidar_starts_ns = lidar_starts_ns
         self._colour = colour
 
     def leave(self, group: Group) -> None:
@@ -314,11 +334,14 @@ class _FrameMaker:
         if camera.depth_bits is not None and isinstance(decoder, DeepImageDecoder):
             decoder.use_depth(camera.topic, camera.depth_bits)
         pixels = decoder.pixels(waiting.message, colour=self._colour, size_px=(camera.width_px, camera.height_px))
-        return CameraImage(sensor, waiting.stamp_ns, pixels)
+        check_received(pixels)
+        return CameraImage(sensor, waiting.stamp_ns, grey_if_grey(pixels))
 
     def _cloud(self, waiting: Waiting) -> PointCloud:
         decoder = self.decoders.cloud(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not a point cloud", where=waiting.message.topic)
+        if waiting.messages[-1].log_time_ns < self._lidar_starts_ns:
+            raise DecodingError(f"{self._rig.name(LIDAR)} {_STARTS}", where=waiting.message.topic)
         parts = [decoder.xyz_m(message) for message in waiting.messages]
         return PointCloud(waiting.stamp_ns, parts[0] if len(parts) == 1 else np.concatenate(parts))

@@ -22,49 +22,17 @@ from auditor.recordings.decoding import (
     sensor_types,
 )
 from auditor.recordings.decoding.clouds import check_unit
-from auditor.recordings.decoding.interface import SizePx, TransformsDecoder
+from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, SWEEPS
+from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
+from auditor.recordings.synchronisation.mountings import Mountings
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
-from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
-
-
-class Mountings:
-    """The first transform between each two frames: mountings do not move."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, str], Transform] = {}
-        self._bytes = 0
-
-    def __len__(self) -> int:
-        return len(self._known)
-
-    def all(self) -> tuple[Transform, ...]:
-        """The transforms, in the order in which they came."""
-        return tuple(self._known.values())
-
-    def take(self, message: Message, decoder: TransformsDecoder) -> Iterator[str]:
-        """Take the transforms of a message, and give the problems. Raises DecodingError where it has none."""
-        size = len(message.data)
-        if size > MAX_TRANSFORM_BYTES:
-            yield f"a message of {size} bytes of transforms is left out; at most {MAX_TRANSFORM_BYTES} are accepted"
-        elif len(self._known) >= MAX_TRANSFORMS:
-            yield f"more than {MAX_TRANSFORMS} transforms: the rest of tf is left out"
-        elif self._bytes + size > MAX_TRANSFORMS_BYTES:
-            yield f"more than {MAX_TRANSFORMS_BYTES} bytes of transforms: the rest of tf is left out"
-        else:
-            self._bytes += size
-            for transform in decoder.transforms(message):
-                if transform.problem:
-                    yield f"{transform.parent} to {transform.child}: {transform.problem}"
-                else:
-                    self._known.setdefault((transform.parent, transform.child), transform)
 
 
 class Sample(NamedTuple):
@@ -95,10 +63,11 @@ class ImageTopic:
 
 @dataclass(frozen=True)
 class CloudTopic:
-    """A topic of point clouds; `points` is how many finite ones its first readable cloud has.
+    """A topic of point clouds; `points` is how many finite ones its first readable cloud has that is not all but empty.
 
     Where clouds are parts of sweeps, `sectors` are those of the `samples`; else there are none. `some_m` (N, 3) are
-    some points of its first clouds, in metres; None where they were not looked at.
+    some points of its first clouds, in metres; None where they were not looked at. Clouds recorded before `starts_ns`
+    are all but empty: those of a LiDAR that has not started.
     """
 
     topic: Topic
@@ -107,6 +76,7 @@ class CloudTopic:
     samples: tuple[Sample, ...]
     sectors: tuple[Sector | None, ...] = ()
     some_m: Points | None = field(default=None, compare=False, repr=False)
+    starts_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -127,6 +97,7 @@ class Survey:
     after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
+    `moving` are the frames, as parent and child, that move against each other.
     """
 
     topics: tuple[Topic, ...]
@@ -139,6 +110,7 @@ class Survey:
     other_parts: tuple[Path, ...] = ()
     unreadable: tuple[UnreadableTopic, ...] = ()
     conventions: Conventions = STANDARD
+    moving: frozenset[tuple[str, str]] = frozenset()
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -167,6 +139,7 @@ class _Surveyor:
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}
         self._some_m: dict[str, list[Points]] = {}
+        self._points: dict[str, list[tuple[int, int]]] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._mountings = Mountings()
         self._described: dict[str, tuple[Transform, ...]] = {}
@@ -204,16 +177,14 @@ class _Surveyor:
         return Survey(
             topics=self._recording.topics(),
             images=tuple(pictures),
-            clouds=tuple(
-                CloudTopic(t, f, points, tuple(self._samples[t.name]), self._sectors_of(t.name), self._some_of(t.name))
-                for t, f, points in clouds
-            ),
+            clouds=tuple(self._cloud(topic, frame_id, points) for topic, frame_id, points in clouds),
             camera_infos=dict(sorted(infos.items())),
             transforms=transforms,
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
+            moving=self._mountings.moving(),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -307,12 +278,20 @@ class _Surveyor:
     def _take_sector(self, message: Message, decoder: CloudDecoder) -> None:
         """Note where a cloud looks, as long as the topic's clouds may be parts of sweeps."""
         sectors = self._sectors_seen.setdefault(message.topic, [])
-        if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]):
+        if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]) or not any(sectors):
             xyz_m = decoder.xyz_m(message)
             sectors.append(sector_of(xyz_m))
+            self._points.setdefault(message.topic, []).append((message.log_time_ns, len(xyz_m)))
             some = self._some_m.setdefault(message.topic, [])
             if len(some) < SWEEPS.looked_at:
                 some.append(_thinned(xyz_m, len(some)))
+
+    def _cloud(self, topic: Topic, frame_id: str, points: int) -> CloudTopic:
+        samples, sectors = tuple(self._samples[topic.name]), self._sectors_of(topic.name)
+        seen = self._points.get(topic.name, [])
+        first = next((place for place, (_, count) in enumerate(seen) if count >= POINT_UNITS.fewest_points), 0)
+        starts_ns, points = (seen[first][0], seen[first][1]) if first else (0, points)
+        return CloudTopic(topic, frame_id, points, samples, sectors, self._some_of(topic.name), starts_ns)
 
     def _sectors_of(self, topic: str) -> tuple[Sector | None, ...]:
         sectors = self._sectors_seen.get(topic, [])
