@@ -131,6 +131,7 @@ class Packs:
         self._read: tuple[int, int] | None = None
         self._index = Index()
         self._members: dict[Path, dict[str, Member]] = {}
+        self._packs: dict[str, tuple[Index, dict[str, Path]]] = {}
 
     @property
     def index(self) -> Index:
@@ -159,17 +160,22 @@ class Packs:
 
     def ids(self, table: str) -> set[str]:
         """The ids of a table whose rows packs have."""
-        known = {one for path in self.paths(table) for one in self.members(path)}
-        return known - self.index.removed.get(table, frozenset())
+        return self._packs_of(table).keys() - self.index.removed.get(table, frozenset())
 
     def member(self, table: str, row_id: str) -> tuple[Path, Member] | None:
         """The pack that has the rows of an id, and what it says of them; None where none has."""
-        if row_id in self.index.removed.get(table, ()):
+        path = self._packs_of(table).get(row_id)
+        if path is None or row_id in self.index.removed.get(table, ()):
             return None
-        for path in self.paths(table):
-            if row_id in self.members(path):
-                return path, self.members(path)[row_id]
-        return None
+        return path, self.members(path)[row_id]
+
+    def _packs_of(self, table: str) -> Mapping[str, Path]:
+        """By id the pack that has its rows, of several the first; put together once for each index."""
+        index, known = self.index, self._packs.get(table)
+        if known is None or known[0] is not index:
+            known = index, {one: path for path in reversed(self.paths(table)) for one in self.members(path)}
+            self._packs[table] = known
+        return known[1]
 
     def part(self, table: str, row_id: str) -> Part | None:
         """Where the rows of an id lie; None where no pack has them."""
