@@ -27,7 +27,7 @@ from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.files import Announce
-from auditor.store.records import canonical_json, id_of_json, to_utc
+from auditor.store.records import canonical_json, id_of_json, rig_kind_fields, rig_kind_of, to_utc
 from auditor.store.tables import Row, listed, read_table, row_groups, writing
 
 KEPT_CALIBRATIONS = 4
@@ -266,27 +266,6 @@ class _Parts:
         if self._last is None or self._last[0] != group:
             self._last = group, read_table("calibrations", self.path, _PART, group=group)
         return self._last[1]
-
-
-def rig_kind_fields(kind: RigKind) -> dict[str, object]:
-    """A rig kind as the STRUCT that `rigs` and `calibrations` hold."""
-    return {
-        "lidar": kind.lidar,
-        "widths_px": [width for width, _ in kind.sizes_px],
-        "heights_px": [height for _, height in kind.sizes_px],
-        "focals_px": list(kind.focals_px),
-        "baselines_m": list(kind.baselines_m),
-    }
-
-
-def rig_kind_of(fields: Mapping[str, Any]) -> RigKind:
-    """The rig kind of such a STRUCT."""
-    return RigKind(
-        lidar=fields["lidar"],
-        sizes_px=tuple(zip(fields["widths_px"], fields["heights_px"], strict=True)),
-        focals_px=tuple(fields["focals_px"]),
-        baselines_m=tuple(fields["baselines_m"]),
-    )
 
 
 def _columns(clean: CleanFrames) -> Iterator[tuple[_Column, NDArray[np.float64]]]:

@@ -18,8 +18,7 @@ from auditor.store.maintenance.check import check_file, check_packed
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
 from auditor.store.maintenance.plausibility import implausible
 from auditor.store.marker import MARKER, UPGRADED, marker_content
-from auditor.store.packs.files import Files
-from auditor.store.packs.index import FOLDER, INDEX, Member, Packs
+from auditor.store.packs.index import FOLDER, INDEX, Files, Member, Packs
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
 from auditor.store.store import Store
 from auditor.store.tables import listed, read_table, rows_of_files
