@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
+from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,8 +27,11 @@ from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.files import Announce
-from auditor.store.records import canonical_json, id_of_json, to_utc
+from auditor.store.records import canonical_json, id_of_json, rig_kind_fields, rig_kind_of, to_utc
 from auditor.store.tables import Row, listed, read_table, row_groups, writing
+
+KEPT_CALIBRATIONS = 4
+"""Calibrations that stay in memory once they were read: a command reads those in force several times."""
 
 _AGAIN = "make one with auditor calibrate"
 _NONE = -1
@@ -154,9 +158,25 @@ def writing_calibration(
 def read_calibration(path: Path) -> Calibration:
     """Read a calibration from its file; of many recordings few are in memory at a time.
 
-    Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an older
-    one that did not keep clean recordings apart, or what they show of causes, or that counted otherwise.
+    A file that has not changed is read and hashed once in each thread of a process, while KEPT_CALIBRATIONS others are
+    not. Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an
+    older one that did not keep clean recordings apart, or what they show of causes, or that counted otherwise.
     """
+    try:
+        status = path.stat()
+    except OSError:
+        return _read_from(path)  # it says what is wrong
+    identity = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    return _read_once(path.absolute(), identity, get_ident())
+
+
+@lru_cache(maxsize=KEPT_CALIBRATIONS)
+def _read_once(path: Path, _identity: tuple[int, ...], _thread: int) -> Calibration:
+    """Threads share nothing, as the recordings that a calibration keeps in memory are read and dropped unlocked."""
+    return _read_from(path)
+
+
+def _read_from(path: Path) -> Calibration:
     parts = _Parts(path)
     try:
         calibration = _read(parts)
@@ -246,27 +266,6 @@ class _Parts:
         if self._last is None or self._last[0] != group:
             self._last = group, read_table("calibrations", self.path, _PART, group=group)
         return self._last[1]
-
-
-def rig_kind_fields(kind: RigKind) -> dict[str, object]:
-    """A rig kind as the STRUCT that `rigs` and `calibrations` hold."""
-    return {
-        "lidar": kind.lidar,
-        "widths_px": [width for width, _ in kind.sizes_px],
-        "heights_px": [height for _, height in kind.sizes_px],
-        "focals_px": list(kind.focals_px),
-        "baselines_m": list(kind.baselines_m),
-    }
-
-
-def rig_kind_of(fields: Mapping[str, Any]) -> RigKind:
-    """The rig kind of such a STRUCT."""
-    return RigKind(
-        lidar=fields["lidar"],
-        sizes_px=tuple(zip(fields["widths_px"], fields["heights_px"], strict=True)),
-        focals_px=tuple(fields["focals_px"]),
-        baselines_m=tuple(fields["baselines_m"]),
-    )
 
 
 def _columns(clean: CleanFrames) -> Iterator[tuple[_Column, NDArray[np.float64]]]:

@@ -22,7 +22,7 @@ import pyarrow as pa
 from auditor.errors import StoreError
 from auditor.store.folder import StoreFolder
 from auditor.store.marker import MARKER
-from auditor.store.packs.files import Files
+from auditor.store.packs.index import Files
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES, TableSchema, table_schema

@@ -6,8 +6,7 @@ from typing import Self
 
 from auditor.store.files import checked_id, finished, remove_abandoned
 from auditor.store.marker import MARKER, marked_folder
-from auditor.store.packs.files import Files, finished_files
-from auditor.store.packs.index import Packs
+from auditor.store.packs.index import Files, Packs, finished_files
 from auditor.store.schema import MANIFESTS, TABLES
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.poses import PoseTopic
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
 
 _ID_DIGITS = 32
@@ -341,3 +343,24 @@ def id_of_json(parts: Sequence[object], last: str) -> str:
 def to_utc(moment: datetime.datetime) -> datetime.datetime:
     """The same moment as the tables keep it: UTC without a time zone."""
     return moment.astimezone(datetime.UTC).replace(tzinfo=None)
+
+
+def rig_kind_fields(kind: RigKind) -> dict[str, object]:
+    """A rig kind as the STRUCT that `rigs` and `calibrations` hold."""
+    return {
+        "lidar": kind.lidar,
+        "widths_px": [width for width, _ in kind.sizes_px],
+        "heights_px": [height for _, height in kind.sizes_px],
+        "focals_px": list(kind.focals_px),
+        "baselines_m": list(kind.baselines_m),
+    }
+
+
+def rig_kind_of(fields: Mapping[str, Any]) -> RigKind:
+    """The rig kind of such a STRUCT."""
+    return RigKind(
+        lidar=fields["lidar"],
+        sizes_px=tuple(zip(fields["widths_px"], fields["heights_px"], strict=True)),
+        focals_px=tuple(fields["focals_px"]),
+        baselines_m=tuple(fields["baselines_m"]),
+    )

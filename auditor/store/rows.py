@@ -15,7 +15,6 @@ from auditor.model.poses import FramePose
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import FINDINGS, Alternative, AttackLabel, Evidence, FaultHypothesis, Verdict, VerdictKind
-from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
     DIGITS_OF_R,
     GivenLabel,
@@ -25,6 +24,7 @@ from auditor.store.records import (
     Sighting,
     StoredJudgement,
     StoredMeasurement,
+    rig_kind_fields,
     to_utc,
 )
 from auditor.store.schema import SCHEMA_VERSION

@@ -15,8 +15,7 @@ import pyarrow.parquet as pq
 from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.store.files import Announce, PartFile, Written, part_file
-from auditor.store.packs.files import Files
-from auditor.store.packs.index import Part
+from auditor.store.packs.index import Files, Part
 from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TableSchema, newer_version, table_schema, version_of
 
 Row = Mapping[str, object]

@@ -19,6 +19,7 @@ SELECT
     attacked AS own_attacked
 FROM verdicts
 WHERE method = 'robust' -- each method by itself: what its own column leaves out is not even read
+    AND finding IS NOT NULL -- this one DuckDB pushes down, row by row
     AND finding IN ('attacked', 'unidentified', 'suspect')
 UNION ALL
 SELECT * REPLACE (false AS alert), kind AS own_kind, attacked AS own_attacked

@@ -94,12 +94,18 @@ timed AS (
         wanted
     FROM step
 ),
+-- Narrow rows: what they are sorted with is carried along.
 finding AS (
     SELECT
-        findings.*,
+        findings.measurement_id,
+        findings.frame,
+        stamp_ns,
+        kind,
+        attacked,
         {of: timed.line, alert: findings.alert} AS line,
         timed.place,
         timed.wanted,
+        judgement.largest_ratio,
         lag(stamp_ns) OVER before AS previous_ns,
         coalesce(
             event = lag(event) OVER before
@@ -110,16 +116,24 @@ finding AS (
         ) AS same_event
     FROM findings
     JOIN timed USING (measurement_id, frame)
-    JOIN (SELECT judgement_id, coalesce(judged_with, []) AS judged_with FROM judgements) AS judgement
+    JOIN (SELECT judgement_id, coalesce(judged_with, []) AS judged_with, largest_ratio FROM judgements) AS judgement
         USING (judgement_id)
     WINDOW before AS (PARTITION BY timed.line, findings.alert, kind, attacked ORDER BY place, frame)
 ),
-numbered AS (
+run AS (
     SELECT
-        *,
+        measurement_id,
+        frame,
+        line,
+        place,
+        wanted,
+        largest_ratio,
         sum(CASE WHEN same_event OR abs(stamp_ns - previous_ns) <= $gap_s * 1e9 THEN 0 ELSE 1 END)
             OVER (PARTITION BY line, kind, attacked ORDER BY place, frame) AS run
     FROM finding
+),
+numbered AS (
+    SELECT * FROM findings JOIN run USING (measurement_id, frame)
 ),
 part AS (
     SELECT
@@ -195,56 +209,85 @@ shared AS (
     FROM (SELECT *, added / nullif(sum(added) OVER (PARTITION BY line, kind, attacked, run), 0) AS share FROM said)
     GROUP BY ALL
 ),
+grouped AS (
+    SELECT
+        line,
+        incident.kind,
+        incident.attacked,
+        run,
+        any_value(about.matcher) AS matcher,
+        max(about.measured_at) AS measured_at,
+        any_value(incident.vehicle) AS vehicle,
+        any_value(about.drive_id) AS drive_id,
+        any_value(incident.rig_id) AS rig_id,
+        any_value(incident.alert) AS alert,
+        any_value(about.sensors) AS sensors,
+        any_value(about.clock) AS clock,
+        min(stamp_ns) AS from_ns,
+        max(stamp_ns) AS to_ns,
+        count(*) AS frames,
+        -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
+        arg_max(
+            {
+                frame: frame,
+                name: incident.name,
+                measurement_id: incident.measurement_id,
+                alternatives: incident.alternatives,
+                posterior: incident.posterior
+            },
+            {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}
+        ) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest,
+        max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
+        max(posterior) FILTER (own_kind <> 'clean') AS posterior,
+        max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
+        any_value(largest_ratio) AS largest_ratio,
+        list_distinct(flatten(list(incident.causes) FILTER (own_kind <> 'clean'))) AS causes
+    FROM numbered AS incident
+    JOIN (SELECT measurement_id, matcher, measured_at, drive_id, clock, sensors FROM placed) AS about
+        ON about.measurement_id = incident.measurement_id
+    GROUP BY line, incident.kind, incident.attacked, run
+    HAVING bool_or(wanted)
+),
 told AS (
-SELECT
-    any_value(name_of_incident(
-        whole.parts[1].recording_id, incident.rig_id, about.matcher, whole.parts[1].from_ns
-    )) AS begins,
-    max(about.measured_at) AS measured_at,
-    any_value(whole.parts[1].recording_id) AS recording_id,
-    any_value(whole.parts[1].name) AS name,
-    any_value(incident.vehicle) AS vehicle,
-    any_value(about.drive_id) AS drive_id,
-    any_value(whole.parts[1].measurement_id) AS measurement_id,
-    any_value(whole.parts[1].judgement_id) AS judgement_id,
-    any_value(incident.rig_id) AS rig_id,
-    CASE WHEN any_value(incident.alert) THEN 'alert' ELSE 'incident' END AS grade,
-    incident.kind,
-    incident.attacked,
-    any_value(names_of(incident.attacked, about.sensors)) AS attacked_names,
-    min(stamp_ns) AS from_ns,
-    max(stamp_ns) AS to_ns,
-    (max(stamp_ns) - min(stamp_ns)) / 1e9 AS seconds,
-    CASE WHEN any_value(about.clock) = 'utc' THEN make_timestamp_ns(min(stamp_ns)) END AS from_utc,
-    count(*) AS frames,
-    any_value(whole.parts[1].first_frame) AS first_frame,
-    any_value(whole.parts[-1].last_frame) AS last_frame,
-    any_value(whole.parts) AS parts,
-    -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
-    arg_max(frame, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_frame,
-    arg_max(incident.name, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_name,
-    arg_max(incident.measurement_id, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
-        AS strongest_measurement_id,
-    max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
-    any_value(carried.evidence) AS evidence,
-    any_value(shared.shares) AS shares,
-    alternatives_in_words(
-        arg_max(incident.alternatives, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean'),
-        arg_max(incident.posterior, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
-    ) AS alternatives,
-    max(posterior) FILTER (own_kind <> 'clean') AS posterior,
-    max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
-    ratio_in_words(max(log10_ratio) FILTER (own_kind <> 'clean'), any_value(judgement.largest_ratio)) AS ratio,
-    causes_in_words(list_distinct(flatten(list(incident.causes) FILTER (own_kind <> 'clean')))) AS causes
-FROM numbered AS incident
-JOIN whole USING (line, kind, attacked, run)
-LEFT JOIN carried USING (line, kind, attacked, run)
-LEFT JOIN shared USING (line, kind, attacked, run)
-JOIN (SELECT measurement_id, matcher, measured_at, drive_id, clock, sensors FROM placed) AS about
-    ON about.measurement_id = incident.measurement_id
-LEFT JOIN judgements AS judgement ON judgement.judgement_id = incident.judgement_id
-GROUP BY line, incident.kind, incident.attacked, run
-HAVING bool_or(wanted)
+    SELECT
+        name_of_incident(
+            whole.parts[1].recording_id, grouped.rig_id, grouped.matcher, whole.parts[1].from_ns
+        ) AS begins,
+        grouped.measured_at,
+        whole.parts[1].recording_id AS recording_id,
+        whole.parts[1].name AS name,
+        grouped.vehicle,
+        grouped.drive_id,
+        whole.parts[1].measurement_id AS measurement_id,
+        whole.parts[1].judgement_id AS judgement_id,
+        grouped.rig_id,
+        CASE WHEN grouped.alert THEN 'alert' ELSE 'incident' END AS grade,
+        grouped.kind,
+        grouped.attacked,
+        names_of(grouped.attacked, grouped.sensors) AS attacked_names,
+        grouped.from_ns,
+        grouped.to_ns,
+        (grouped.to_ns - grouped.from_ns) / 1e9 AS seconds,
+        CASE WHEN grouped.clock = 'utc' THEN make_timestamp_ns(grouped.from_ns) END AS from_utc,
+        grouped.frames,
+        whole.parts[1].first_frame AS first_frame,
+        whole.parts[-1].last_frame AS last_frame,
+        whole.parts,
+        strongest.frame AS strongest_frame,
+        strongest.name AS strongest_name,
+        strongest.measurement_id AS strongest_measurement_id,
+        grouped.largest_gap,
+        carried.evidence,
+        shared.shares,
+        alternatives_in_words(strongest.alternatives, strongest.posterior) AS alternatives,
+        grouped.posterior,
+        grouped.log10_ratio,
+        ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,
+        causes_in_words(grouped.causes) AS causes
+    FROM grouped
+    JOIN whole USING (line, kind, attacked, run)
+    LEFT JOIN carried USING (line, kind, attacked, run)
+    LEFT JOIN shared USING (line, kind, attacked, run)
 ),
 -- A recording may be measured in several ways, and repeat its stamps: the latest measurement has the plain name.
 found AS (

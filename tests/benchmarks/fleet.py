@@ -1,11 +1,13 @@
 """What verbs cost in a store of many recordings: `python -m tests.benchmarks.fleet --recordings 100 200 400`.
 
 The recordings repeat two that were measured, an attacked one every twentieth time, under new ids and stamps. Prints the
-CPU seconds and peak memory of each verb, by the number of recordings, in a process of its own.
+CPU seconds and peak memory of each verb, by the number of recordings, in a process of its own. `--times 10` writes the
+packs of the last store ten times, which is far quicker than ten times as many recordings.
 """
 
 import argparse
 import ctypes
+import json
 import os
 import subprocess
 import sys
@@ -20,11 +22,14 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
 import pyarrow.parquet as pq
 
 from auditor.store import Store
-from auditor.store.files import make_folder
+from auditor.store.files import make_folder, write_whole
 from auditor.store.log import Output, logged, output_of
+from auditor.store.packs.index import INDEX, MEMBERS, Index, members_of, pack_path
+from auditor.store.packs.packing import LEVEL
 from auditor.store.records import judgement_id
 from auditor.store.schema import SCHEMA_VERSION, table_schema
 from auditor.store.tables import read_table
@@ -178,6 +183,63 @@ def _write(store: Store, table: str, row_id: str, content: pa.Table, entry: Any)
     return output
 
 
+def multiply(folder: Path, times: int) -> None:
+    """Write each pack of a store again under other ids, names and stamps until there are so many of it.
+
+    The rows of the copies name no files that they finish.
+    """
+    store = Store.open(folder)
+    index = store.packs.index
+    shift_ns = len(store.ids("recordings")) * _APART_NS
+    packs = {}
+    with logged(store.folder) as entry:
+        for table, names in index.packs.items():
+            places = [(name, again) for name in names for again in range(1, times)]
+            copies = [_copy(folder, table, name, again, again * shift_ns) for name, again in places]
+            with entry.writing([output_of(path, store.folder) for path in copies]):
+                packs[table] = (*names, *(path.stem for path in copies))
+        write_whole(store.folder / INDEX, Index(packs).content, entry.announce)
+
+
+def _copy(folder: Path, table: str, name: str, again: int, shift_ns: int) -> Path:
+    """Write a pack again, row group by row group."""
+    schema, source = table_schema(table), pack_path(folder, table, name)
+    listed = [list(vars(one).values()) for one in members_of(source).values()]
+    members = json.dumps([[_other(one[0], again), *one[1:]] for one in listed]).encode()
+    arrow = schema.arrow.with_metadata({**(schema.arrow.metadata or {}), MEMBERS: members})
+    path = pack_path(folder, table, _other(name, again))
+    writing = {"compression_level": LEVEL, "use_dictionary": schema.dictionary_columns}
+    with (
+        pq.ParquetFile(source) as file,
+        pq.ParquetWriter(path, arrow, compression="zstd", column_encoding=schema.encodings, **writing) as parquet,
+    ):
+        for group in range(file.num_row_groups):
+            content = file.read_row_group(group)
+            for column in content.column_names:
+                if (changed := _changed(column, content[column], again, shift_ns)) is not None:
+                    content = content.set_column(content.column_names.index(column), column, changed)
+            parquet.write_table(content.cast(arrow), row_group_size=len(content))
+    return path
+
+
+def _changed(name: str, values: pa.ChunkedArray, again: int, shift_ns: int) -> pa.Array | None:
+    """A column as the copy has it; None where it is the same."""
+    if name in ("recording_id", "measurement_id", "judgement_id", "name", "path"):
+        coded = values.combine_chunks().dictionary_encode()
+        known = coded.dictionary.to_pylist()
+        ids = name.endswith("_id")
+        return pa.array([_other(one, again) if ids else f"{one}.{again}" for one in known]).take(coded.indices)
+    if name in ("stamp_ns", "from_ns", "to_ns", "first_stamp_ns", "last_stamp_ns"):
+        return pa.compute.add(values, shift_ns).combine_chunks()
+    if name == "outputs":
+        return pa.nulls(len(values), values.type)
+    return None
+
+
+def _other(row_id: str, again: int) -> str:
+    return sha256(f"{row_id} {again}".encode()).hexdigest()[: len(row_id)]
+
+
 def cost(words: Sequence[str]) -> tuple[float, float, int]:
     """CPU seconds of a command and all its workers, the peak memory of one process in MB, and the exit code."""
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # what the command leaves running is waited for here
@@ -201,6 +263,7 @@ def verbs(store: Path) -> Iterator[tuple[str, list[str]]]:
     yield "incidents", ["query", "incidents", "--format", "csv", *where]
     yield "calibrate", ["calibrate", str(store), "--store", f"{store}.calibrated"]
     yield "judge", ["judge", str(store)]
+    yield "verify", ["verify", str(store)]
 
 
 def main() -> None:
@@ -208,8 +271,9 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, nargs="+", default=[100, 200, 400])
     parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--tables", nargs="*", default=[*OF_FRAMES[1:], "verdicts"], help="those that have rows")
-    parser.add_argument("--verbs", nargs="*", default=["summary", "incidents", "calibrate", "judge"])
+    parser.add_argument("--verbs", nargs="*", default=["summary", "incidents", "calibrate", "judge", "verify"])
     parser.add_argument("--pack", action="store_true", help="measure the verbs again in the packed store")
+    parser.add_argument("--times", type=int, default=1, help="also a packed store so many times as large")
     parser.add_argument("--into", type=Path, help="keep the store in this folder")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
@@ -222,6 +286,10 @@ def main() -> None:
                 print(f"{_size(folder)}; packing took {cost(['store', 'compact', str(folder)])[0]:.2f} CPU s")
                 print(_size(folder))
                 _report(folder, recordings, options)
+        if options.pack and options.times > 1:
+            multiply(folder, options.times)
+            print(_size(folder))
+            _report(folder, before * options.times, options)
 
 
 def _report(folder: Path, recordings: int, options: argparse.Namespace) -> None:

@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from auditor.model import calibration as model
 from auditor.model.checks import CAMERA_CHECKS, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import Cause
-from auditor.store import tables
+from auditor.store import calibrations, tables
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
 from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import table_schema
@@ -65,6 +66,21 @@ def test_of_many_recordings_few_are_in_memory_and_row_groups_may_end_within_one(
     [kept] = {one._kept for one in again.clean}
     assert sum(known.frames for known in kept._frames.values()) <= 2 < sum(one.frames for one in again.clean)
     assert read_calibration(tmp_path / "c").recordings == calibration.recordings
+
+
+def test_a_calibration_is_read_and_hashed_again_only_once_its_file_changes(tmp_path, monkeypatch):
+    hashed, content_of = [], calibrations.content_of
+    monkeypatch.setattr(calibrations, "content_of", lambda clean: hashed.append(clean) or content_of(clean))
+    write_calibration(make(), tmp_path / "c")
+    hashed.clear()
+    first = read_calibration(tmp_path / "c")
+    assert read_calibration(tmp_path / "c") is first
+    assert len(hashed) == len(first.clean)
+    other = make(recordings=("c" * 64, "d" * 64))
+    write_calibration(other, tmp_path / "c")
+    assert read_calibration(tmp_path / "c").calibration_id == other.calibration_id
+    with ThreadPoolExecutor(1) as thread:
+        assert thread.submit(read_calibration, tmp_path / "c").result() is not read_calibration(tmp_path / "c")
 
 
 def test_what_all_rows_have_and_is_long_stands_in_the_first_alone(tmp_path):

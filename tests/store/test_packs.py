@@ -2,6 +2,7 @@
 
 import random
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import duckdb
@@ -15,11 +16,12 @@ from auditor.store.log import Kind, entries, logged
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.check import check
 from auditor.store.maintenance.removal import remove_measurement, remove_recordings
-from auditor.store.maintenance.verify import verify
+from auditor.store.maintenance.verify import verify, verify_changes
 from auditor.store.packs import packing
 from auditor.store.packs.index import INDEX, PACKED
 from auditor.store.packs.packing import pack, small_files
 from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.tables import read_rows
 from tests.store.kept import unpack
 
 VIEWS = ("summary", "incidents", *(f"stored_{table}" for table in PACKED))
@@ -187,6 +189,30 @@ def test_recordings_are_judged_again_and_measured_again_in_a_packed_store(folder
     whole(folder)
     again[0].write_bytes(again[0].read_bytes() + b" ")
     assert [one.place for one in verify(store).grave] == [f"verdicts/{again[0].name}"]
+
+
+def test_a_file_that_was_packed_and_written_again_is_not_told_as_added_where_others_come(folder):
+    pack(Store.open(folder))
+    assert run(["judge", str(folder), "-r", "0.02"]) in {0, 1, 3, 4}
+    pack(Store.open(folder))
+    assert run(["judge", str(folder), "-r", "0.02"]) in {0, 1, 3, 4}
+    store = whole(folder)
+    store.write_recording(replace(store.recordings()[0], recording_id="e" * 64))
+    assert [str(problem) for problem in verify_changes(Store.open(folder)).grave] == []
+
+
+def test_what_ties_rows_to_others_is_looked_at_in_packs_as_in_files(folder):
+    store = Store.open(folder)
+    one, other = store.ids("measurements")[:2]
+    for known, change in ((one, {"frames": 99}), (other, {"recording_id": "f" * 64})):
+        [row] = read_rows("measurements", store.path("measurements", known))
+        store.write("measurements", known, [{**row, **change}])
+    before = [str(problem) for problem in verify(Store.open(folder)).problems]
+    assert pack(Store.open(folder)).left == 0
+    assert [str(problem) for problem in verify(Store.open(folder)).problems] == before
+    assert len(before) == 2
+    assert "it counts 99 rows of frames" in before[0] + before[1]
+    assert f"there is no recording_id {'f' * 64} in recordings" in before[0] + before[1]
 
 
 @pytest.mark.parametrize(("function", "seed"), [("replace", 0), ("unlink", 1), ("replace", 2)])

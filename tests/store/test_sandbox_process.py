@@ -47,7 +47,7 @@ def test_errors_and_answers_come_back_as_they_were(store):
 _TRIES = """
 import os, sys
 from pathlib import Path
-from auditor.store.sandbox.rights import give_up_writing, limit
+from auditor.store.sandbox.child import give_up_writing, limit
 give_up_writing()
 limit(60, 1 << 33)
 folder = Path(sys.argv[1])

@@ -4,6 +4,7 @@ A task that dies with its machine is run again by Ray. What a task gives it give
 taken for the whole.
 """
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
@@ -45,7 +46,7 @@ def connected(address: str | None) -> Iterator["Cluster"]:
         return
     try:
         with chdir("/"):  # Ray lets workers import from the working folder, where logs of strangers may lie
-            ray.init(address=address, log_to_driver=False, logging_level="ERROR")
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         raise SettingError(
             f"there is no cluster of Ray ({type(error).__name__})",

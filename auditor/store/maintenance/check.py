@@ -1,10 +1,12 @@
 """Checking a store: every finished file is there, readable and whole, fits the others, and nothing else lies there."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from auditor.errors import StoreError
 from auditor.model.calibration import PRIOR
@@ -14,7 +16,7 @@ from auditor.store.marker import MARKER, UPGRADED
 from auditor.store.packs.index import FOLDER, INDEX
 from auditor.store.schema import ID_COLUMNS, TABLES
 from auditor.store.store import Store
-from auditor.store.tables import read_table
+from auditor.store.tables import listed, read_table
 
 _COUNTED = {
     "measurements": ("frames", ("frames",)),
@@ -55,15 +57,60 @@ def check_file(store: Store, table: str, row_id: str, *, hashed: bool = False) -
 
     Of one that is `hashed`, and so is as it was written, only what ties it to others is read.
     """
-    columns = dict.fromkeys((ID_COLUMNS[table], *_COUNTED.get(table, ("", ()))[1], *_named(table))) if hashed else None
     try:
-        yield from _of_file(store, table, row_id, None if columns is None else [*columns])
+        yield from _of_file(store, table, row_id, _tying(table) if hashed else None)
     except StoreError as error:
         yield error.what
 
 
-def _named(table: str) -> list[str]:
-    return [column for column, _ in _NAMED.get(table, ())]
+def check_packed(store: Store, table: str, row_ids: Collection[str]) -> Iterator[tuple[str, str]]:
+    """As `check_file` of ids whose rows are in packs that are as they were written: the id, and a sentence.
+
+    A pack is read once for all of its ids. Raises StoreError.
+    """
+    packed = store.packs.ids(table)
+    if table != "case_verdicts":
+        yield from ((one, "it is missing") for one in row_ids if one not in packed)
+    if not _tying(table)[1:]:
+        return  # what a pack has of an id is by that id
+    rows: dict[str, list[dict[str, Any]]] = {one: [] for one in row_ids if one in packed}
+    for row in _packed_rows(store, table, rows):
+        rows[row[ID_COLUMNS[table]]].append(row)
+    counts = _packed_counts(store, _COUNTED[table][0]) if table in _COUNTED else {}
+    for row_id, of_id in rows.items():
+        if table in _COUNTED:
+            yield from ((row_id, what) for what in _of_rows(store, table, row_id, of_id, counts.get(row_id)))
+        for column, other in _NAMED.get(table, ()):
+            yield from ((row_id, what) for what in _of_names(store, column, other, {row[column] for row in of_id}))
+
+
+def _packed_rows(store: Store, table: str, wanted: Mapping[str, object]) -> Iterator[dict[str, Any]]:
+    for path in store.packs.paths(table):
+        here = [one for one in store.packs.members(path) if one in wanted and _pack_of(store, table, one) == path]
+        content = read_table(table, path, _tying(table))
+        own = pc.is_in(content[ID_COLUMNS[table]], pa.array(here, pa.string()))
+        yield from listed(content.filter(own), path)
+
+
+def _packed_counts(store: Store, table: str) -> dict[str, int]:
+    """How many rows packs have of each id that has no file of its own."""
+    alone, column, found = {*finished(store.folder / table)}, ID_COLUMNS[table], dict[str, int]()
+    for path in store.packs.paths(table):
+        counted = Counter(read_table(table, path, [column])[column].to_pylist())
+        members = (one for one in store.packs.members(path) if one not in alone)
+        found |= {one: counted[one] for one in members if _pack_of(store, table, one) == path}
+    return found
+
+
+def _pack_of(store: Store, table: str, row_id: str) -> Path | None:
+    member = store.packs.member(table, row_id)
+    return member and member[0]
+
+
+def _tying(table: str) -> list[str]:
+    """The columns of a table that tie its rows to those of others, and its id."""
+    named = (column for column, _ in _NAMED.get(table, ()))
+    return [*dict.fromkeys((ID_COLUMNS[table], *_COUNTED.get(table, ("", ()))[1], *named))]
 
 
 def _of_file(store: Store, table: str, row_id: str, columns: Sequence[str] | None) -> Iterator[str]:
@@ -78,25 +125,32 @@ def _of_file(store: Store, table: str, row_id: str, columns: Sequence[str] | Non
     if others:
         yield f"it has rows of {name} {', '.join(sorted(map(str, others)))[:80]}"
     if table in _COUNTED:
-        yield from _of_rows(store, table, row_id, content)
+        yield from _of_rows(store, table, row_id, content.select(_tying(table)).to_pylist())
     for column, other in _NAMED.get(table, ()):
-        for named in sorted({value for value in content[column].unique().to_pylist() if value not in {None, PRIOR}}):
-            if not store.has(other, named):
-                yield f"there is no {column} {named} in {other}"
+        yield from _of_names(store, column, other, content[column].unique().to_pylist())
 
 
-def _of_rows(store: Store, manifest: str, row_id: str, content: pa.Table) -> Iterator[str]:
-    """What does not fit between a row that makes a file finished, and the rows of that file."""
-    if len(content) != 1:
-        yield f"it has {len(content)} rows in place of one"
+def _of_names(store: Store, column: str, other: str, named: Iterable[str | None]) -> Iterator[str]:
+    """What is named and is not there."""
+    for name in sorted({one for one in named if one is not None and one != PRIOR}):
+        if not store.has(other, name):
+            yield f"there is no {column} {name} in {other}"
+
+
+def _of_rows(
+    store: Store, manifest: str, row_id: str, rows: Sequence[dict[str, Any]], there: int | None = None
+) -> Iterator[str]:
+    """What does not fit between a row that makes a file finished, and the rows of that file, where they are counted."""
+    if len(rows) != 1:
+        yield f"it has {len(rows)} rows in place of one"
         return
-    row: dict[str, Any] = content.to_pylist()[0]
     table, columns = _COUNTED[manifest]
-    declared = sum(row[column] or 0 for column in columns)
-    try:
-        there = len(read_table(table, store.source(table, row_id), [ID_COLUMNS[table]]))
-    except StoreError:
-        return  # it is missing or cannot be read: that is said of the file itself
+    declared = sum(rows[0][column] or 0 for column in columns)
+    if there is None:
+        try:
+            there = len(read_table(table, store.source(table, row_id), [ID_COLUMNS[table]]))
+        except StoreError:
+            return  # it is missing or cannot be read: that is said of the file itself
     if there != declared:
         yield f"it counts {declared} rows of {table}, and there are {there}"
 

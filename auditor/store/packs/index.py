@@ -7,7 +7,7 @@ pack has of it. A pack that the index does not name is read by nobody.
 import csv
 import io
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from auditor.errors import StoreError
-from auditor.store.files import locked, make_folder, write_whole
+from auditor.store.files import finished, locked, make_folder, write_whole
 from auditor.store.schema import ID_COLUMNS
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ class Packs:
         self._read: tuple[int, int] | None = None
         self._index = Index()
         self._members: dict[Path, dict[str, Member]] = {}
+        self._packs: dict[str, tuple[Index, dict[str, Path]]] = {}
 
     @property
     def index(self) -> Index:
@@ -159,17 +160,22 @@ class Packs:
 
     def ids(self, table: str) -> set[str]:
         """The ids of a table whose rows packs have."""
-        known = {one for path in self.paths(table) for one in self.members(path)}
-        return known - self.index.removed.get(table, frozenset())
+        return self._packs_of(table).keys() - self.index.removed.get(table, frozenset())
 
     def member(self, table: str, row_id: str) -> tuple[Path, Member] | None:
         """The pack that has the rows of an id, and what it says of them; None where none has."""
-        if row_id in self.index.removed.get(table, ()):
+        path = self._packs_of(table).get(row_id)
+        if path is None or row_id in self.index.removed.get(table, ()):
             return None
-        for path in self.paths(table):
-            if row_id in self.members(path):
-                return path, self.members(path)[row_id]
-        return None
+        return path, self.members(path)[row_id]
+
+    def _packs_of(self, table: str) -> Mapping[str, Path]:
+        """By id the pack that has its rows, of several the first; put together once for each index."""
+        index, known = self.index, self._packs.get(table)
+        if known is None or known[0] is not index:
+            known = index, {one: path for path in reversed(self.paths(table)) for one in self.members(path)}
+            self._packs[table] = known
+        return known[1]
 
     def part(self, table: str, row_id: str) -> Part | None:
         """Where the rows of an id lie; None where no pack has them."""
@@ -193,3 +199,26 @@ class Packs:
             packed = frozenset(one for one in ids if self.member(table, one) is not None)
             if packed:
                 yield table, packed
+
+
+@dataclass(frozen=True)
+class Files:
+    """Files of a table: those of one id `alone`, packs, and the ids whose rows in packs do not count."""
+
+    alone: tuple[Path, ...]
+    packs: tuple[Path, ...]
+    hidden: frozenset[str]
+
+
+def finished_files(packs: Packs, folder: Path, table: str, ids: Sequence[str]) -> Files:
+    """The files of a table that have these ids. Raises StoreError where one is missing."""
+    alone, packed = set(finished(folder / table)), packs.ids(table)
+    for row_id in ids:
+        if row_id not in alone and row_id not in packed:
+            remedy = "measure or judge again into a new store"
+            raise StoreError("a finished file is missing", where=folder / table / f"{row_id}.parquet", remedy=remedy)
+    counting = packed.intersection(ids) - alone
+    used = [path for path in packs.paths(table) if not counting.isdisjoint(packs.members(path))]
+    hidden = {one for path in used for one in packs.members(path)} - counting
+    own = (folder / table / f"{one}.parquet" for one in ids if one in alone)
+    return Files(tuple(own), tuple(used), frozenset(hidden))
