@@ -9,7 +9,8 @@ the prior does where there are none. So a lasting attack on some sensors never b
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import inf, sqrt
+from math import inf, pi, sqrt
+from statistics import NormalDist
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -23,6 +24,12 @@ from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
+
+_OF_MEDIAN = pi / 2
+"""Times the variance of a mean, that of a median of what is normally distributed."""
+
+_QUARTILE = NormalDist().inv_cdf(1 - DRIVE_LEVEL.quiet_share)
+"""Deviations that the quietest quarter of what is normally distributed lies below the mean."""
 
 
 class OwnLevel(NamedTuple):
@@ -145,15 +152,15 @@ def of_drive(
     offset, spread = (0.0, usual.between / tail) if group is None else (group.offset, group.spread)
     farthest = usual.mean + offset + DRIVE_LEVEL.farthest * spread
     if own.level > farthest:
-        quiet = own.quarter + DRIVE_LEVEL.quiet_below * usual.within / tail
+        quiet = own.quarter + _QUARTILE * usual.within / tail
         own = OwnLevel(quiet, max(DRIVE_LEVEL.quiet_share * own.worth, 1.0))
     if not -inf < own.level <= farthest:
         if group is None:
             return usual
-        of_group = sqrt(usual.within**2 + (tail * DRIVE_LEVEL.of_median * spread) ** 2)
+        of_group = sqrt(usual.within**2 + _OF_MEDIAN * (tail * spread) ** 2)
         return _no_farther(usual, usual.mean + offset, min(of_group, usual.deviation), limit)
     between = usual.between**2
-    of_median = HIERARCHY.of_median * usual.within**2 / own.worth
+    of_median = _OF_MEDIAN * usual.within**2 / own.worth
     learnt = between / (between + of_median)
     deviation = sqrt(usual.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
     return _no_farther(usual, usual.mean + learnt * (own.level - usual.mean), deviation, limit)

@@ -36,10 +36,6 @@ class Incidents:
     correlation: float = parameter(0.33, unit="autocorrelation of clean evidence at once", source=_CORRELATED)
     correlation_s: float = parameter(0.4, unit="s in which it falls by e", source=_CORRELATED)
     quiet_s: float = parameter(1.0, unit="s without a rise, after which an incident has ended", source=BY_HAND)
-    quiet_frames: int = parameter(
-        5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
-    )
-    fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
     fewest_worth: float = parameter(
         0.8, unit="independent frames that the findings of an incident are worth", source="three frames at 10 Hz"
     )
@@ -73,12 +69,8 @@ class DriveLevel:
     farthest: float = parameter(
         2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
     )
-    of_median: float = parameter(1.2, unit="times the deviation, by a group's median of few cameras", source=_BESIDE)
     quiet_share: float = parameter(
         0.25, unit="share of the frames that say a level where all do not", source="attacks of half a drive"
-    )
-    quiet_below: float = parameter(
-        0.67, unit="deviations within drives that they lie below the mean", source="quartile of a normal distribution"
     )
 
 
@@ -96,7 +88,6 @@ class Stretches:
 class Alerts:
     """Findings outside incidents that count as found."""
 
-    fewest_in_a_row: int = parameter(2, unit="findings in a row outside incidents, at least", source=_NAMED_IN_VAIN)
     chance: float = parameter(
         2e-4, unit="chance of such a row of independent clean frames, at most", source="two in a row at r = 1 %"
     )
@@ -128,12 +119,12 @@ class Likelihood:
         (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=CURVES
     )
     of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=CURVES)
-    usual_r: float = parameter(0.01, unit="rate of the limit that the largest z is measured from", source=BY_HAND)
     clean_worth: float = parameter(
         460.0, unit="independent clean frames: the largest ratio that is said", source=CURVES
     )
-    attacked: float = parameter(0.5, unit="prior probability that a frame is attacked", source="stated; even odds")
-    further_sensor: float = parameter(0.2, unit="times the prior, for each sensor after the first", source="stated")
+    further_sensor: float = parameter(
+        0.2, unit="times the prior, which has even odds, for each sensor after the first", source="stated"
+    )
     suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 

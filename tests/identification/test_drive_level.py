@@ -24,7 +24,7 @@ def test_a_level_that_the_group_shares_is_the_drives_own():
 def test_a_level_far_above_the_group_is_that_of_the_group():
     own = of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT, group=Group(-0.1, 0.2))
     assert own.mean == pytest.approx(-2.1)
-    assert own.deviation == pytest.approx(np.hypot(0.3, 1.2 * 0.2))
+    assert own.deviation == pytest.approx(np.hypot(0.3, np.sqrt(np.pi / 2) * 0.2))
 
 
 def test_where_half_of_a_drive_is_attacked_its_quietest_quarter_says_what_it_is_like():

@@ -129,7 +129,7 @@ def test_a_drive_of_absurd_values_is_bounded(absurd):
 def test_frames_under_attack_in_a_calibration_widen_the_deviation_within_to_so_much_at_most():
     half = np.tile([-2.0, 3.9], 200)
     found = expected(PRIOR, [half] * 50)
-    assert found.deviation < PRIOR.tail * math.sqrt((HIERARCHY.widest * PRIOR.within) ** 2 + 0.5) + 0.1
+    assert found.deviation < PRIOR.tail * math.sqrt((HIERARCHY.widest_values * PRIOR.within) ** 2 + 0.5) + 0.1
     # A strong attack still stands out of what such a calibration expects.
     assert (log_odds(np.array(0.95)) - expected(PRIOR, [half]).mean) / expected(PRIOR, [half]).deviation > 2
 
@@ -164,8 +164,8 @@ def test_frames_that_hardly_change_are_worth_few():
     assert 50 < effective_size(in_tens) < 150
 
 
-@pytest.mark.parametrize("values", [np.full(500, 0.3), np.array([1.0, 2.0, 3.0]), np.array([7.0])])
-def test_constant_frames_and_hardly_any_are_worth_one(values):
+@pytest.mark.parametrize("values", [np.full(500, 0.3), np.array([7.0])])
+def test_constant_frames_and_a_lone_one_are_worth_one(values):
     assert effective_size(values) == 1.0
 
 

@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.evidence_parameters import THROWN_LIGHT
-from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices, Integers
 from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
+
+ENOUGH = 0.5
+"""The score from which on a fault is as likely as an attack."""
 
 
 class Nearby(NamedTuple):
@@ -71,19 +74,9 @@ class Seen(NamedTuple):
     gone: float = nan
 
     @property
-    def one_colour(self) -> bool:
-        """Whether light of one colour was added: no dirt or exposure does."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured
-
-    @property
-    def in_rows(self) -> bool:
-        """Whether light in rows was added: no dirt or exposure does."""
-        return self.striped >= LIGHT_OF_CAUSES.least_striped
-
-    @property
     def thrown(self) -> bool:
-        """Whether light was added that no lens adds."""
-        return self.one_colour or self.in_rows
+        """Whether light of one colour or in rows was added: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_thrown or self.striped >= LIGHT_OF_CAUSES.least_thrown
 
     @property
     def unchanged(self) -> bool:
@@ -116,13 +109,11 @@ class Seen(NamedTuple):
         if not isnan(self.shown_s):
             ratio += self._of_time
         chance = 1 / (1 + exp(ratio))
-        return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
+        return max(chance, ENOUGH) if self.without_light else chance
 
     @property
     def _of_time(self) -> float:
-        of = LIGHT_OF_CAUSES
-        always = of.for_always if self.gone == 0 else 0.0
-        return max(of.for_gone * self.gone - of.shown_a_second * self.shown_s - always, -of.most_for_lasting)
+        return LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
 
 
 def seen_of(
@@ -168,7 +159,7 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     found = []
     for sensor, one in seen.items():
         chance = 0.0 if one.thrown else one.chance_of_lens
-        if chance >= FAULT_HYPOTHESES.enough:
+        if chance >= ENOUGH:
             glare = one.unchanged and one.darker < 1
             found.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
     return tuple(found)
