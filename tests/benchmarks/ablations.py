@@ -39,10 +39,7 @@ OF_LIDAR = frozenset({"wall 1 m", "wall 2.5 m", "wall 2.5 m at 20 m", "sector of
 HELD = "2 s"
 LASTING = ("R 75 mild", "R 112 mild", "paper's facula")
 INF = float("inf")
-_SCORED_CAUSES = (
-    *(Cause.LATE, Cause.DISPLACED, Cause.EXPOSURE, Cause.WHITE_BALANCE),
-    *(Cause.RAIN, Cause.DARK, Cause.GLARE),
-)
+_SCORED_CAUSES = (Cause.LATE, Cause.DISPLACED, Cause.EXPOSURE, Cause.WHITE_BALANCE, Cause.RAIN, Cause.DARK)
 _READERS = (measured_series, rates)
 
 Change = Callable[[ExitStack], None]
@@ -116,7 +113,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("the quietest quarter of a drive", numbers(DRIVE_LEVEL, quiet_below=-INF))
     yield Rule("the level of light by itself", numbers(DRIVE_LEVEL, light=DRIVE_LEVEL.others))
     yield Rule("levels of a group", replaced(drive_level, "group_of", lambda *args: None))
-    of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF, "widest": INF}
+    of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF}
     yield Rule("bounds against attacked drives", numbers(hierarchy, **of_attacked))
     yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0, narrowest_of_any=0.0))
     yield Rule("the narrowest of any drive", numbers(hierarchy, narrowest_of_any=0.0))
@@ -134,11 +131,8 @@ def rules() -> Iterator[Rule]:
     yield Rule("stretches of a second", replaced(robust._Judge, "lasting", lambda self: []))
     yield Rule("alerts", numbers(ALERTS, share=INF, chance=1e-300))
     yield Rule("alerts by share", numbers(ALERTS, share=INF))
-    yield Rule("light of one colour", numbers(light, least_coloured=INF))
-    yield Rule("light in rows", numbers(light, least_striped=INF))
+    yield Rule("light of one colour or in rows", numbers(light, least_thrown=INF))
     yield Rule("how long light lasts", replaced(light_causes.Seen, "_of_time", property(lambda self: 0.0)))
-    yield Rule("light lasts: always", numbers(light, for_always=0.0))
-    yield Rule("light lasts: most", numbers(light, most_for_lasting=INF))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
     yield Rule("hardly any light", numbers(light, hardly_added=-INF))
     yield Rule("hardly any light: saturates", numbers(light, hardly_saturated=INF))

@@ -29,6 +29,9 @@ from tests.benchmarks.scenes import Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 TAILS = (0.99, 0.998)
+FEWEST = 4
+"""Frames of a drive that are fitted to."""
+
 
 Floats = NDArray[np.float64]
 
