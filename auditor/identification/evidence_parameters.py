@@ -64,8 +64,7 @@ class Incidents:
 class DriveLevel:
     """How far the level of the drive that is judged is believed."""
 
-    light: float = parameter(0.37, unit="deviation of a camera's level beside its group's", source=_REAL_ATTACKS)
-    others: float = parameter(0.3, unit="the same of other checks of cameras", source=_BESIDE)
+    beside: float = parameter(0.4, unit="deviation of a camera's level beside its group's", source=_REAL_ATTACKS)
     farthest: float = parameter(
         2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
     )
@@ -136,7 +135,7 @@ _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
 class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
-    start: float = parameter(0.78, unit="logarithm of the ratio where nothing is known", source=_LENSES)
+    start: float = parameter(0.33, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     changed_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), unit="z", source=BY_HAND)
     of_removed: tuple[float, ...] = parameter(
         (2.69, 1.7, 0.61, -0.19, -0.74, -1.08, -1.3, -1.51), unit=_OF_RATIO, source=_LENSES
@@ -149,12 +148,6 @@ class ThrownLight:
     )
     of_darker: tuple[float, ...] = parameter(
         (0.66, 0.31, 0.09, 0.12, 0.13, -0.07, -0.65, -1.48), unit=_OF_RATIO, source=_LENSES
-    )
-    lit_at: tuple[float, ...] = parameter(
-        (0.0, 4.0, 6.0, 7.0, 8.0, 9.0, 10.0), unit="logarithm of lit half px and one", source=BY_HAND
-    )
-    of_lit: tuple[float, ...] = parameter(
-        (-0.38, -0.5, -0.53, -0.44, -0.29, 0.11, 0.79), unit=_OF_RATIO, source=_LENSES
     )
     saturated_at: tuple[float, ...] = parameter(
         (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0), unit="logarithm of saturated half px and one", source=BY_HAND

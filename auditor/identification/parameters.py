@@ -197,8 +197,7 @@ class FaultScores:
     exposure: float = parameter(0.2, unit="logarithm of a level against the other cameras'", source=BY_HAND)
     warmth: float = parameter(0.15, unit="logarithm of red over blue against the other cameras'", source=_WARMTH)
     warmth_of_one_other: float = parameter(0.5, unit="share that is subtracted of a lone other camera", source=_WARMTH)
-    rain: float = parameter(0.01, unit="share of isolated points nearby, less those beyond", source=_RAIN)
-    rain_beyond: float = parameter(2.0, unit="times the share of isolated points beyond", source=_RAIN)
+    rain: float = parameter(0.01, unit="share of isolated points nearby", source=_RAIN)
 
 
 @dataclass(frozen=True)
@@ -208,16 +207,10 @@ class LightOfCauses:
     least_thrown: float = parameter(
         2.5, unit="z of light of one colour or in rows, from which on it was thrown in", source=_ONE_COLOUR
     )
-    exposure_added: float = parameter(
-        2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
+    hardly_added: float = parameter(
+        2.0, unit="z of added light, below which an exposure explains what is seen, or dirt may", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
-    unchanged_gap: float = parameter(
-        2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
-    )
-    hardly_added: float = parameter(
-        1.5, unit="z of added light, below which hardly any was thrown in", source=_NO_LIGHT
-    )
     hardly_saturated: float = parameter(
         20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
     )

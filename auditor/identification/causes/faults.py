@@ -57,7 +57,9 @@ _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
 TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
 """Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
 
-SCORED = tuple(name for name in COLUMNS if name not in {"tracked", "compared", "right_px", "down_px"})
+_NOT_SCORED = frozenset({"tracked", "compared", "right_px", "down_px", "isolated_beyond"})
+
+SCORED = tuple(name for name in COLUMNS if name not in _NOT_SCORED)
 """The fault features that fault scores are made of."""
 
 
@@ -116,7 +118,7 @@ def fault_scores(
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
-        found[Cause.RAIN, LIDAR] = _rain(seen)
+        found[Cause.RAIN, LIDAR] = _mean(seen.columns["isolated_near"]) / FAULT_SCORES.rain
     found[Cause.DARK, None] = 2 - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan) / FAULT_SCORES.dark
     lasting = np.array([cause is Cause.DISPLACED for cause, _ in found])
     scores = np.stack([*found.values()], axis=1)
@@ -189,7 +191,7 @@ def _explaining(
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and by_tone(own, limit)
+            yield own is not None and by_tone(own)
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
@@ -306,12 +308,6 @@ def _unusual(cause: Cause, scores: Floats, scale: Scale | None) -> Floats:
     beyond = scores - scale.usual
     dazzled = (beyond > FAULT_SCORES.dazzled) & (cause is Cause.EXPOSURE)
     return np.where(dazzled, np.nan, np.abs(beyond))
-
-
-def _rain(seen: ObservedFeatures) -> Floats:
-    """Drops are isolated points near the LiDAR; points spoofed at random ranges are isolated farther away too."""
-    beyond = FAULT_SCORES.rain_beyond * seen.columns["isolated_beyond"]
-    return _mean(seen.columns["isolated_near"] - beyond) / FAULT_SCORES.rain
 
 
 def _pairs_with(seen: ObservedFeatures, camera: int) -> list[tuple[int, Pair]]:

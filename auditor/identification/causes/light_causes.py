@@ -55,8 +55,8 @@ def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices
 class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
-    `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
-    `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
+    is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
     where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are
     the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
     does not; NaN where no other frame is known.
@@ -66,7 +66,6 @@ class Seen(NamedTuple):
     removed: float
     inconsistent: float
     darker: float
-    lit_px: float = nan
     saturated_px: float = nan
     coloured: float = nan
     striped: float = nan
@@ -102,7 +101,6 @@ class Seen(NamedTuple):
             (self.removed, of.changed_at, of.of_removed),
             (self.inconsistent, of.changed_at, of.of_inconsistent),
             (float(np.log(self.darker)), of.darker_at, of.of_darker),
-            (float(np.log1p(self.lit_px)), of.lit_at, of.of_lit),
             (float(np.log1p(self.saturated_px)), of.saturated_at, of.of_saturated),
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
@@ -143,11 +141,11 @@ def seen_of(
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
+            saturated = brightness.get(("saturated_px", sensor), nan)
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped, *lasting)
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting)
     return found
 
 
@@ -165,13 +163,10 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float) -> bool:
+def by_tone(seen: Seen) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted. Neither adds light of one colour or in rows.
     """
-    if seen.thrown:
-        return False
-    unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
-    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
+    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)
