@@ -135,7 +135,7 @@ _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
 class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
-    start: float = parameter(0.33, unit="logarithm of the ratio where nothing is known", source=_LENSES)
+    start: float = parameter(0.6, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     changed_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), unit="z", source=BY_HAND)
     of_removed: tuple[float, ...] = parameter(
         (2.69, 1.7, 0.61, -0.19, -0.74, -1.08, -1.3, -1.51), unit=_OF_RATIO, source=_LENSES
