@@ -70,7 +70,6 @@ class WindowedMean:
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second tried (docs/decisions.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
 _STANDS_OUT = "62 clean real frames and those of their attacks that are named (docs/decisions.md)"
-_NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
