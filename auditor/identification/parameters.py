@@ -107,6 +107,7 @@ class Hierarchy:
     narrowest_of_any: float = parameter(
         0.75, unit="times the prior's deviation of frames of any drive, at least", source=_STRETCHES
     )
+    fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(
         0.9,
         unit="share of the variance between drives that a drive's own frames can say at most",

@@ -183,7 +183,7 @@ def effective_size(values: Floats) -> float:
     """How many independent frames F successive ones are worth, 1 at least (docs/figures.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
-    if power == 0 or values.max() == values.min():
+    if HIERARCHY.fewest_frames > F or power == 0 or values.max() == values.min():
         return 1.0
     total = 1.0
     for lag in range(1, F):

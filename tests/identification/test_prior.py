@@ -164,8 +164,8 @@ def test_frames_that_hardly_change_are_worth_few():
     assert 50 < effective_size(in_tens) < 150
 
 
-@pytest.mark.parametrize("values", [np.full(500, 0.3), np.array([7.0])])
-def test_constant_frames_and_a_lone_one_are_worth_one(values):
+@pytest.mark.parametrize("values", [np.full(500, 0.3), np.array([1.0, 2.0, 3.0]), np.array([7.0])])
+def test_constant_frames_and_hardly_any_are_worth_one(values):
     assert effective_size(values) == 1.0
 
 
