@@ -72,6 +72,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (10, 9, 3, 5, 1e6, 0.5),
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
     ),
+    "identification/causes/light_causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
     "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
     "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (

@@ -34,7 +34,7 @@ def test_the_numbers_of_the_page_are_those_of_the_program() -> None:
     assert (GATE.most_lost, "more than 3 %" in text) == (0.03, True)
     assert (GATE.most_lost_in_all, "more than 5 % of planted attacks" in text) == (0.05, True)
     assert (GATE.most_false_alarms, "eight times r" in text) == (8.0, True)
-    assert (INFLUENCE.share_of_day, "of one vehicle or one day a third" in text) == (0.34, True)
+    assert (INFLUENCE.share, "of one vehicle or one day a third" in text) == (0.34, True)
     assert (INFLUENCE.most_of_a_place, "of one road five" in text) == (5, True)
     assert (INFLUENCE.cell_m, "cells of 100 m" in text) == (100.0, True)
     assert f"with chance {TWO_SAMPLES.chance:g}" in text

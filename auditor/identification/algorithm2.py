@@ -18,6 +18,9 @@ FEWEST_SENSORS = 4
 FEWEST_COMPARED = 3
 """The sensors of a triple: fewer cannot be compared."""
 
+MOST_LISTED = 2
+"""Attack sets that a verdict lists beside the best."""
+
 
 @dataclass(frozen=True)
 class Identification:

@@ -7,9 +7,10 @@ the prior does where there are none. So a lasting attack on some sensors never b
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from math import inf, sqrt
+from math import inf, pi, sqrt
+from statistics import NormalDist
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -21,8 +22,14 @@ from auditor.identification.prior import effective_size, log_odds, prior_of_chec
 from auditor.identification.statistics import quantile_of, stretch_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
-from auditor.model.checks import Check, SensorCheck
+from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR
+
+_OF_MEDIAN = pi / 2
+"""Times the variance of a mean, that of a median of what is normally distributed."""
+
+_QUARTILE = NormalDist().inv_cdf(1 - DRIVE_LEVEL.quiet_share)
+"""Deviations that the quietest quarter of what is normally distributed lies below the mean."""
 
 
 class OwnLevel(NamedTuple):
@@ -34,14 +41,6 @@ class OwnLevel(NamedTuple):
     level: float
     worth: float
     quarter: float = -inf
-
-
-@dataclass(frozen=True)
-class Group:
-    """What the other cameras of a group show: their level, less what was expected of them, and its deviation."""
-
-    offset: float
-    spread: float
 
 
 def for_drive(
@@ -104,20 +103,15 @@ def own_level(values: Floats, of_stretches: Floats) -> OwnLevel | None:
     return OwnLevel(quantile_of(np.sort(of_stretches), HIERARCHY.of_stretches), effective_size(measured), quarter)
 
 
-def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> Group | None:
-    """What the other cameras that a check compares show by the same check; None of the LiDAR, and where none does.
+def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> float | None:
+    """What the other cameras that a check compares show by the same check, less what was expected of them.
 
-    It is the lower median of their `offsets`, each by all others of the group: attacks only raise levels, and the
-    attacked cameras are fewer. A group that lies below what was expected says nothing: what is
-    added to one camera is missing to the others.
+    None of the LiDAR, and where none does. It is the lower median of their `offsets`, each by all others of the group:
+    attacks only raise levels, and the attacked cameras are fewer. A group that lies below what was expected says
+    nothing: what is added to one camera is missing to the others.
     """
     others = sorted(offsets[other] for other in _others_of(check) if other in offsets)
-    return Group(max(others[(len(others) - 1) // 2], 0.0), _spread_of(check)) if others else None
-
-
-def _spread_of(check: SensorCheck) -> float:
-    """The deviation of a camera's level beside that of its group."""
-    return DRIVE_LEVEL.light if check.check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT) else DRIVE_LEVEL.others
+    return max(others[(len(others) - 1) // 2], 0.0) if others else None
 
 
 @cache
@@ -130,7 +124,7 @@ def _others_of(check: SensorCheck) -> tuple[SensorCheck, ...]:
 
 
 def of_drive(
-    usual: Expected, own: OwnLevel | None, limit: float, tail: float = 1.0, group: Group | None = None
+    usual: Expected, own: OwnLevel | None, limit: float, tail: float = 1.0, group: float | None = None
 ) -> Expected:
     """What is expected of the frames of the drive that is judged.
 
@@ -142,18 +136,18 @@ def of_drive(
     """
     if own is None or limit <= 0:
         return usual
-    offset, spread = (0.0, usual.between / tail) if group is None else (group.offset, group.spread)
+    offset, spread = (0.0, usual.between / tail) if group is None else (group, DRIVE_LEVEL.beside)
     farthest = usual.mean + offset + DRIVE_LEVEL.farthest * spread
     if own.level > farthest:
-        quiet = own.quarter + DRIVE_LEVEL.quiet_below * usual.within / tail
+        quiet = own.quarter + _QUARTILE * usual.within / tail
         own = OwnLevel(quiet, max(DRIVE_LEVEL.quiet_share * own.worth, 1.0))
     if not -inf < own.level <= farthest:
         if group is None:
             return usual
-        of_group = sqrt(usual.within**2 + (tail * DRIVE_LEVEL.of_median * spread) ** 2)
+        of_group = sqrt(usual.within**2 + (tail * spread) ** 2)
         return _no_farther(usual, usual.mean + offset, min(of_group, usual.deviation), limit)
     between = usual.between**2
-    of_median = HIERARCHY.of_median * usual.within**2 / own.worth
+    of_median = _OF_MEDIAN * usual.within**2 / own.worth
     learnt = between / (between + of_median)
     deviation = sqrt(usual.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
     return _no_farther(usual, usual.mean + learnt * (own.level - usual.mean), deviation, limit)

@@ -36,10 +36,6 @@ class Incidents:
     correlation: float = parameter(0.33, unit="autocorrelation of clean evidence at once", source=_CORRELATED)
     correlation_s: float = parameter(0.4, unit="s in which it falls by e", source=_CORRELATED)
     quiet_s: float = parameter(1.0, unit="s without a rise, after which an incident has ended", source=BY_HAND)
-    quiet_frames: int = parameter(
-        5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
-    )
-    fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
     fewest_worth: float = parameter(
         0.8, unit="independent frames that the findings of an incident are worth", source="three frames at 10 Hz"
     )
@@ -68,17 +64,12 @@ class Incidents:
 class DriveLevel:
     """How far the level of the drive that is judged is believed."""
 
-    light: float = parameter(0.37, unit="deviation of a camera's level beside its group's", source=_REAL_ATTACKS)
-    others: float = parameter(0.3, unit="the same of other checks of cameras", source=_BESIDE)
+    beside: float = parameter(0.4, unit="deviation of a camera's level beside its group's", source=_REAL_ATTACKS)
     farthest: float = parameter(
         2.5, unit="deviations above the group, beyond which no level is believed", source=_BESIDE
     )
-    of_median: float = parameter(1.2, unit="times the deviation, by a group's median of few cameras", source=_BESIDE)
     quiet_share: float = parameter(
         0.25, unit="share of the frames that say a level where all do not", source="attacks of half a drive"
-    )
-    quiet_below: float = parameter(
-        0.67, unit="deviations within drives that they lie below the mean", source="quartile of a normal distribution"
     )
 
 
@@ -96,7 +87,6 @@ class Stretches:
 class Alerts:
     """Findings outside incidents that count as found."""
 
-    fewest_in_a_row: int = parameter(2, unit="findings in a row outside incidents, at least", source=_NAMED_IN_VAIN)
     chance: float = parameter(
         2e-4, unit="chance of such a row of independent clean frames, at most", source="two in a row at r = 1 %"
     )
@@ -128,12 +118,12 @@ class Likelihood:
         (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=CURVES
     )
     of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=CURVES)
-    usual_r: float = parameter(0.01, unit="rate of the limit that the largest z is measured from", source=BY_HAND)
     clean_worth: float = parameter(
         460.0, unit="independent clean frames: the largest ratio that is said", source=CURVES
     )
-    attacked: float = parameter(0.5, unit="prior probability that a frame is attacked", source="stated; even odds")
-    further_sensor: float = parameter(0.2, unit="times the prior, for each sensor after the first", source="stated")
+    further_sensor: float = parameter(
+        0.2, unit="times the prior, which has even odds, for each sensor after the first", source="stated"
+    )
     suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 
@@ -145,7 +135,7 @@ _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
 class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
-    start: float = parameter(0.78, unit="logarithm of the ratio where nothing is known", source=_LENSES)
+    start: float = parameter(0.6, unit="logarithm of the ratio where nothing is known", source=_LENSES)
     changed_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), unit="z", source=BY_HAND)
     of_removed: tuple[float, ...] = parameter(
         (2.69, 1.7, 0.61, -0.19, -0.74, -1.08, -1.3, -1.51), unit=_OF_RATIO, source=_LENSES
@@ -158,12 +148,6 @@ class ThrownLight:
     )
     of_darker: tuple[float, ...] = parameter(
         (0.66, 0.31, 0.09, 0.12, 0.13, -0.07, -0.65, -1.48), unit=_OF_RATIO, source=_LENSES
-    )
-    lit_at: tuple[float, ...] = parameter(
-        (0.0, 4.0, 6.0, 7.0, 8.0, 9.0, 10.0), unit="logarithm of lit half px and one", source=BY_HAND
-    )
-    of_lit: tuple[float, ...] = parameter(
-        (-0.38, -0.5, -0.53, -0.44, -0.29, 0.11, 0.79), unit=_OF_RATIO, source=_LENSES
     )
     saturated_at: tuple[float, ...] = parameter(
         (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0), unit="logarithm of saturated half px and one", source=BY_HAND

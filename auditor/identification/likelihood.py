@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.algorithm2 import FEWEST_COMPARED
-from auditor.identification.evidence_parameters import LIKELIHOOD
+from auditor.identification.evidence_parameters import INCIDENTS, LIKELIHOOD
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System
@@ -95,10 +95,8 @@ def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Float
 
 
 def _prior(size: int, sensors: int) -> float:
-    """The stated prior of one attack set: half of all frames are clean, and a further sensor is a share as likely."""
-    if not size:
-        return 1 - LIKELIHOOD.attacked
-    return LIKELIHOOD.attacked * LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size)
+    """The stated odds of one attack set: any attack is as likely as none, and a further sensor a share as likely."""
+    return LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size) if size else 1.0
 
 
 def _log_likelihood(seen: Explained) -> Floats:
@@ -121,7 +119,7 @@ def _log_likelihood(seen: Explained) -> Floats:
 def _rest(system: System, gone: frozenset[int]) -> tuple[Indices, float]:
     """The checks among the sensors that are left, and the limit that one of them exceeds in 1 % of clean frames."""
     columns = system.detecting(gone)
-    return columns, joint_limit(LIKELIHOOD.usual_r, system.judged_without(gone))
+    return columns, joint_limit(INCIDENTS.tail_rate, system.judged_without(gone))
 
 
 @cache

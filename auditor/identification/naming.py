@@ -15,6 +15,7 @@ from auditor.identification.algorithm2 import (
     ABOVE,
     FEWEST_COMPARED,
     FEWEST_SENSORS,
+    MOST_LISTED,
     NOT_ABOVE,
     NOT_MEASURED,
     identify,
@@ -206,7 +207,7 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
         verdict,
         gap=_lead(z, system, absent, found.attacked, limit),
         evidence=tuple(_evidence(value, check) for value, check in found.evidence),
-        alternatives=tuple(alternatives[: NAMING.alternatives]),
+        alternatives=tuple(alternatives[:MOST_LISTED]),
         posterior=best,
         log10_ratio=found.ratio,
     )

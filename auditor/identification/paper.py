@@ -12,6 +12,7 @@ from auditor.errors import ThresholdsError
 from auditor.identification.algorithm2 import (
     ABOVE,
     FEWEST_SENSORS,
+    MOST_LISTED,
     NOT_ABOVE,
     NOT_MEASURED,
     Identification,
@@ -20,7 +21,6 @@ from auditor.identification.algorithm2 import (
     listed,
     without,
 )
-from auditor.identification.parameters import NAMING
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
@@ -160,7 +160,7 @@ def _alternatives(
     least = disagreements(e, found.attacked, triples)
     distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
     nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
-    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[: NAMING.alternatives])
+    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[:MOST_LISTED])
 
 
 def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:

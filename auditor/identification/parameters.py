@@ -21,6 +21,7 @@ from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
     ADDED_LIGHT,
     DISPARITY_ERROR_SAMPLES,
+    IMAGE_WINDOW,
     PAIR_DEPTH,
     POINT_EXCESS,
     RIG_KIND_TOLERANCE,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
 _POISONED = "docs/decisions.md, no drive moves a threshold without end"
-_THREE_DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04: chosen on them"
 _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/method.md)"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/method.md)"
 _LEVELS = "three real drives, and streets of one vehicle: 0.03 within and 0.04 between drives, over 0.2"
@@ -55,26 +55,21 @@ _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a win
 class WindowedMean:
     """Windows of the count grids, to each of which consistent pixels are added as a pseudo-count."""
 
-    conflict_window: tuple[int, int] = parameter((6, 6), unit="cells, rows and columns", source=_CHECKS)
-    conflict_pseudo_count: int = parameter(40, unit="LiDAR points: half of what 64 beams give", source=_CHECKS)
-    conflict_fewest: int = parameter(20, unit="LiDAR points of a pair", source=_THREE_DRIVES)
-    lost_window: tuple[int, int] = parameter((6, 6), unit="cells, rows and columns", source=_REMOVED)
-    lost_pseudo_count: int = parameter(
-        36, unit="samples of surfaces: a quarter of what a window holds", source=_REMOVED
+    directions: tuple[int, int] = parameter((6, 6), unit="cells of directions, rows and columns", source=_CHECKS)
+    conflict_pseudo_count: int = parameter(
+        40, unit="LiDAR points: half of what 64 beams give; half as many are the fewest of a pair", source=_CHECKS
     )
-    lost_fewest: int = parameter(18, unit="samples of surfaces of a pair", source=_REMOVED)
-    image_window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_CHECKS)
-    image_pseudo_count: int = parameter(200, unit="half px", source=_CHECKS)
-    image_fewest: int = parameter(200, unit="half px of a pair", source=_THREE_DRIVES)
+    lost_pseudo_count: int = parameter(
+        36, unit="samples of surfaces: a quarter of what a window holds; half as many are the fewest", source=_REMOVED
+    )
     smallest_pseudo_count: int = parameter(15, unit="LiDAR points, however few beams", source=_FEWER_BEAMS)
     dense_quantile: float = parameter(0.9, unit="quantile of the windows that hold points", source=_FEWER_BEAMS)
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-_LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second, at most 1.1 to 1.5 (docs/method.md)"
+_LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second tried (docs/decisions.md)"
 _NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
 _STANDS_OUT = "62 clean real frames and those of their attacks that are named (docs/decisions.md)"
-_NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
@@ -108,7 +103,6 @@ class Hierarchy:
     widest_values: float = parameter(
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
-    widest: float = parameter(2.0, unit="times the prior's deviation within drives, at most", source=_POISONED)
     narrowest: float = parameter(0.85, unit="times the prior's deviation within drives, at least", source=_STRETCHES)
     narrowest_of_any: float = parameter(
         0.75, unit="times the prior's deviation of frames of any drive, at least", source=_STRETCHES
@@ -121,12 +115,8 @@ class Hierarchy:
     )
     stretch_s: float = parameter(5.0, unit="s, of a stretch of road", source=_STRETCHES)
     stretch_step: float = parameter(0.2, unit="share of a stretch, after which the next begins", source=BY_HAND)
-    fewest_of_stretch: int = parameter(9, unit="frames of a stretch of road, however slow the camera", source=BY_HAND)
     of_stretches: float = parameter(
         0.9, unit="quantile of the medians of a drive's stretches, that is its own level", source=_STRETCHES
-    )
-    of_median: float = parameter(
-        1.57, unit="times the variance of a mean, that of a median", source="pi / 2, of normal distributions"
     )
 
 
@@ -165,12 +155,12 @@ class StandsOut:
 class FaultScale:
     """How what is expected of a fault's score becomes theta and the scale of z."""
 
-    least_theta: float = parameter(1.0, unit="fault score: just enough", source="the unit of fault scores")
     shown_quantile: float = parameter(
         0.99, unit="quantile of the clean scores that theta lies above", source="docs/decisions.md, a flaw of the rig"
     )
     scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
     highest: float = parameter(3.0, unit="scales above theta at which a fault is certain", source=BY_HAND)
+    least_listed: float = parameter(0.2, unit="score, from which on it is listed: z = -1.8", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -189,7 +179,6 @@ class Naming:
     least_probability: float = parameter(
         0.7, unit="posterior probability of a set, below which no sensor is named", source=CURVES
     )
-    alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -204,42 +193,24 @@ class FaultScores:
     biased_by_px: float = parameter(3.0, unit="px of disparity", source=_FAULTS)
     rotated_lidar: float = parameter(0.2, unit="excess of points once rotated", source=_FAULTS_ON_STREETS)
     dazzled: float = parameter(2.5, unit="times exposure, brighter: a gain of 1.65", source=_BENIGN)
-    dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
-    dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
-    glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
+    dark: float = parameter(40.0, unit="mean grey level; darkness begins at twice as much", source=_FAULTS)
     exposure: float = parameter(0.2, unit="logarithm of a level against the other cameras'", source=BY_HAND)
     warmth: float = parameter(0.15, unit="logarithm of red over blue against the other cameras'", source=_WARMTH)
     warmth_of_one_other: float = parameter(0.5, unit="share that is subtracted of a lone other camera", source=_WARMTH)
-    rain: float = parameter(0.01, unit="share of isolated points nearby, less those beyond", source=_RAIN)
-    rain_beyond: float = parameter(2.0, unit="times the share of isolated points beyond", source=_RAIN)
-
-
-@dataclass(frozen=True)
-class FaultHypotheses:
-    """When a fault stands beside a verdict, or in its place."""
-
-    enough: float = parameter(0.5, unit="score at z = 0", source="definition of the score")
-    least_listed: float = parameter(0.2, unit="score: z = -1.8", source=BY_HAND)
+    rain: float = parameter(0.01, unit="share of isolated points nearby", source=_RAIN)
 
 
 @dataclass(frozen=True)
 class LightOfCauses:
     """What dirt and exposures do to the scores of a camera's checks, and an attack by light does not."""
 
-    least_coloured: float = parameter(
-        2.5, unit="z of light of one colour, from which on it was thrown in", source=_ONE_COLOUR
-    )
-    least_striped: float = parameter(2.5, unit="z of light in rows, from which on it was thrown in", source=_NO_CLEAN)
-    exposure_added: float = parameter(
-        2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
-    )
-    unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
-    unchanged_gap: float = parameter(
-        2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
+    least_thrown: float = parameter(
+        2.5, unit="z of light of one colour or in rows, from which on it was thrown in", source=_ONE_COLOUR
     )
     hardly_added: float = parameter(
-        1.5, unit="z of added light, below which hardly any was thrown in", source=_NO_LIGHT
+        2.0, unit="z of added light, below which an exposure explains what is seen, or dirt may", source=_BENIGN
     )
+    unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
     hardly_saturated: float = parameter(
         20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
     )
@@ -253,12 +224,6 @@ class LightOfCauses:
     )
     for_gone: float = parameter(
         1.5, unit="added to it where no frame nearby shows as much, in proportion where some do", source=_LASTING
-    )
-    for_always: float = parameter(
-        0.5, unit="taken from it where all frames nearby show as much: it may have been there before", source=_LASTING
-    )
-    most_for_lasting: float = parameter(
-        1.2, unit="taken from it at most, however long frames nearby show as much", source=_LASTING
     )
 
 
@@ -307,7 +272,6 @@ FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
 NAMING = Naming()
 FAULT_SCORES = FaultScores()
-FAULT_HYPOTHESES = FaultHypotheses()
 LIGHT_OF_CAUSES = LightOfCauses()
 FROZEN = Frozen()
 OTHER_LIDAR = OtherLidar()
@@ -317,6 +281,7 @@ JUDGING = (
     PAIR_DEPTH,
     STORED_RESIDUALS,
     WINDOWED_MEAN,
+    IMAGE_WINDOW,
     CHECK_PRIORS,
     CAUSE_PRIORS,
     HIERARCHY,
@@ -334,7 +299,6 @@ JUDGING = (
     ADDED_LIGHT,
     FAULT_SCORES,
     FAULT_SCALE,
-    FAULT_HYPOTHESES,
     LIGHT_OF_CAUSES,
     THROWN_LIGHT,
     RIG_KIND_TOLERANCE,

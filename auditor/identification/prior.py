@@ -107,9 +107,9 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation within without
-    end, nor narrows the deviations: usual frames say little about rare ones, and usual roads about rare roads. Where
-    drives are `believed` there are no such bounds: nobody attacks by a fault.
+    drive alone shows may be an attack, what many show belongs to the rig. None narrows the deviations without end:
+    usual frames say little about rare ones, and usual roads about rare roads. Where drives are `believed` there are no
+    such bounds: nobody attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
     return expected_after(prior, Drives.of(chain.from_iterable(seen)), believed=believed)
@@ -123,8 +123,7 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
         HIERARCHY.prior_frames + _sum(seen.worth)
     )
     if not believed:
-        narrowest, widest = ((times * prior.within) ** 2 for times in (HIERARCHY.narrowest, HIERARCHY.widest))
-        within = min(max(within, narrowest), widest)
+        within = max(within, (HIERARCHY.narrowest * prior.within) ** 2)
     far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (D - 1)
     of_prior = prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind)
     reach = far * sqrt(of_prior)

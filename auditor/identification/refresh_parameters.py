@@ -19,7 +19,6 @@ class CleanDrive:
     chance: float = parameter(
         0.001, unit="chance of as many windows with findings in a clean drive, at least", source=BY_HAND
     )
-    window_s: float = parameter(0.5, unit="s: frames that count as one trial", source="the temporal window")
     findings_of_a_window: float = parameter(
         6.0,
         unit="times r: chance of a finding in a clean window of several frames",
@@ -41,11 +40,8 @@ class Influence:
         100, unit="recordings of a calibration", source="bounds the work; no experiment recorded"
     )
     most_of_a_day: int = parameter(3, unit="recordings of one vehicle and day", source=BY_HAND)
-    share_of_vehicle: float = parameter(
-        0.34, unit="share of the recordings, where there are three vehicles or more", source=BY_HAND
-    )
-    share_of_day: float = parameter(
-        0.34, unit="share of the recordings, where there are three days or more", source=BY_HAND
+    share: float = parameter(
+        0.34, unit="share of the recordings of one vehicle, or day, where there are three or more", source=BY_HAND
     )
     cell_m: float = parameter(100.0, unit="m: side of the cells that a road is compared by", source=BY_HAND)
     same_place: float = parameter(0.5, unit="share of a drive's cells that another was in too", source=BY_HAND)
@@ -110,8 +106,7 @@ class Conditions:
     )
     fewest_drives: int = parameter(3, unit="drives under one condition", source=BY_HAND)
     fewest_windows: int = parameter(200, unit="windows: 2 are raised by chance at r = 0.01", source="2 / 0.01")
-    day_from_deg: float = parameter(6.0, unit="deg of the sun above the horizon", source="end of the golden hour")
-    night_to_deg: float = parameter(-6.0, unit="deg of the sun above the horizon", source="civil twilight")
+    twilight_deg: float = parameter(6.0, unit="deg of the sun above or below the horizon", source="civil twilight")
 
 
 CLEAN_DRIVE = CleanDrive()

@@ -211,7 +211,7 @@ def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0)
     """
     usual = found.mean if cause in TONES else None
     beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
-    theta = max(beyond, shown, FAULT_SCALE.least_theta)
+    theta = max(beyond, shown, 1.0)
     return Scale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
 
 

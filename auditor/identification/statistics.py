@@ -8,6 +8,7 @@ from math import ceil, inf
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.identification.evidence_parameters import STRETCHES
 from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
 from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
 from auditor.model.checks import (
@@ -21,6 +22,7 @@ from auditor.model.checks import (
 )
 from auditor.model.checks.kind import Counted, Of, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
+from auditor.model.parameters import IMAGE_WINDOW
 
 Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (..., rows, columns)."""
@@ -65,14 +67,14 @@ class WindowMeans:
 
 
 CONFLICT_WINDOW = Window(
-    *WINDOWED_MEAN.conflict_window, WINDOWED_MEAN.conflict_pseudo_count, WINDOWED_MEAN.conflict_fewest
+    *WINDOWED_MEAN.directions, WINDOWED_MEAN.conflict_pseudo_count, WINDOWED_MEAN.conflict_pseudo_count // 2
 )
 """Of cells of the LiDAR's directions. 40 points are half of what 64 beams usually give; for fewer see `fitted`."""
 
-LOST_WINDOW = Window(*WINDOWED_MEAN.lost_window, WINDOWED_MEAN.lost_pseudo_count, WINDOWED_MEAN.lost_fewest)
+LOST_WINDOW = Window(*WINDOWED_MEAN.directions, WINDOWED_MEAN.lost_pseudo_count, WINDOWED_MEAN.lost_pseudo_count // 2)
 """Of cells of the LiDAR's directions: a window is as wide as a car 25 m away."""
 
-IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
+CAMERA_WINDOW = Window(*IMAGE_WINDOW.cells, IMAGE_WINDOW.pseudo_count, IMAGE_WINDOW.pseudo_count)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
 
 _WINDOWS = {Counted.POINTS: CONFLICT_WINDOW, Counted.SURFACES: LOST_WINDOW}
@@ -135,7 +137,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     """The mean residual, or the share of inconsistent pixels or points, of each window of some grids of one check."""
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
-    window = _WINDOWS.get(check.kind.counted, IMAGE_WINDOW)
+    window = _WINDOWS.get(check.kind.counted, CAMERA_WINDOW)
     steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
     windows = [fitted(window, one) for one in N] if check.kind.counted is Counted.POINTS else [window] * len(N)
@@ -235,7 +237,7 @@ def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[F
         return
     period = float(np.median(np.diff(stamp_ns))) if F > 1 else 0.0
     usual = HIERARCHY.stretch_s * NANOSECONDS / period if period > 0 else inf
-    W = int(min(max(usual, HIERARCHY.fewest_of_stretch), F))
+    W = int(min(max(usual, STRETCHES.fewest_frames), F))
     step = max(W * HIERARCHY.stretch_step, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
     places = first[:, None] + np.arange(W)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, parameter
 
+_WINDOWS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _SIMILAR = "KITTI's calibrations of two days differ by 2 %; no experiment recorded"
 _ENLARGED = "docs/figures.md, cameras of fewer pixels: real drives at half size"
@@ -97,14 +98,18 @@ class PointExcess:
 
 
 @dataclass(frozen=True)
+class ImageWindow:
+    """Windows of an image's count grids, to each of which consistent pixels are added as a pseudo-count."""
+
+    cells: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_WINDOWS)
+    pseudo_count: int = parameter(200, unit="half px, which are the fewest of a pair as well", source=_WINDOWS)
+
+
+@dataclass(frozen=True)
 class AddedLight:
     """Where a camera has most added light, and what of it saturates: no count follows from it."""
 
-    window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source="the checks' windows")
-    fewest: int = parameter(200, unit="half px of a pair", source="the checks' windows")
-    pseudo_count: int = parameter(200, unit="half px", source="the checks' windows")
     lit_from: float = parameter(0.1, unit="mean residual of a window, from which on it is lit", source=_LIT)
-    voters: int = parameter(2, unit="cameras, where there are two", source="the checks' votes")
     near_px: tuple[int, int] = parameter((60, 80), unit="half px up and down, and to both sides", source=_LIT)
     beside_px: tuple[int, int] = parameter((9, 25), unit="half px, rows and columns", source=_LIT)
 
@@ -129,5 +134,6 @@ REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
 STORED_RESIDUALS = StoredResiduals()
 POINT_EXCESS = PointExcess()
+IMAGE_WINDOW = ImageWindow()
 ADDED_LIGHT = AddedLight()
 RIG_KIND_TOLERANCE = RigKindTolerance()

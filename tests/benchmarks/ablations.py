@@ -39,10 +39,7 @@ OF_LIDAR = frozenset({"wall 1 m", "wall 2.5 m", "wall 2.5 m at 20 m", "sector of
 HELD = "2 s"
 LASTING = ("R 75 mild", "R 112 mild", "paper's facula")
 INF = float("inf")
-_SCORED_CAUSES = (
-    *(Cause.LATE, Cause.DISPLACED, Cause.EXPOSURE, Cause.WHITE_BALANCE),
-    *(Cause.RAIN, Cause.DARK, Cause.GLARE),
-)
+_SCORED_CAUSES = (Cause.LATE, Cause.DISPLACED, Cause.EXPOSURE, Cause.WHITE_BALANCE, Cause.RAIN, Cause.DARK)
 _READERS = (measured_series, rates)
 
 Change = Callable[[ExitStack], None]
@@ -114,9 +111,8 @@ def rules() -> Iterator[Rule]:
     yield Rule("busier stretches of a drive", numbers(hierarchy, of_stretches=0.5))
     yield Rule("an own level's farthest", numbers(DRIVE_LEVEL, farthest=INF))
     yield Rule("the quietest quarter of a drive", numbers(DRIVE_LEVEL, quiet_below=-INF))
-    yield Rule("the level of light by itself", numbers(DRIVE_LEVEL, light=DRIVE_LEVEL.others))
     yield Rule("levels of a group", replaced(drive_level, "group_of", lambda *args: None))
-    of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF, "widest": INF}
+    of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF}
     yield Rule("bounds against attacked drives", numbers(hierarchy, **of_attacked))
     yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0, narrowest_of_any=0.0))
     yield Rule("the narrowest of any drive", numbers(hierarchy, narrowest_of_any=0.0))
@@ -134,22 +130,18 @@ def rules() -> Iterator[Rule]:
     yield Rule("stretches of a second", replaced(robust._Judge, "lasting", lambda self: []))
     yield Rule("alerts", numbers(ALERTS, share=INF, chance=1e-300))
     yield Rule("alerts by share", numbers(ALERTS, share=INF))
-    yield Rule("light of one colour", numbers(light, least_coloured=INF))
-    yield Rule("light in rows", numbers(light, least_striped=INF))
+    yield Rule("light of one colour or in rows", numbers(light, least_thrown=INF))
     yield Rule("how long light lasts", replaced(light_causes.Seen, "_of_time", property(lambda self: 0.0)))
-    yield Rule("light lasts: always", numbers(light, for_always=0.0))
-    yield Rule("light lasts: most", numbers(light, most_for_lasting=INF))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
-    yield Rule("hardly any light", numbers(light, hardly_added=-INF))
+    yield Rule("hardly any light", replaced(light_causes.Seen, "without_light", property(lambda self: False)))
     yield Rule("hardly any light: saturates", numbers(light, hardly_saturated=INF))
-    for name in ("removed", "inconsistent", "darker", "lit", "saturated"):
+    for name in ("removed", "inconsistent", "darker", "saturated"):
         yield Rule(f"light on a lens: {name}", flat(f"of_{name}"))
     yield Rule("light on a lens", replaced(faults, "of_lens", lambda seen: ()))
     yield Rule("tones: any", replaced(faults, "by_tone", lambda *args: True))
     yield Rule("tones: unchanged", numbers(light, unchanged=-INF))
-    yield Rule("tones: exposure adds little", numbers(light, exposure_added=-INF))
+    yield Rule("tones: hardly any light", replaced(faults, "by_tone", lambda seen: not seen.thrown and seen.unchanged))
     yield Rule("dazzled", numbers(judging.FAULT_SCORES, dazzled=INF))
-    yield Rule("rain beyond", numbers(judging.FAULT_SCORES, rain_beyond=0.0))
     yield Rule("the strongest is covered", replaced(faults, "_covers_strongest", lambda *args: True))
     yield Rule("tilt by px", numbers(judging.FAULT_SCORES, tilted_by_px=0.0))
     yield Rule("bias by px", numbers(judging.FAULT_SCORES, biased_by_px=0.0))

@@ -29,6 +29,9 @@ from tests.benchmarks.scenes import Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 TAILS = (0.99, 0.998)
+FEWEST = 4
+"""Frames of a drive that are fitted to."""
+
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +90,7 @@ def main() -> None:
     z, largest = tails(scenes, options.r)
     print(f"{'prior':32} {'fitted: mean within between':30} {'ships':24} tail at {', '.join(map(str, TAILS))}")
     for name, columns in sorted(values.items()):
-        mean, within, between = fitted([one for one in columns if one.size >= HIERARCHY.fewest_frames])
+        mean, within, between = fitted([one for one in columns if one.size >= FEWEST])
         line = f"{name:32} {mean:8.2f} {within:8.2f} {between:8.2f}     {ships[name]!s:.60}"
         if name in z:
             known = z[name][~np.isnan(z[name])]

@@ -51,7 +51,6 @@ KNOTS = (
     THROWN_LIGHT.changed_at,
     THROWN_LIGHT.changed_at,
     THROWN_LIGHT.darker_at,
-    THROWN_LIGHT.lit_at,
     THROWN_LIGHT.saturated_at,
 )
 
@@ -117,7 +116,6 @@ def weights_of_knots(found: Sequence[Shown]) -> Floats:
             [one.removed for one in rows],
             [one.inconsistent for one in rows],
             np.log([one.darker for one in rows]),
-            np.log1p([one.lit_px for one in rows]),
             np.log1p([one.saturated_px for one in rows]),
         )
     )

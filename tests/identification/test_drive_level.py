@@ -5,7 +5,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.drive_level import Group, OwnLevel, for_drive, group_of, of_drive
+from auditor.identification.drive_level import OwnLevel, for_drive, group_of, of_drive
+from auditor.identification.evidence_parameters import DRIVE_LEVEL
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.scores import thresholds_from
 from auditor.model.calibration import Expected
@@ -17,21 +18,21 @@ LIMIT = 3.5
 
 
 def test_a_level_that_the_group_shares_is_the_drives_own():
-    own = of_drive(USUAL, OwnLevel(-1.2, 20.0), LIMIT, group=Group(0.7, 0.2))
+    own = of_drive(USUAL, OwnLevel(-1.2, 20.0), LIMIT, group=0.7)
     assert own.mean == pytest.approx(-1.2, abs=0.1)
 
 
 def test_a_level_far_above_the_group_is_that_of_the_group():
-    own = of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT, group=Group(-0.1, 0.2))
+    own = of_drive(USUAL, OwnLevel(0.5, 20.0), LIMIT, group=-0.1)
     assert own.mean == pytest.approx(-2.1)
-    assert own.deviation == pytest.approx(np.hypot(0.3, 1.2 * 0.2))
+    assert own.deviation == pytest.approx(np.hypot(0.3, DRIVE_LEVEL.beside))
 
 
 def test_where_half_of_a_drive_is_attacked_its_quietest_quarter_says_what_it_is_like():
     half = OwnLevel(-0.4, 20.0, quarter=-2.3)
-    own = of_drive(USUAL, half, LIMIT, group=Group(0.0, 0.2))
+    own = of_drive(USUAL, half, LIMIT, group=0.0)
     assert own.mean == pytest.approx(-2.3 + 0.67 * 0.3, abs=0.05)
-    assert own.deviation < of_drive(USUAL, half._replace(quarter=0.2), LIMIT, group=Group(0.0, 0.2)).deviation
+    assert own.deviation < of_drive(USUAL, half._replace(quarter=0.2), LIMIT, group=0.0).deviation
 
 
 def test_a_level_that_no_clean_drive_has_says_nothing_where_there_is_no_group():
@@ -39,7 +40,7 @@ def test_a_level_that_no_clean_drive_has_says_nothing_where_there_is_no_group():
 
 
 @pytest.mark.parametrize("level", [-1.9, -1.0, 0.0, 4.0])
-@pytest.mark.parametrize("group", [None, Group(0.0, 0.2), Group(1.5, 0.2)])
+@pytest.mark.parametrize("group", [None, 0.0, 1.5])
 def test_no_level_makes_more_necessary_for_a_finding(level, group):
     own = of_drive(USUAL, OwnLevel(level, 20.0), LIMIT, group=group)
     assert own.mean + LIMIT * own.deviation <= USUAL.mean + LIMIT * USUAL.deviation + 1e-9
@@ -49,7 +50,7 @@ def test_no_level_makes_more_necessary_for_a_finding(level, group):
 def test_attacked_cameras_do_not_move_what_the_group_shows_of_them(attacked):
     offsets = {check: 3.0 if check.sensor in attacked else 0.1 * check.sensor for check in LIGHT}
     groups = [group_of(check, offsets) for check in LIGHT if check.sensor in attacked]
-    assert all(group.offset <= 0.4 for group in groups)
+    assert all(group <= 0.4 for group in groups)
 
 
 def test_the_lidar_has_no_group_and_a_camera_none_of_unmeasured_ones():

@@ -5,6 +5,7 @@ import pytest
 
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import (
+    QUIET_FRAMES,
     Event,
     Evidence,
     apart,
@@ -101,7 +102,7 @@ def test_an_excursion_goes_from_zero_to_zero_and_lists_its_rises():
 
 
 def test_an_excursion_ends_where_the_sum_has_not_risen_for_some_time_however_high_it_is():
-    quiet = [-0.01] * INCIDENTS.quiet_frames
+    quiet = [-0.01] * QUIET_FRAMES
     assert [one.rises for one in parts_of(added(9, *quiet, 9))] == [(0, 6)]
     assert [one.rises for one in parts_of(added(9, *quiet, -0.01, 9))] == [(0,), (7,)]
     long = round(INCIDENTS.quiet_s / 0.1)

@@ -129,7 +129,7 @@ def test_a_drive_of_absurd_values_is_bounded(absurd):
 def test_frames_under_attack_in_a_calibration_widen_the_deviation_within_to_so_much_at_most():
     half = np.tile([-2.0, 3.9], 200)
     found = expected(PRIOR, [half] * 50)
-    assert found.deviation < PRIOR.tail * math.sqrt((HIERARCHY.widest * PRIOR.within) ** 2 + 0.5) + 0.1
+    assert found.deviation < PRIOR.tail * math.sqrt((HIERARCHY.widest_values * PRIOR.within) ** 2 + 0.5) + 0.1
     # A strong attack still stands out of what such a calibration expects.
     assert (log_odds(np.array(0.95)) - expected(PRIOR, [half]).mean) / expected(PRIOR, [half]).deviation > 2
 

@@ -90,12 +90,10 @@ def test_no_vehicle_and_no_day_has_more_than_its_share_however_many_drives_it_br
     own = [Source(f"a{day}", "a", day) for day in range(60)]
     others = [Source(f"b{place}", f"b{place}", 100 + place // 3) for place in range(20)]
     left = [place for place in range(80) if place not in dict(limited([*own, *others]))]
-    assert sum(place < 60 for place in left) == int(20 * INFLUENCE.share_of_vehicle / (1 - INFLUENCE.share_of_vehicle))
+    assert sum(place < 60 for place in left) == int(20 * INFLUENCE.share / (1 - INFLUENCE.share))
     flood = [Source(f"f{place}", f"f{place}", 999) for place in range(60)]
     out = dict(limited([*flood, *others]))
-    assert sum(place not in out for place in range(60)) == int(
-        20 * INFLUENCE.share_of_day / (1 - INFLUENCE.share_of_day)
-    )
+    assert sum(place not in out for place in range(60)) == int(20 * INFLUENCE.share / (1 - INFLUENCE.share))
     assert "no day has more than its share" in out[59]
 
 

@@ -139,6 +139,13 @@ def test_an_incident_names_what_most_of_its_evidence_speaks_for():
     assert finding_of(verdict) == (VerdictKind.ATTACKED, (1,), 1)
 
 
+def test_one_flash_on_another_sensor_does_not_take_the_name_of_an_attack_that_lasts():
+    series = series_of(range(5, 15), sensor=1, z=3.6)
+    series.statistics[8] = series_of([8], sensor=2, z=12.0).statistics[8]
+    verdicts = judge_frames(series, SYSTEM, THRESHOLDS)
+    assert {finding_of(verdict)[1] for verdict in verdicts if verdict.in_incident} == {(1,)}
+
+
 def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out():
     verdicts = judge(range(5, 12), 2, frozen=range(4, 14))
     still = verdicts[8]

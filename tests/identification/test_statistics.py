@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.identification.statistics import (
+    CAMERA_WINDOW,
     CONFLICT_WINDOW,
-    IMAGE_WINDOW,
     Window,
     fitted,
     median_of,
@@ -302,7 +302,7 @@ def test_one_more_voter_never_raises_what_the_others_say(check, sign, said):
 
 
 def test_windows_are_those_of_the_parameters():
-    assert (Window(6, 8, 200, 200), Window(6, 6, 40, 20)) == (IMAGE_WINDOW, CONFLICT_WINDOW)
+    assert (Window(6, 8, 200, 200), Window(6, 6, 40, 20)) == (CAMERA_WINDOW, CONFLICT_WINDOW)
 
 
 def medians_of(values, stamp_ns):

@@ -123,7 +123,7 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     calibration = calibrate([(store, known)])
     before = judge_measurement(store, known, calibration, Criteria(ZERO, method))
     assert judge_measurement(store, known, calibration, Criteria(ZERO, method)).judgement_id == before.judgement_id
-    changed = replace(parameters.NAMING, alternatives=1)
+    changed = replace(parameters.NAMING, least_probability=0.6)
     others = [changed if group is parameters.NAMING else group for group in parameters.JUDGING]
     monkeypatch.setattr(parameters, "JUDGING", tuple(others))
     after = judge_measurement(store, known, calibration, Criteria(ZERO, method))
@@ -134,7 +134,7 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     rows = run_sql(store, "SELECT * FROM judgements ORDER BY judged_at").to_pylist()
     assert [row["judging_version"] for row in rows] == [JUDGING_VERSION] * 2
     assert [row["auditor_version"] for row in rows] == [auditor.__version__] * 2
-    settings = [json.loads(row["judging_settings"])["naming.alternatives"] for row in rows]
-    assert settings == [parameters.NAMING.alternatives, 1]
+    settings = [json.loads(row["judging_settings"])["naming.least_probability"] for row in rows]
+    assert settings == [parameters.NAMING.least_probability, 0.6]
     for judgement in (before, after):
         assert len(read_rows("verdicts", store.path("verdicts", judgement.judgement_id))) == 6

@@ -57,7 +57,7 @@ def test_other_windows_give_other_statistics_of_what_has_cells_and_of_nothing_el
 
 def in_windows(monkeypatch, window):
     """Make all statistics of cells in such windows."""
-    for name in ("CONFLICT_WINDOW", "IMAGE_WINDOW"):
+    for name in ("CONFLICT_WINDOW", "CAMERA_WINDOW"):
         monkeypatch.setattr(statistics, name, window)
 
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.identification.causes.light_causes import Seen, by_tone, of_lens
+from auditor.identification.causes.light_causes import ENOUGH, Seen, by_tone, of_lens
 from auditor.identification.parameters import (
-    FAULT_HYPOTHESES,
     FAULT_SCALE,
     FAULT_SCORES,
     FROZEN,
@@ -58,7 +57,9 @@ _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
 TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
 """Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
 
-SCORED = tuple(name for name in COLUMNS if name not in {"tracked", "compared", "right_px", "down_px"})
+_NOT_SCORED = frozenset({"tracked", "compared", "right_px", "down_px", "isolated_beyond"})
+
+SCORED = tuple(name for name in COLUMNS if name not in _NOT_SCORED)
 """The fault features that fault scores are made of."""
 
 
@@ -94,7 +95,6 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
         *((Cause.WHITE_BALANCE, camera) for camera in cameras if len(cameras) > 1),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
-        (Cause.GLARE, None),
     )
 
 
@@ -118,10 +118,8 @@ def fault_scores(
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
-        found[Cause.RAIN, LIDAR] = _rain(seen)
-    begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
-    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan)) / (begins - enough)
-    found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T, initial=np.nan) / FAULT_SCORES.glare
+        found[Cause.RAIN, LIDAR] = _mean(seen.columns["isolated_near"]) / FAULT_SCORES.rain
+    found[Cause.DARK, None] = 2 - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan) / FAULT_SCORES.dark
     lasting = np.array([cause is Cause.DISPLACED for cause, _ in found])
     scores = np.stack([*found.values()], axis=1)
     for those, seconds in ((~lasting, TEMPORAL_WINDOW.seconds), (lasting, TEMPORAL_WINDOW.lasting_s)):
@@ -143,8 +141,8 @@ def fault_hypotheses(
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
     unusual = np.stack([_unusual(key[0], scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
     z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
-    share = FAULT_HYPOTHESES.enough * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
-    least = FAULT_HYPOTHESES.least_listed
+    share = ENOUGH * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
+    least = FAULT_SCALE.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
         places: list[int] = np.argsort(-z[frame], kind="stable").tolist()
@@ -158,7 +156,7 @@ def weigh(
 ) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
+    A fault is a finding by itself; darkness, rain and exposure are listed where no check fired, and are no
     finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` by
     more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
@@ -176,12 +174,12 @@ def weigh(
 
 def is_finding(hypothesis: FaultHypothesis) -> bool:
     """Whether a fault is a finding where no check fired."""
-    return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
+    return hypothesis.cause in FAULTS and hypothesis.score >= ENOUGH
 
 
 def z_of(hypothesis: FaultHypothesis) -> float:
     """The z that a hypothesis' score comes from."""
-    return (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
+    return (hypothesis.score / ENOUGH - 1) * FAULT_SCALE.highest
 
 
 def _explaining(
@@ -189,11 +187,11 @@ def _explaining(
 ) -> Iterator[bool]:
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
     for one in causes:
-        if one.score < FAULT_HYPOTHESES.enough or one.sensor in verdict.out_of_system or one.cause is Cause.RAIN:
+        if one.score < ENOUGH or one.sensor in verdict.out_of_system or one.cause is Cause.RAIN:
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and by_tone(own, limit)
+            yield own is not None and by_tone(own)
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
@@ -312,12 +310,6 @@ def _unusual(cause: Cause, scores: Floats, scale: Scale | None) -> Floats:
     return np.where(dazzled, np.nan, np.abs(beyond))
 
 
-def _rain(seen: ObservedFeatures) -> Floats:
-    """Drops are isolated points near the LiDAR; points spoofed at random ranges are isolated farther away too."""
-    beyond = FAULT_SCORES.rain_beyond * seen.columns["isolated_beyond"]
-    return _mean(seen.columns["isolated_near"] - beyond) / FAULT_SCORES.rain
-
-
 def _pairs_with(seen: ObservedFeatures, camera: int) -> list[tuple[int, Pair]]:
     return [(p, pair) for p, pair in enumerate(seen.pairs) if camera in pair]
 
@@ -353,13 +345,13 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
 
 
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
-    """Whether it is dirt, drops or glare of one camera's lens; glare of all cameras is another cause."""
-    return hypothesis.cause is Cause.SOILED or (hypothesis.cause is Cause.GLARE and hypothesis.sensor is not None)
+    """Whether it is dirt, drops or glare of one camera's lens."""
+    return hypothesis.cause in (Cause.SOILED, Cause.GLARE)
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
     """Whether a hypothesis is listed where no check fired: dirt would have made one fire."""
-    return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
+    return hypothesis.score >= ENOUGH and hypothesis.cause is not Cause.SOILED
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:

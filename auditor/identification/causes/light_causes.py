@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.evidence_parameters import THROWN_LIGHT
-from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices, Integers
 from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
+
+ENOUGH = 0.5
+"""The score from which on a fault is as likely as an attack."""
 
 
 class Nearby(NamedTuple):
@@ -52,8 +55,8 @@ def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices
 class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
-    `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
-    `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
+    is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
     where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are
     the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
     does not; NaN where no other frame is known.
@@ -63,7 +66,6 @@ class Seen(NamedTuple):
     removed: float
     inconsistent: float
     darker: float
-    lit_px: float = nan
     saturated_px: float = nan
     coloured: float = nan
     striped: float = nan
@@ -71,19 +73,9 @@ class Seen(NamedTuple):
     gone: float = nan
 
     @property
-    def one_colour(self) -> bool:
-        """Whether light of one colour was added: no dirt or exposure does."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_coloured
-
-    @property
-    def in_rows(self) -> bool:
-        """Whether light in rows was added: no dirt or exposure does."""
-        return self.striped >= LIGHT_OF_CAUSES.least_striped
-
-    @property
     def thrown(self) -> bool:
-        """Whether light was added that no lens adds."""
-        return self.one_colour or self.in_rows
+        """Whether light of one colour or in rows was added: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_thrown or self.striped >= LIGHT_OF_CAUSES.least_thrown
 
     @property
     def unchanged(self) -> bool:
@@ -109,20 +101,17 @@ class Seen(NamedTuple):
             (self.removed, of.changed_at, of.of_removed),
             (self.inconsistent, of.changed_at, of.of_inconsistent),
             (float(np.log(self.darker)), of.darker_at, of.of_darker),
-            (float(np.log1p(self.lit_px)), of.lit_at, of.of_lit),
             (float(np.log1p(self.saturated_px)), of.saturated_at, of.of_saturated),
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
             ratio += self._of_time
         chance = 1 / (1 + exp(ratio))
-        return max(chance, FAULT_HYPOTHESES.enough) if self.without_light else chance
+        return max(chance, ENOUGH) if self.without_light else chance
 
     @property
     def _of_time(self) -> float:
-        of = LIGHT_OF_CAUSES
-        always = of.for_always if self.gone == 0 else 0.0
-        return max(of.for_gone * self.gone - of.shown_a_second * self.shown_s - always, -of.most_for_lasting)
+        return LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
 
 
 def seen_of(
@@ -152,11 +141,11 @@ def seen_of(
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
+            saturated = brightness.get(("saturated_px", sensor), nan)
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, lit, saturated, coloured, striped, *lasting)
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting)
     return found
 
 
@@ -168,19 +157,16 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     found = []
     for sensor, one in seen.items():
         chance = 0.0 if one.thrown else one.chance_of_lens
-        if chance >= FAULT_HYPOTHESES.enough:
+        if chance >= ENOUGH:
             glare = one.unchanged and one.darker < 1
             found.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float) -> bool:
+def by_tone(seen: Seen) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted. Neither adds light of one colour or in rows.
     """
-    if seen.thrown:
-        return False
-    unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
-    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
+    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)

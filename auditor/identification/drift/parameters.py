@@ -19,8 +19,9 @@ class Drifting:
     )
     days: int = parameter(60, unit="days that are looked at", source=BY_HAND)
     fewest_frames: int = parameter(20, unit="measured frames of a vehicle's day", source=BY_HAND)
-    fewest_days: int = parameter(6, unit="days of a series: two stretches", source=BY_HAND)
-    fewest_of_stretch: int = parameter(3, unit="days of a stretch: a line and one more", source=BY_HAND)
+    fewest_of_stretch: int = parameter(
+        3, unit="days of a stretch, of which a series has two: a line and one more", source=BY_HAND
+    )
     fewest_vehicles: int = parameter(3, unit="vehicles of a day whose median is the fleet's", source=BY_HAND)
     margin: float = parameter(
         1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"

@@ -117,11 +117,13 @@ class _Adjusted:
 
 
 def drifts(comparisons: Sequence[DailyLevels], least: Callable[[str], float]) -> list[Drift]:
-    """What became of each check of each sensor, by name; those of fewer days than `DRIFT.fewest_days` are left out.
+    """What became of each check of each sensor, by name; those of fewer days than two stretches are left out.
 
     `least` gives by check the smallest deviation that is believed: less is not worth a visit to a workshop.
     """
-    measured = [_Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
+    measured = [
+        _Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= 2 * DRIFT.fewest_of_stretch
+    ]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least(some[0].levels.name.check)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
@@ -164,7 +166,7 @@ def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
     for sensor in sorted({sensor for one in comparisons for sensor in one.levels.name.sensors}):
         mine = [one for one in comparisons if sensor in one.levels.name.sensors]
         day = reduce(np.intersect1d, [one.levels.day for one in mine])
-        if len(day) < DRIFT.fewest_days:
+        if len(day) < 2 * DRIFT.fewest_of_stretch:
             continue
         signs = [-1.0 if one.levels.signed and one.levels.name.sensors[0] != sensor else 1.0 for one in mine]
         places = [np.searchsorted(one.levels.day, day) for one in mine]

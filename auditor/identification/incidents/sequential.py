@@ -30,6 +30,12 @@ from auditor.model.arrays import Flags, Floats, Integers
 
 _S_PER_HOUR = 3600
 
+FEWEST_FINDINGS = 2
+"""Findings of an incident, or in a row: one frame is neither."""
+
+QUIET_FRAMES = round(1 / INCIDENTS.duty)
+"""Frames without a rise that no incident ends with: a strobe of one frame in so many is one attack."""
+
 
 @dataclass(frozen=True)
 class Excursion:
@@ -181,7 +187,7 @@ def alerts(findings: Flags, accusing: Flags, audited: Flags, strong: Flags, held
 def _fewest_in_a_row(r: float) -> int:
     """How many findings in a row independent clean frames hardly ever make, each with the chance r."""
     by_chance = ceil(log(ALERTS.chance) / log(r)) if 0 < r < 1 else 0
-    return max(ALERTS.fewest_in_a_row, by_chance)
+    return max(FEWEST_FINDINGS, by_chance)
 
 
 def _rows(loose: Flags, accusing: Flags, audited: Flags, fewest: int) -> Iterator[tuple[int, ...]]:
@@ -271,7 +277,7 @@ def _peak(evidence: Evidence, rises: Sequence[int], raised: Flags) -> float:
 
     def highest(added: Floats) -> float:
         speaking = added[findings] > 0
-        enough = np.count_nonzero(speaking, axis=0) >= INCIDENTS.fewest_frames
+        enough = np.count_nonzero(speaking, axis=0) >= FEWEST_FINDINGS
         enough &= evidence.worth[findings] @ speaking >= INCIDENTS.fewest_worth
         return float((_highest(added[span]) * enough).max())
 
@@ -289,7 +295,7 @@ def _quiet_frames(evidence: Evidence, place: int) -> int:
     """For how many frames of a run the sum must not have risen until its excursion has ended."""
     period = float(evidence.periods_s[place])
     frames = ceil(INCIDENTS.quiet_s / period) if period > 0 else 0
-    return max(frames, INCIDENTS.quiet_frames)
+    return max(frames, QUIET_FRAMES)
 
 
 def places_of(runs: Integers) -> Iterator[range]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.cross_validation import as_scanned, count_incidents
+from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.prior import joint_limit
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.robust import findings_alone, judge_frames
@@ -134,7 +135,7 @@ def binomial_tail(k: int, n: int, p: float) -> float:
 
 def _windows(stamps_ns: Integers) -> int:
     """How many windows of time hold some of these stamps."""
-    return len(np.unique(stamps_ns // int(CLEAN_DRIVE.window_s * NANOSECONDS)))
+    return len(np.unique(stamps_ns // int(TEMPORAL_WINDOW.seconds * NANOSECONDS)))
 
 
 def _groups(known: Sequence[Hashable], sources: Sequence[Source]) -> list[int]:

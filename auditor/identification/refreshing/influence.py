@@ -33,10 +33,10 @@ def limited(sources: Sequence[Source], waiting: Sequence[Source] = ()) -> Iterat
             yield place, f"its vehicle has {INFLUENCE.most_of_a_day} others of that day"
         else:
             left.append(place)
-    too_many = dict(_beyond_share(left, [one.vehicle for one in sources], "vehicle", INFLUENCE.share_of_vehicle))
+    too_many = dict(_beyond_share(left, [one.vehicle for one in sources], "vehicle"))
     yield from too_many.items()
     left = [place for place in left if place not in too_many]
-    too_many = dict(_beyond_share(left, [one.day for one in sources], "day", INFLUENCE.share_of_day))
+    too_many = dict(_beyond_share(left, [one.day for one in sources], "day"))
     yield from too_many.items()
     for place in [place for place in left if place not in too_many][INFLUENCE.most_drives :]:
         yield place, f"{INFLUENCE.most_drives} recordings of later days are enough"
@@ -88,12 +88,12 @@ def _threshold(step: Step) -> str:
     return f"the threshold of {name} of S_{step.check.sensor} by {step.rise:.1f} deviations"
 
 
-def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str, share: float) -> Iterator[tuple[int, str]]:
+def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str) -> Iterator[tuple[int, str]]:
     """The drives beyond the share of their vehicle or day, where there are three; what is not known has no limit.
 
     The share is reckoned from the drives of the others: nobody raises it by more drives of their own.
     """
-    count = Counter(of[place] for place in order)
+    share, count = INFLUENCE.share, Counter(of[place] for place in order)
     taken: Counter[Hashable] = Counter()
     for place in order:
         most = max(1, int((len(order) - count[of[place]]) * share / (1 - share)))

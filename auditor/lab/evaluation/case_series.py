@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
+from auditor.identification.incidents.sequential import QUIET_FRAMES
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
 from auditor.identification.statistics import runs_of, window_bounds
@@ -213,7 +214,7 @@ class CaseSeries:
         runs = runs_of(stamps)
         first, end = window_bounds(stamps, _around_s(), runs)
         # Whether a frame's sensors are frozen follows from the frames beside it, also across a gap.
-        wider = max(MIN_FRAMES + 1, INCIDENTS.quiet_frames + STRETCHES.fewest_frames)
+        wider = max(MIN_FRAMES + 1, QUIET_FRAMES + STRETCHES.fewest_frames)
         row_of = {one.frame: row for row, one in enumerate(known)}
         return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))
 

@@ -17,9 +17,9 @@ from auditor.measurement.checks.count_grid import CELL_PX
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Image, Mask
-from auditor.model.checks import Check, CountedPair
+from auditor.model.checks import FEWEST_VOTERS, Check, CountedPair
 from auditor.model.measurement import LIGHT_STEPS, Cells, Coverage
-from auditor.model.parameters import ADDED_LIGHT
+from auditor.model.parameters import ADDED_LIGHT, IMAGE_WINDOW
 
 _CELL = CELL_PX // HALF
 
@@ -60,14 +60,14 @@ def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image
 def _smallest_means(voters: list[Cells]) -> Floats32:
     """(rows, columns) the least of what the voters say of the window around each cell; -inf where one alone can."""
     valid, total = (np.stack([_window_sums(getattr(one, name)) for one in voters]) for name in ("valid", "total"))
-    known = valid >= ADDED_LIGHT.fewest
-    means = np.where(known, total / (valid + ADDED_LIGHT.pseudo_count) / LIGHT_STEPS, np.inf).min(axis=0)
-    enough = np.count_nonzero(known, axis=0) >= min(ADDED_LIGHT.voters, len(voters))
+    known = valid >= IMAGE_WINDOW.pseudo_count
+    means = np.where(known, total / (valid + IMAGE_WINDOW.pseudo_count) / LIGHT_STEPS, np.inf).min(axis=0)
+    enough = np.count_nonzero(known, axis=0) >= min(FEWEST_VOTERS, len(voters))
     return np.where(enough, means, -np.inf).astype(np.float32)
 
 
 def _window_sums(grid: NDArray[np.integer]) -> Floats32:
-    rows, columns = ADDED_LIGHT.window
+    rows, columns = IMAGE_WINDOW.cells
     sums = cv2.boxFilter(
         grid.astype(np.float32), cv2.CV_32F, (columns, rows), normalize=False, borderType=cv2.BORDER_CONSTANT
     )

@@ -18,6 +18,7 @@ _IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 
 _LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), _REAL)
+_SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN)
 
 
 class Check(StrEnum):
@@ -185,7 +186,7 @@ class Check(StrEnum):
                 "one of the two has light in some rows that the other does not",
                 "S_{i} or S_{k} alone has light in some rows",
             ),
-            (PriorOf("striped_light", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN),),
+            (_SELDOM,),
             vote=Vote.SMALLEST,
             of_light=True,
         ),
@@ -258,7 +259,7 @@ class Check(StrEnum):
                 "has points where its beams passed a moment ago",
                 "the LiDAR has points where its beams passed a moment ago",
             ),
-            (PriorOf("free_space_conflict", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN),),
+            (_SELDOM,),
         ),
     )
 

@@ -72,6 +72,6 @@ def time_of_day(stamp_ns: int, latitude_deg: float, longitude_deg: float) -> Tim
     hour_angle = radians((hours - 12) * 15 + longitude_deg + minutes / 4)
     latitude = radians(latitude_deg)
     elevation = degrees(asin(sin(latitude) * sin(declination) + cos(latitude) * cos(declination) * cos(hour_angle)))
-    if elevation > CONDITIONS.day_from_deg:
+    if elevation > CONDITIONS.twilight_deg:
         return TimeOfDay.DAY
-    return TimeOfDay.TWILIGHT if elevation > CONDITIONS.night_to_deg else TimeOfDay.NIGHT
+    return TimeOfDay.TWILIGHT if elevation > -CONDITIONS.twilight_deg else TimeOfDay.NIGHT
