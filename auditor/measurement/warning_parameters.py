@@ -28,6 +28,9 @@ class CalibrationCheck:
     frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
     successive: int = parameter(20, unit="first frames, each of which is held against the cloud before", source=BY_HAND)
     fewest_successive: int = parameter(4, unit="of those that can be compared", source=BY_HAND)
+    least_ground: float = parameter(
+        0.67, unit="share of directions with returns that have the ground's", source=f"{_DECISIONS}, no ground"
+    )
     better_before: float = parameter(
         0.08, unit="share by which the cloud before fits better, the median", source=f"{_DECISIONS}, a period early"
     )

@@ -237,6 +237,21 @@ def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> 
     assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
 
 
+def test_points_without_the_ground_withhold_verdicts(drive: SyntheticDrive, tmp_path: Path) -> None:
+    write_mcap(tmp_path / "obstacles.mcap", drive.rig, with_points(drive, lambda xyz: xyz[xyz[:, 2] > -1.4]))
+    code, store, withheld = scan(tmp_path / "obstacles.mcap", tmp_path)
+    assert code == 3
+    assert "hold no ground" in withheld
+    assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
+
+
+def test_a_sector_without_points_does_not_withhold_verdicts(drive: SyntheticDrive, tmp_path: Path) -> None:
+    write_mcap(tmp_path / "sector.mcap", drive.rig, with_points(drive, lambda xyz: xyz[xyz[:, 1] > 0.1 * xyz[:, 0]]))
+    _, store, withheld = scan(tmp_path / "sector.mcap", tmp_path)
+    assert not withheld
+    assert VerdictKind.ATTACKED in kinds(store)
+
+
 def test_points_in_millimetres_are_not_read(
     drive: SyntheticDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

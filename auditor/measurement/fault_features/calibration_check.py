@@ -12,9 +12,11 @@ from math import isnan, nan
 import numpy as np
 
 from auditor.measurement.checks.point_distribution import is_thinned
+from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit
 from auditor.measurement.pairwise_views import OF_TWO
-from auditor.measurement.parameters import HALF, PATCH_CORRELATION
+from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
+from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
 from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
@@ -41,6 +43,7 @@ class CalibrationCheck:
         self._scales: dict[Pair, list[float]] = {}
         self._fits: list[GeometryFit] = []
         self._thinned: list[bool] = []
+        self._ground: list[float] = []
         self._before: PointCloud | None = None
         self._fits_before: list[float] = []
 
@@ -59,6 +62,7 @@ class CalibrationCheck:
         self._fits.append(geometry_fit(arrays))
         views = [view for own in (arrays, *(one.own for one in arrays.pairs.values())) for view in own.lidar.values()]
         self._thinned += [is_thinned(view) for view in views[:1]]
+        self._ground += [_ground(view) for view in views[:1]]
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -99,25 +103,31 @@ class CalibrationCheck:
 
         No attack does that: it leaves regions, pairs or frames in which points and images fit.
         """
-        lidar = self._rig.lidar if self._rig else None
+        return next(self._unfit(self._rig, self._rig.lidar.name), "") if self._rig and self._rig.lidar else ""
+
+    def _unfit(self, rig: Rig, lidar: str) -> Iterator[str]:
         in_view = [fit.in_view for fit in self._fits if fit.in_view >= 0]
-        if lidar is None or not in_view:
-            return ""
+        if not in_view:
+            return
         if max(in_view) < GEOMETRY_FIT.fewest_in_view:
-            return f"no camera sees points of the LiDAR {lidar.name} in any frame: {_REPAIR}"
+            yield f"no camera sees points of the LiDAR {lidar} in any frame: {_REPAIR}"
         known = [better for better in self._fits_before if not isnan(better)]
         if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
-            return (
-                f"the points of the LiDAR {lidar.name} fit the images of the frame behind their own, and not those: "
-                "its stamps are a period early; put them right, or give its offset in a rig file (--rig)"
+            yield (
+                f"the points of the LiDAR {lidar} fit the images of the frame behind their own, and not those: its "
+                "stamps are a period early; put them right, or give its offset in a rig file (--rig)"
+            )
+        if rig.n > 1 and any(self._ground) and _fitting(self._ground) < CALIBRATION_CHECK.least_ground:
+            yield (
+                f"the points of the LiDAR {lidar} hold no ground, which was taken out before they were recorded: what "
+                "an attack removes cannot be told from it; record the sensor's own points"
             )
         points = _fitting([fit.points for fit in self._fits])
         name, other = self._best_axes()
         if other >= GEOMETRY_FIT.fits and not other - points < GEOMETRY_FIT.better_by:
-            return f"the points of the LiDAR {lidar.name} fit the images with {name}, and not as they are: {_REPAIR}"
+            yield f"the points of the LiDAR {lidar} fit the images with {name}, and not as they are: {_REPAIR}"
         if points < GEOMETRY_FIT.at_chance:
-            return f"the points of the LiDAR {lidar.name} fit the images nowhere, {points:.0%} by chance: {_REPAIR}"
-        return ""
+            yield f"the points of the LiDAR {lidar} fit the images nowhere, {points:.0%} by chance: {_REPAIR}"
 
     def _best_axes(self) -> tuple[str, float]:
         """The other axes of points that fit best, and how well, in the better frames."""
@@ -194,6 +204,17 @@ def _scale(arrays: FrameArrays, pair: Pair) -> float | None:
         if np.count_nonzero(usable) >= CALIBRATION_CHECK.fewest_points
         else None
     )
+
+
+def _ground(view: LidarView) -> float:
+    """The share of the directions with returns that have one steeply below, as the ground's are; NaN without any.
+
+    0 where the LiDAR does not look down that far. An attack that takes a sector leaves no direction with returns.
+    """
+    x, y, z = view.in_rig_axes_m
+    direction = np.floor(np.arctan2(x, z) / COUNT_GRID.lidar_cell)
+    every = np.unique(direction).size
+    return np.unique(direction[y > LOST_RETURNS.steeply * np.hypot(x, z)]).size / every if every else nan
 
 
 def _fitting(shares: list[float]) -> float:
