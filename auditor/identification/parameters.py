@@ -211,6 +211,9 @@ class LightOfCauses:
         2.0, unit="z of added light, below which an exposure explains what is seen, or dirt may", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
+    unchanged_gap: float = parameter(
+        2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
+    )
     hardly_saturated: float = parameter(
         20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
     )

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import auditor
@@ -56,7 +55,7 @@ def test_a_recording_of_which_nothing_can_be_compared_ends_inspect_with_3_as_a_s
 
     def dark() -> Iterator[Frame]:
         for frame in drive_frames(rig, 6, seed=1):
-            images = {n: replace(one, pixels=np.zeros_like(one.pixels)) for n, one in frame.images.items()}
+            images = {n: replace(one, pixels=one.pixels // 128) for n, one in frame.images.items()}
             yield replace(frame, images=images)
 
     path = tmp_path / "dark.mcap"

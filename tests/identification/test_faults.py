@@ -455,6 +455,7 @@ BRIGHTER = Seen(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
         (SATURATED, VerdictKind.SUSPECT),
         (SATURATED._replace(added=2.0), VerdictKind.ATTACKED),
         (BRIGHTER, VerdictKind.SUSPECT),
+        (BRIGHTER._replace(added=LIMIT + 2.01), VerdictKind.ATTACKED),
         (BRIGHTER._replace(inconsistent=1.0), VerdictKind.ATTACKED),
     ],
 )

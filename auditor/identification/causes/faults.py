@@ -191,7 +191,7 @@ def _explaining(
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and by_tone(own)
+            yield own is not None and by_tone(own, limit)
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:

@@ -163,10 +163,13 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen) -> bool:
+def by_tone(seen: Seen, limit: float) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted. Neither adds light of one colour or in rows.
     """
-    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)
+    if seen.thrown:
+        return False
+    unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
+    return unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added

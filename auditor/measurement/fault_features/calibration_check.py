@@ -117,7 +117,7 @@ class CalibrationCheck:
                 f"the points of the LiDAR {lidar} fit the images of the frame behind their own, and not those: its "
                 "stamps are a period early; put them right, or give its offset in a rig file (--rig)"
             )
-        if rig.n > 1 and any(self._ground) and _fitting(self._ground) < CALIBRATION_CHECK.least_ground:
+        if rig.n > 1 and _fitting(self._ground) < CALIBRATION_CHECK.least_ground:
             yield (
                 f"the points of the LiDAR {lidar} hold no ground, which was taken out before they were recorded: what "
                 "an attack removes cannot be told from it; record the sensor's own points"
@@ -207,14 +207,16 @@ def _scale(arrays: FrameArrays, pair: Pair) -> float | None:
 
 
 def _ground(view: LidarView) -> float:
-    """The share of the directions with returns that have one steeply below, as the ground's are; NaN without any.
+    """The share of the directions with returns that have one steeply below, as the ground's are.
 
-    0 where the LiDAR does not look down that far. An attack that takes a sector leaves no direction with returns.
+    NaN where nothing returns from twice as steeply: the LiDAR may not look down so far. An attack that takes a sector
+    leaves no direction with returns there.
     """
     x, y, z = view.in_rig_axes_m
-    direction = np.floor(np.arctan2(x, z) / COUNT_GRID.lidar_cell)
-    every = np.unique(direction).size
-    return np.unique(direction[y > LOST_RETURNS.steeply * np.hypot(x, z)]).size / every if every else nan
+    direction, slope = np.floor(np.arctan2(x, z) / COUNT_GRID.lidar_cell), y / np.hypot(x, z)
+    if not (slope > 2 * LOST_RETURNS.steeply).any():
+        return nan
+    return np.unique(direction[slope > LOST_RETURNS.steeply]).size / np.unique(direction).size
 
 
 def _fitting(shares: list[float]) -> float:
