@@ -5,7 +5,7 @@ import cv2
 from auditor.measurement.fault_features.calibration_check import CalibrationCheck
 from auditor.measurement.fault_features.collect import FaultFeatures
 from auditor.measurement.fault_features.frozen_data import RepeatedData
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit
+from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import FrameArrays
@@ -38,4 +38,5 @@ __all__ = [
     "measure",
     "measure_stream",
     "use_one_thread",
+    "views_of_sides",
 ]

@@ -17,12 +17,14 @@ from auditor.errors import RigError
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
+    FrameArrays,
     GeometryFit,
     fit_of_sides,
     geometry_fit,
     measure,
     measure_stream,
     use_one_thread,
+    views_of_sides,
 )
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
@@ -111,10 +113,8 @@ def _sides(recording: Recording, surveyed: Survey, topics: Mapping[str, str]) ->
     """
     for rig in search_rigs(surveyed).rigs:
         if rig.lidar is not None and rig.n > 1 and any(camera.topic in topics for camera in rig.cameras):
-            use_one_thread()
-            matcher = find_matcher("sgbm")
-            frames = _frames(recording, surveyed, rig)
-            return _better_frames([fit_of_sides(measure(frame, rig, matcher)[1]) for frame in frames])
+            measured = _measured(_frames(recording, surveyed, rig), rig)
+            return _better_frames([fit_of_sides(arrays, views_of_sides(arrays)) for arrays in measured])
     return float("nan")
 
 
@@ -313,9 +313,13 @@ def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
 
 
 def _fits(frames: Iterable[Frame], rig: Rig) -> list[GeometryFit]:
+    return [geometry_fit(arrays) for arrays in _measured(frames, rig)]
+
+
+def _measured(frames: Iterable[Frame], rig: Rig) -> Iterator[FrameArrays]:
     use_one_thread()
     matcher = find_matcher("sgbm")
-    return [geometry_fit(measure(frame, rig, matcher)[1]) for frame in frames]
+    return (measure(frame, rig, matcher)[1] for frame in frames)
 
 
 def _cut(frame: Frame, camera: int, cut: tuple[slice, slice]) -> Frame:

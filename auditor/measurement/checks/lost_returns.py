@@ -24,9 +24,9 @@ from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.point_distribution import thinned
 from auditor.measurement.checks.seen import Seen
-from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.disparity.lidar import LidarView, bulk_of
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_PROJECTION, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
@@ -47,7 +47,7 @@ class ScannedView:
     is how far the nearest return of each direction is, infinite without any. `gap_rad` (rows,) is how far apart the
     LiDAR's beams are there. `scanned` (rows,) are the rows between the horizon, or the LiDAR's uppermost beam, and its
     lowest; `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field,
-    and `reach_m` is how far it reaches.
+    and `reach_m` is how far its points are at most, as some clouds are cropped before they are recorded.
     """
 
     within_rad: Floats32
@@ -104,8 +104,8 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    road_m = _road_m(points[1], ahead_m)
-    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, _reach_m(range_m))
+    road_m, (_, reach_m) = _road_m(points[1], ahead_m), bulk_of(range_m)
+    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, reach_m)
 
 
 def count_lost_returns(
@@ -194,10 +194,9 @@ def _within(mask: Mask) -> Floats32:
 
 
 def _gaps(hit: Mask) -> Floats32:
-    """(rows,) how far apart the beams are that each row lies between, or that it and the one above it meet.
+    """(rows,) how far the beam at or below each row is from the one above it, radians.
 
-    Radians: that of the middle one of the columns with returns above and below, since an attack takes some. Infinite
-    where no column has both.
+    It is that of the middle one of the columns with both, since an attack takes returns. Infinite where none has.
     """
     rows = np.arange(len(hit), dtype=np.float32)[:, None]
     above = np.full(hit.shape, -np.inf, dtype=np.float32)
@@ -230,14 +229,6 @@ def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
     """
     below = below_m[below_m > LOST_RETURNS.steeply * ahead_m]
     return float(np.median(below)) if below.size else np.inf
-
-
-def _reach_m(range_m: Floats32) -> float:
-    """How far points (M,) are at most, but for a few of them: some clouds are cropped before they are recorded."""
-    if not range_m.size:
-        return 0.0
-    last = range_m.size - 1 - int(LIDAR_PROJECTION.beside_span * range_m.size)
-    return float(np.partition(range_m, last)[last])
 
 
 def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:

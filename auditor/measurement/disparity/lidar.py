@@ -85,7 +85,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     in_view_m = points.take(inside, axis=0)
     kept = _nearest(camera, column[inside], row[inside], depth[inside], inside)
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
-    point_m, span = points.take(kept, axis=0), _span(u)
+    point_m, span = points.take(kept, axis=0), bulk_of(u)
     return LidarView(
         reference, column[kept], row[kept], u[kept], point_m, inside.size, rig, in_view_m, span, looks_ahead
     )
@@ -107,13 +107,13 @@ def _nearest(
     return np.asarray(owner[taken])
 
 
-def _span(u_px: Floats32) -> tuple[float, float]:
-    """The columns that the points ahead reach, but for a few of them."""
-    if not u_px.size:
+def bulk_of(values: Floats32) -> tuple[float, float]:
+    """The least and the largest of some values of points (M,), but for a few of them; 0 without any."""
+    if not values.size:
         return 0.0, 0.0
-    few = int(LIDAR_PROJECTION.beside_span * u_px.size)
-    places = [few, u_px.size - 1 - few]
-    first, last = np.partition(u_px, places)[places].tolist()
+    few = int(LIDAR_PROJECTION.beside_span * values.size)
+    places = [few, values.size - 1 - few]
+    first, last = np.partition(values, places)[places].tolist()
     return first, last
 
 

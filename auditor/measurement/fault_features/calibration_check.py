@@ -7,20 +7,20 @@ frame, so a few frames are enough, and users are warned before they read verdict
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from math import isnan, nan
 
 import numpy as np
 
 from auditor.measurement.checks.point_distribution import is_thinned
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit
+from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
 from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
-from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
 
 _REPAIR = (
@@ -44,15 +44,15 @@ class CalibrationCheck:
         self._fits: list[GeometryFit] = []
         self._thinned: list[bool] = []
         self._ground: list[float] = []
-        self._before: PointCloud | None = None
+        self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
-        before, self._before = self._before, arrays.cloud
-        if before is not None and arrays.cloud is not None and number < CALIBRATION_CHECK.successive:
-            self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays))
+        if number < CALIBRATION_CHECK.successive:
+            before, self._before = self._before, views_of_sides(arrays)
+            self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays, self._before))
         if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
             self.add(arrays, fault_features)
 
@@ -60,9 +60,10 @@ class CalibrationCheck:
         """Take this frame."""
         self._rig = arrays.rig
         self._fits.append(geometry_fit(arrays))
-        views = [view for own in (arrays, *(one.own for one in arrays.pairs.values())) for view in own.lidar.values()]
-        self._thinned += [is_thinned(view) for view in views[:1]]
-        self._ground += [_ground(view) for view in views[:1]]
+        owns = (arrays, *(one.own for one in arrays.pairs.values()))
+        for view in islice((view for own in owns for view in own.lidar.values()), 1):
+            self._thinned.append(is_thinned(view))
+            self._ground.append(_ground(view))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)

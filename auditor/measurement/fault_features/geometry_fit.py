@@ -23,7 +23,6 @@ from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.arrays import Floats, Indices, Mask
 from auditor.model.checks import Pair, resolves_depth
-from auditor.model.frames import PointCloud
 
 _ROWS, _COLUMNS = GEOMETRY_FIT.regions
 
@@ -57,7 +56,7 @@ class GeometryFit(NamedTuple):
 
 def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
-    of_pairs = dict(zip(arrays.maps, _parts(arrays), strict=True))
+    of_pairs = _by_pair(arrays)
     fits = {pair: _of_pictures(own.frame_checks.consistencies[i, k]) for pair, (own, i, k) in of_pairs.items()}
     wide = _wide(of_pairs)
     parts = list(wide.values())
@@ -76,22 +75,30 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     )
 
 
-def fit_of_sides(arrays: FrameArrays, cloud: PointCloud | None = None) -> float:
+def views_of_sides(arrays: FrameArrays) -> dict[Pair, LidarView]:
+    """The LiDAR's views by the wide pairs whose sides are compared."""
+    parts = _wide(_by_pair(arrays))
+    return {pair: own.lidar[k] for pair, (own, _, k) in parts.items() if k in own.lidar}
+
+
+def fit_of_sides(arrays: FrameArrays, views: Mapping[Pair, LidarView]) -> float:
     """The share of the LiDAR's points that agree with stereo at both sides of the views; NaN where too few are there.
 
     A lens that is read wrongly bends the sides, and hardly the middle; points of another moment lie elsewhere there.
-    `cloud` takes the place of the frame's own.
+    `views` are those of this frame's cloud, or of another one's by the same rig.
     """
-    compared = agreeing = 0
-    for own, i, k in _wide(dict(zip(arrays.maps, _parts(arrays), strict=True))).values():
-        if k in own.lidar:
-            view = own.lidar[k] if cloud is None else lidar_view(cloud, own.rig, k)
-            region, agree = _compared_points(view, (own, i, k))
-            column = region % _COLUMNS
-            aside = np.minimum(column, _COLUMNS - 1 - column) < GEOMETRY_FIT.side_columns
-            compared += int(np.count_nonzero(aside))
-            agreeing += int(np.count_nonzero(agree & aside))
+    compared, agreeing, parts = 0, 0, _by_pair(arrays)
+    for pair in views.keys() & parts:
+        region, agree = _compared_points(views[pair], parts[pair])
+        column = region % _COLUMNS
+        aside = np.minimum(column, _COLUMNS - 1 - column) < GEOMETRY_FIT.side_columns
+        compared += int(np.count_nonzero(aside))
+        agreeing += int(np.count_nonzero(agree & aside))
     return agreeing / compared if compared >= GEOMETRY_FIT.fewest_points * GEOMETRY_FIT.fewest_regions else nan
+
+
+def _by_pair(arrays: FrameArrays) -> dict[Pair, _Part]:
+    return dict(zip(arrays.maps, _parts(arrays), strict=True))
 
 
 def _wide(of_pairs: Mapping[Pair, _Part]) -> dict[Pair, _Part]:

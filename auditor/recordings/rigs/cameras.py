@@ -84,7 +84,7 @@ def read_by(survey: Survey, conventions: Conventions) -> Survey:
 
 def zero_lenses(survey: Survey) -> dict[str, str]:
     """The image topics of cameras whose lens is one by the angle with coefficients of 0, each with a sentence on it."""
-    views = [view for view in find_views(survey, []) if view.lens.model == FISHEYE and not any(view.lens.coefficients)]
+    views = filter(_has_zero_lens, find_views(survey, []))
     return {view.image.topic.name: f"the lens of {view.name} {_zero_lens(view.info)}" for view in views}
 
 
@@ -136,26 +136,23 @@ def _view(image: ImageTopic, info: CameraInfo, conventions: Conventions) -> View
     check_size(image.size_px)
     repairs = _scaled(image, info) if conventions.scale is Scale.DECLARED else ()
     info = of_pictures(info, image.size_px, conventions.scale)
-    if conventions.zero_lens is not ZeroLens.NAMED and _is_zero_lens(image, info):
-        if conventions.zero_lens is ZeroLens.LEFT_OUT:
-            raise RigError(
-                f"its lens {_zero_lens(info)}, and images and points do not tell whether it has one: {_SAY_LENS}"
-            )
-        info = replace(info, distortion_model="", distortion=())
     if _is_rectified(image, info):
         view = View(image, info, rectified=True, lens=NO_LENS, repairs=repairs)
     else:
         lens, K = of_camera(info.distortion_model, info.distortion, info.intrinsics)
         view = View(image, replace(info, intrinsics=K), rectified=False, lens=lens, repairs=repairs)
+    if conventions.zero_lens is not ZeroLens.NAMED and _has_zero_lens(view):
+        if conventions.zero_lens is ZeroLens.LEFT_OUT:
+            raise RigError(
+                f"its lens {_zero_lens(info)}, and images and points do not tell whether it has one: {_SAY_LENS}"
+            )
+        view = replace(view, lens=NO_LENS)
     check_camera((view.K, view.projection[:, :3]), view.rotation, view.lens.coefficients)
     return view
 
 
-def _is_zero_lens(image: ImageTopic, info: CameraInfo) -> bool:
-    if _is_rectified(image, info):
-        return False
-    lens = of_camera(info.distortion_model, info.distortion, info.intrinsics)[0]
-    return lens.model == FISHEYE and not any(lens.coefficients)
+def _has_zero_lens(view: View) -> bool:
+    return view.lens.model == FISHEYE and not any(view.lens.coefficients)
 
 
 def _scaled(image: ImageTopic, info: CameraInfo) -> tuple[str, ...]:

@@ -86,7 +86,7 @@ def check_packed(store: Store, table: str, row_ids: Collection[str]) -> Iterator
 
 def _packed_rows(store: Store, table: str, wanted: Mapping[str, object]) -> Iterator[dict[str, Any]]:
     for path in store.packs.paths(table):
-        here = [one for one in store.packs.members(path) if one in wanted and _pack_of(store, table, one) == path]
+        here = [one for one in _of_pack(store, table, path) if one in wanted]
         content = read_table(table, path, _tying(table))
         own = pc.is_in(content[ID_COLUMNS[table]], pa.array(here, pa.string()))
         yield from listed(content.filter(own), path)
@@ -97,14 +97,14 @@ def _packed_counts(store: Store, table: str) -> dict[str, int]:
     alone, column, found = {*finished(store.folder / table)}, ID_COLUMNS[table], dict[str, int]()
     for path in store.packs.paths(table):
         counted = Counter(read_table(table, path, [column])[column].to_pylist())
-        members = (one for one in store.packs.members(path) if one not in alone)
-        found |= {one: counted[one] for one in members if _pack_of(store, table, one) == path}
+        found |= {one: counted[one] for one in _of_pack(store, table, path) if one not in alone}
     return found
 
 
-def _pack_of(store: Store, table: str, row_id: str) -> Path | None:
-    member = store.packs.member(table, row_id)
-    return member and member[0]
+def _of_pack(store: Store, table: str, path: Path) -> list[str]:
+    """The ids whose rows are taken from a pack: not those that are removed, or that an earlier pack has."""
+    packs = store.packs
+    return [one for one in packs.members(path) if (found := packs.member(table, one)) and found[0] == path]
 
 
 def _tying(table: str) -> list[str]:
