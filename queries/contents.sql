@@ -5,7 +5,7 @@
 -- column paths: Every path that its content was read from, in order.
 -- column frames: Measured frames, by the latest measurement of each of its rigs.
 -- column clean: Frames that are clean, by the current judgement of these, as the next four columns.
--- column found: Frames with a finding that belong to an incident or an alert.
+-- column found: Frames that belong to an incident or an alert.
 -- column incidents: Incidents and alerts, by the current judgements; null where nothing was judged.
 -- column superseded_by: The recording that holds every frame of this one.
 -- column conflicts: Recordings with other data at the same stamps of the same sensors.

@@ -49,7 +49,7 @@ from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.model.arrays import Flags, Indices, Integers
+from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
@@ -234,20 +234,23 @@ class _Judge:
         seconds = seconds_of(windows, self._series.stamps_ns)
         thresholds = thresholds_of(self.thresholds, self._system.judged_together, seconds)
         judge = _Judge(series_of(self._series, windows), self._system, thresholds, without_causes=self._without_causes)
-        return lasting_events(windows, self._series.runs, judge.accusing())
+        return lasting_events(windows, self._series.runs, judge.beyond, judge.accusing())
 
-    def accusing(self) -> dict[int, tuple[Verdict, float]]:
-        """The verdicts that name one sensor, by place, where several sensors vote; with z over the limit.
+    @cached_property
+    def beyond(self) -> Floats:
+        """(F,) by how much the largest z of any sensor exceeds the limit of one check among all."""
+        return np.asarray(sensor_scores(self._z, self._system, self._unused).max(axis=1) - self.thresholds.limit)
+
+    def accusing(self) -> dict[int, Verdict]:
+        """The verdicts that name one sensor, by place, where several sensors vote.
 
         Where none can be named, those that find an attack. What only two cameras say, that nobody else can vote on, is
         no evidence in time; and what is weak, constant and on several lenses is the sun.
         """
         names_one = self._system.by_time or len(self._system.sensors) >= FEWEST_SENSORS
-        beyond = sensor_scores(self._z, self._system, self._unused).max(axis=1) - self.thresholds.limit
-        places = np.flatnonzero(beyond > 0).tolist()
-        verdicts = self.verdicts(places)
+        verdicts = self.verdicts(np.flatnonzero(self.beyond > 0).tolist())
         return {
-            place: (verdict, float(beyond[place]))
+            place: verdict
             for place, verdict in verdicts.items()
             if verdict.kind in _ACCUSING and (not names_one or len(verdict.attacked) == 1)
         }

@@ -280,7 +280,7 @@ class StoredJudgement:
 
     @property
     def found(self) -> int:
-        """Frames with a finding that belong to an incident or an alert: the recording counts as found with any."""
+        """Frames that belong to an incident or an alert: the recording counts as found with any."""
         return self.in_incidents + self.in_alerts
 
 

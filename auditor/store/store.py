@@ -271,9 +271,9 @@ class Store(StoreFolder):
         judgement_id, row = judgement.judgement_id, judgement_row(judgement, rig)
         robust, judged = judgement.method == Method.ROBUST, list(verdicts)
         counts = Counter(verdict.kind for _, _, verdict in judged)
-        findings = [verdict for _, _, verdict in judged if verdict.kind in FINDINGS]
-        in_incidents = sum(verdict.in_incident or not robust for verdict in findings)
-        in_alerts = sum(verdict.in_alert for verdict in findings)
+        # Weak evidence that lasts makes an incident of frames none of which is a finding by itself.
+        in_incidents = sum(verdict.in_incident if robust else verdict.kind in FINDINGS for _, _, verdict in judged)
+        in_alerts = sum(verdict.in_alert for _, _, verdict in judged)
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             table.add_columns(verdict_columns(judgement_id, judgement.measurement_id, judged))
             written = table.commit()

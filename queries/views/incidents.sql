@@ -24,7 +24,7 @@
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
--- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
+-- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
@@ -238,6 +238,7 @@ grouped AS (
             {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}
         ) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest,
         max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
+        bool_and(own_kind = 'clean') AS weak,
         max(posterior) FILTER (own_kind <> 'clean') AS posterior,
         max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
         any_value(largest_ratio) AS largest_ratio,
@@ -277,7 +278,7 @@ told AS (
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
         grouped.largest_gap,
-        carried.evidence,
+        CASE WHEN grouped.weak THEN 'no single frame: weak evidence that lasts' ELSE carried.evidence END AS evidence,
         shared.shares,
         alternatives_in_words(strongest.alternatives, strongest.posterior) AS alternatives,
         grouped.posterior,

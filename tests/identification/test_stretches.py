@@ -54,10 +54,12 @@ def test_what_is_expected_of_a_stretch_is_narrower_than_of_a_frame():
     assert of_stretch(light, frame).mean == frame.mean
 
 
-def lasting(verdicts, frames=60):
+def lasting(verdicts, explained=(), frames=60):
     runs = np.zeros(frames, dtype=np.int64)
     windows = windows_of(stamps(frames), runs)
-    return lasting_events(windows, runs, {place: (Verdict(*verdict), 1.0) for place, verdict in verdicts.items()})
+    beyond = np.full(len(windows.first), -1.0)
+    beyond[[*verdicts, *explained]] = 1.0
+    return lasting_events(windows, runs, beyond, {place: Verdict(*verdict) for place, verdict in verdicts.items()})
 
 
 def test_an_event_goes_from_the_middle_of_its_first_window_to_that_of_its_last():
@@ -74,6 +76,12 @@ def test_windows_that_name_no_sensor_belong_to_those_around_them():
     verdicts = {place: (ATTACKED, "-", (2,)) if place % 3 else (UNIDENTIFIED, "-") for place in range(10, 20)}
     assert [(event.kind, event.attacked) for event in lasting(verdicts)] == [(ATTACKED, (2,))]
     assert [event.kind for event in lasting({12: (UNIDENTIFIED, "-")})] == [UNIDENTIFIED]
+
+
+def test_what_a_fault_explains_in_most_windows_is_no_attack_where_it_does_not_quite_explain_it():
+    verdicts = dict.fromkeys((17, 18), (ATTACKED, "-", (2,)))
+    assert lasting(verdicts, explained=(15, 16, 19)) == []
+    assert [event.attacked for event in lasting(verdicts, explained=(16, 19))] == [(2,)]
 
 
 def test_sensors_attacked_one_after_the_other_are_events_of_their_own():

@@ -321,7 +321,7 @@ def test_none_of_several_as_long_is_called_the_longest(store, tmp_path):
 def test_frames_in_incidents_and_those_raised_alone_are_told_apart(told):
     page = told(attacks=[((1,), 5, 9)]).page
     (recording,) = page.recordings
-    page = replace(page, recordings=(replace(recording, told=4),))
+    page = replace(page, recordings=(replace(recording, told=4, alone=1),))
     words = Page(render(page)).words
     assert "1 4 frames in incidents or alerts, 1 raised alone" in words
     assert (

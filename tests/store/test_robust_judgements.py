@@ -80,7 +80,7 @@ def test_findings_are_the_frames_of_incidents_with_what_they_add(judged):
     assert found == expected
     assert {frame for frame, *_ in expected} >= set(range(10, 20))
     judgement = store.current_judgements()[known]
-    assert judgement.in_incidents == sum(kind is not VerdictKind.CLEAN for *_, kind, _, _ in expected)
+    assert judgement.in_incidents == len(expected)
     assert judgement.statistic is None
     assert judgement.counts[VerdictKind.CLEAN] == sum(v.kind is VerdictKind.CLEAN for v in verdicts)
 
@@ -118,12 +118,22 @@ def test_one_event_is_one_incident_with_the_shares_of_what_its_frames_say(tmp_pa
     store, clean = new_store(tmp_path), make_verdict(RIG, "c")
     strobe = [part_of("1", (1,), 1, added=3.0), clean, part_of("2", (1,), 1), clean, part_of("c", (1,), 1, added=0.5)]
     kept = kept_verdicts(store, *strobe, *[clean] * 3, part_of("1", (1,), 2))
-    assert kept.in_incidents == 3
+    assert kept.in_incidents == 4
     first, second = run_query(store, "incidents").to_pylist()
     assert (first["frames"], first["first_frame"], first["last_frame"], first["seconds"]) == (3, 0, 4, 4.0)
     assert first["shares"] == "attacked: S_1 75 %, attacked: S_2 25 %"
     assert first["strongest_frame"] in (0, 2), "not one that is clean by itself"
     assert (second["first_frame"], second["frames"]) == (8, 1)
+
+
+def test_an_incident_of_frames_none_of_which_is_a_finding_counts_as_found_and_says_so(tmp_path):
+    store = new_store(tmp_path)
+    weak = part_of("c", (1,), 1, added=0.1)
+    kept = kept_verdicts(store, make_verdict(RIG, "c"), *[weak] * 3)
+    assert (kept.in_incidents, kept.found, kept.counts[VerdictKind.CLEAN]) == (3, 3, 4)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert (incident["frames"], incident["strongest_frame"]) == (3, None)
+    assert incident["evidence"] == "no single frame: weak evidence that lasts"
 
 
 def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path):

@@ -126,17 +126,22 @@ def of_stretch(check: SensorCheck, usual: Expected) -> Expected:
 
 
 def lasting_events(
-    windows: Windows, runs: Integers, verdicts: Mapping[int, tuple[Verdict, float]]
+    windows: Windows, runs: Integers, beyond: Floats, verdicts: Mapping[int, Verdict]
 ) -> list[LastingEvent]:
     """The events of windows that are findings, in the order of time.
 
-    `verdicts` are those of windows that say attacked or unidentified, by place, each with its z above the limit. An
-    event goes from the middle of its first window to that of its last, or to the end of the run where there the
-    windows end. Where windows that follow one another name other sensors, they are events of their own.
+    `beyond` (W,) is by how much z each window exceeds the limit, and `verdicts` are those that say attacked or
+    unidentified, by place. Of windows that overlap at least half have to: where a fault explains most of them, one that
+    it does not quite explain is no attack. An event goes from the middle of its first window to that of its last, or to
+    the end of the run where there the windows end. Where windows that follow one another name other sensors, they are
+    events of their own.
     """
-    return [
-        event for group in _close_by(windows, sorted(verdicts)) for event in _of_group(windows, runs, group, verdicts)
-    ]
+    found = []
+    for group in _close_by(windows, np.flatnonzero(beyond > 0).tolist()):
+        accusing = [place for place in group if place in verdicts]
+        if 2 * len(accusing) >= len(group):
+            found += _of_group(windows, runs, accusing, beyond, verdicts)
+    return found
 
 
 def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
@@ -152,13 +157,13 @@ def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _of_group(
-    windows: Windows, runs: Integers, group: Sequence[int], verdicts: Mapping[int, tuple[Verdict, float]]
+    windows: Windows, runs: Integers, group: Sequence[int], beyond: Floats, verdicts: Mapping[int, Verdict]
 ) -> Iterator[LastingEvent]:
-    names = _names([verdicts[place][0].attacked for place in group])
+    names = _names([verdicts[place].attacked for place in group])
     for attacked, members in groupby(zip(names, group, strict=True), key=lambda pair: pair[0]):
         places = [place for _, place in members]
         kind = VerdictKind.ATTACKED if attacked else VerdictKind.UNIDENTIFIED
-        strength = max(verdicts[place][1] for place in places)
+        strength = float(beyond[places].max())
         half = int(windows.end[places[0]] - windows.first[places[0]]) // 2
         yield LastingEvent(_frames(windows, runs, places[0], places[-1]), kind, attacked, strength, half)
 

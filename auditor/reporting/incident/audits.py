@@ -9,7 +9,7 @@ from typing import Any
 from auditor.errors import StoreError
 from auditor.model.checks import counting_checks, rig_sensor_checks
 from auditor.model.rig import Rig
-from auditor.model.verdict import Method, VerdictKind
+from auditor.model.verdict import FINDINGS, Method, VerdictKind
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import EDGE, Clock, RecordingPart, SensorLine
 from auditor.reporting.incident.provenance import CheckLine, FileLine, Provenance, ThresholdLine
@@ -103,6 +103,7 @@ def outline(store: Store, audit: Audit, calibration_recordings: CalibrationRecor
         to_ns=to_ns,
         verdicts={kind: counts[kind] for kind in VerdictKind if counts.get(kind)},
         told=audit.judgement.found if audit.judgement else 0,
+        alone=_alone(store, audit.judgement),
         skipped=audit.measurement.skipped,
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.measured_triples,
@@ -111,6 +112,14 @@ def outline(store: Store, audit: Audit, calibration_recordings: CalibrationRecor
         provenance=_provenance(store, audit, calibration_recordings),
         rig_picture=data_uri("svg", rig_picture([in_lidar_frame(audit.rig)]).encode()),
     )
+
+
+def _alone(store: Store, judgement: StoredJudgement | None) -> int:
+    """How many frames with a finding belong to no event; by the paper's method all do."""
+    if judgement is None or judgement.method != Method.ROBUST:
+        return 0
+    verdicts = read_table("verdicts", store.source("verdicts", judgement.judgement_id), ["kind", "finding"])
+    return sum(row["kind"] in FINDINGS and row["finding"] is None for row in verdicts.to_pylist())
 
 
 def _called(store: Store, recording_ids: Iterable[str]) -> tuple[str, ...]:

@@ -190,9 +190,10 @@ class Remark:
 class RecordingPart:
     """One recording: its sensors, its balance, its verdicts and its incidents.
 
-    `told` are its frames with a finding in incidents and alerts. `other_names` and `paths` are those that its content
-    was read under; `superseded_by` and `conflicts` name other recordings: one that holds every frame of this one, and
-    those with other data at the same stamps. `rig_picture` is a data URI of its rig from above.
+    `told` are its frames in incidents and alerts, `alone` those with a finding that belong to none: too little before
+    and after them says the same. `other_names` and `paths` are those that its content was read under; `superseded_by`
+    and `conflicts` name other recordings: one that holds every frame of this one, and those with other data at the same
+    stamps. `rig_picture` is a data URI of its rig from above.
     """
 
     recording_id: str
@@ -211,6 +212,7 @@ class RecordingPart:
     balance: tuple[TopicBalance, ...]
     provenance: Provenance
     told: int = 0
+    alone: int = 0
     incidents: tuple[IncidentPart, ...] = ()
     overview: Figure | None = None
     truths: tuple[Truth, ...] = ()
@@ -248,11 +250,6 @@ class RecordingPart:
     def raised(self) -> int:
         """Frames with a finding."""
         return sum(count for kind, count in self.verdicts.items() if kind in FINDINGS)
-
-    @property
-    def alone(self) -> int:
-        """Frames with a finding that belong to no incident or alert: too little before and after them says the same."""
-        return self.raised - self.told
 
     @property
     def edge(self) -> int:
