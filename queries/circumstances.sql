@@ -16,9 +16,14 @@
 -- column after_change_s: Time from the last change of the calibration to the incident.
 -- column after_start_s: Time from the recording's first frame to the incident.
 -- column clock_jumps: How often the recording's stamps jumped back while it was measured.
--- column warnings: What of the rig does not fit the images and points.
+-- column warnings: What of the rig does not fit the images and points, and what of it is not measured.
 WITH incident AS (
-    SELECT incidents.*, measurement.clock, measurement.first_stamp_ns, measurement.clock_jumps, measurement.calibration_warnings
+    SELECT
+        incidents.*,
+        measurement.clock,
+        measurement.first_stamp_ns,
+        measurement.clock_jumps,
+        list_concat(measurement.calibration_warnings, measurement.remarks) AS warnings
     FROM incidents
     JOIN measurements AS measurement USING (measurement_id)
     WHERE $recording IS NULL OR incidents.name = $recording OR starts_with(incidents.recording_id, $recording)
@@ -61,7 +66,7 @@ SELECT
     before.after_change_s,
     (incident.from_ns - incident.first_stamp_ns) / 1e9 AS after_start_s,
     incident.clock_jumps,
-    incident.calibration_warnings AS warnings,
+    incident.warnings,
     incident.incident_id,
     incident.recording_id
 FROM incident

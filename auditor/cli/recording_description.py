@@ -269,7 +269,7 @@ def _coverage(
 
 
 def _doubts(doubts: RigDoubts) -> dict[str, Any]:
-    return {"calibration_warnings": list(doubts.calibration_warnings), "withheld": doubts.withheld or None}
+    return {**doubts._asdict(), "withheld": doubts.withheld or None}
 
 
 def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:

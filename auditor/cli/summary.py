@@ -66,7 +66,7 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
     remarks: Remarks = {}
     for one in scan.measured:
         tally.recordings.add(one.recording_id)
-        for warning in one.calibration_warnings:
+        for warning in (*one.calibration_warnings, *one.remarks):
             remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
     _say_once(remarks)
 

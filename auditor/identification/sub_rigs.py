@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores
+from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames, read_later
-from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import COLUMNS, OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.rig_kind import RigKind, Similarity
@@ -100,5 +100,5 @@ def _features(clean: CleanFrames, kind: RigKind, there: dict[int, int], pairs: t
         return np.stack([clean.brightness.get((name, there[camera]), unknown) for camera in cameras], axis=1)
 
     return ObservedFeatures(
-        pairs, {name: of_pairs(name) for name in SCORED}, cameras, {name: of_cameras(name) for name in BRIGHTNESS}
+        pairs, {name: of_pairs(name) for name in COLUMNS}, cameras, {name: of_cameras(name) for name in BRIGHTNESS}
     )

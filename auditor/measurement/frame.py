@@ -17,7 +17,7 @@ from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
-from auditor.measurement.fault_features.added_light import added_light, with_light
+from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.looked_at import looked_at
 from auditor.measurement.own_past import OwnPast
@@ -238,14 +238,15 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Mea
 def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
     whole, cells = prepared.whole, arrays.frame_checks.cells
     maps: Maps = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()} or arrays.maps
-    lights = added_light(cells, whole.half_res)
+    saturated = saturated_by_light(cells, whole.half_res)
     cloud = whole.frame.cloud
     of_pasts = arrays.frame_checks.of_pasts.values()
     by_past = {k: max(of[k].looked_share for of in of_pasts if k in of) for of in of_pasts for k in of}
     looked = looked_at(cells, prepared.of_picture, None if cloud is None else len(cloud.xyz_m))
     coverage = {
         number: replace(
-            with_light(brightness(whole.frame.images[number].pixels, pixels), lights.get(number)),
+            brightness(whole.frame.images[number].pixels, pixels),
+            saturated_px=saturated.get(number),
             textureless_share=1.0 - _share(whole.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
             compared_share=by_past.get(number, looked[number].by_one),
@@ -272,10 +273,10 @@ def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
 
 
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
-    """How bright an image (H, W), or (H, W, 3) BGR, is, and its channels where it has them; `greys` is it in grey."""
-    blue, green, red, _ = (total / greys.size for total in cv2.sumElems(image))
+    """How bright an image (H, W), or (H, W, 3) BGR, is, and how blue and red it is; `greys` is it in grey."""
+    blue, _, red, _ = (total / greys.size for total in cv2.sumElems(image))
     known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
-    return known if image.shape == greys.shape else replace(known, blue_level=blue, green_level=green, red_level=red)
+    return known if image.shape == greys.shape else replace(known, blue_level=blue, red_level=red)
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

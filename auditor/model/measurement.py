@@ -100,10 +100,10 @@ class Coverage:
     """How much of one sensor could be used in one frame.
 
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
-    leftmost), their mean grey `level`, and of colour cameras the mean of each channel. `lit_px` are half px where all
-    others say that light was added, `saturated_px` those that saturate near most of it and in most other cameras do
-    not. LiDAR: `returns`, the points that fall into the leftmost camera's view. Both: the shares of its picture, or of
-    its points, that another sensor was compared with, and that two were.
+    leftmost), their mean grey `level`, and of colour cameras the means of blue and red. `saturated_px` are half px that
+    saturate near most of the added light, and in most other cameras do not. LiDAR: `returns`, the points that fall into
+    the leftmost camera's view. Both: the shares of its picture, or of its points, that another sensor was compared
+    with, and that two were.
     """
 
     saturated_share: float | None = None
@@ -111,16 +111,14 @@ class Coverage:
     unmatched_share: float | None = None
     level: float | None = None
     blue_level: float | None = None
-    green_level: float | None = None
     red_level: float | None = None
-    lit_px: float | None = None
     saturated_px: float | None = None
     returns: int | None = None
     compared_share: float | None = None
     compared_by_two_share: float | None = None
 
 
-BRIGHTNESS = ("level", "saturated_share", "blue_level", "green_level", "red_level", "lit_px", "saturated_px")
+BRIGHTNESS = ("level", "saturated_share", "blue_level", "red_level", "saturated_px")
 """What causes are told by of each camera: fields of Coverage."""
 
 

@@ -107,9 +107,8 @@ class ImageWindow:
 
 @dataclass(frozen=True)
 class AddedLight:
-    """Where a camera has most added light, and what of it saturates: no count follows from it."""
+    """What saturates near most of a camera's added light: no count follows from it."""
 
-    lit_from: float = parameter(0.1, unit="mean residual of a window, from which on it is lit", source=_LIT)
     near_px: tuple[int, int] = parameter((60, 80), unit="half px up and down, and to both sides", source=_LIT)
     beside_px: tuple[int, int] = parameter((9, 25), unit="half px, rows and columns", source=_LIT)
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, frozen
+from auditor.identification.causes.faults import ObservedFeatures, fault_scores, frozen
 from auditor.identification.marks import MACHINE
 from auditor.identification.statistics import sensor_statistics
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import COLUMNS, SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
@@ -53,7 +53,7 @@ def _clean_frames(
         unmasked=_unmasked(rig, frames_of, chosen),
         features={
             (name, pair): column
-            for name in SCORED
+            for name in COLUMNS
             for pair, column in zip(features.pairs, features.columns[name][chosen].T, strict=True)
         },
         brightness={key: column[chosen] for key, column in features.by_camera.items()},

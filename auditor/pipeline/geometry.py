@@ -233,10 +233,14 @@ def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Ma
 
 
 class RigDoubts(NamedTuple):
-    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it."""
+    """What of a rig does not fit its recording, one sentence a piece, and why no verdict may be given on it.
+
+    `remarks` are what is not measured by it, and cast no doubt on it.
+    """
 
     calibration_warnings: tuple[str, ...]
     withheld: str
+    remarks: tuple[str, ...]
 
 
 class FirstFrames(NamedTuple):
@@ -278,7 +282,8 @@ def doubts_of(
     withheld = withheld or stream.timing.withheld or check.withheld()
     survey, rig = in_force.survey, in_force.rig
     withheld = withheld or _negated(recording, survey, rig, check.pictures)
-    return RigDoubts(warnings, withheld or _other_way_up(recording, survey, rig, check.of_cameras))
+    withheld = withheld or _other_way_up(recording, survey, rig, check.of_cameras)
+    return RigDoubts(warnings, withheld, check.remarks())
 
 
 def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:

@@ -129,7 +129,7 @@ class Scanned:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about the recording's calibration, its gaps, and the thresholds."""
-        measured = self.measured.calibration_warnings if self.measured else ()
+        measured = (*self.measured.calibration_warnings, *self.measured.remarks) if self.measured else ()
         return (*measured, *(warning for one in self.judged for warning in one.warnings))
 
 

@@ -259,6 +259,7 @@ def _measured_with(
             damage=damage,
             calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
             withheld=doubts.withheld or None,
+            remarks=doubts.remarks,
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=coverage,

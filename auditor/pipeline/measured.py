@@ -62,6 +62,7 @@ class Measured:
     fresh: bool
     damage: tuple[str, ...]
     calibration_warnings: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def measured_of(
@@ -76,6 +77,7 @@ def measured_of(
         fresh=fresh,
         damage=damage_of(measurements),
         calibration_warnings=tuple(dict.fromkeys(said for one in measurements for said in one.calibration_warnings)),
+        remarks=tuple(dict.fromkeys(said for one in measurements for said in one.remarks)),
     )
 
 

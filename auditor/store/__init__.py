@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from auditor.store.connection import Connection, plain_connection
     from auditor.store.export import leave_pandas_out, rows_of, table_of
     from auditor.store.folder import StoreFolder
-    from auditor.store.measurement_tables import FramesWriter
+    from auditor.store.frames_writer import FramesWriter
     from auditor.store.pictures import Picture
     from auditor.store.queries import (
         Description,
@@ -97,7 +97,7 @@ _HOMES = {
     "connection": "Connection plain_connection",
     "export": "leave_pandas_out rows_of table_of",
     "folder": "StoreFolder",
-    "measurement_tables": "FramesWriter",
+    "frames_writer": "FramesWriter",
     "pictures": "Picture",
     "queries": "Description describe list_queries list_views query run_query run_sql run_sqls",
     "records": "FrameErrors FrameStatistics JudgementRecord JudgingRules MeasurementRecord RecordingRecord Sighting "

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames, read_later
-from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
-from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSIONS, Procedure, Statistic
+from auditor.model.checks import Check, Pair, SensorCheck
+from auditor.model.measurement import COUNTING_VERSIONS, Procedure, Statistic
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
@@ -234,7 +234,20 @@ def _read(parts: "_Parts") -> Calibration:
 
 
 _HEAD = ("calibration_id", "rig_kind", "matcher", "settings", "counting_version", "calibrated_at")
-_PART = ("part", "recording_id", "stamps_ns", "statistic", "i", "j", "k", "sensor", "others", "versions", "clean")
+_PART = (
+    "part",
+    "recording_id",
+    "stamps_ns",
+    "statistic",
+    "i",
+    "j",
+    "k",
+    "sensor",
+    "others",
+    "versions",
+    "for_parts",
+    "clean",
+)
 _CAUSES = frozenset(Cause)
 _ERRORS = frozenset(Statistic)
 
@@ -359,14 +372,14 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
             fault_scores[Cause(what), i] = column
         elif what in flags:
             flags[what][i] = column > 0
-        elif what in BRIGHTNESS:
-            brightness[what, i] = column
         elif what == _RETURNS:
             returns = column
-        elif what in COLUMNS:
-            features[what, (i, k)] = column
         elif what.endswith(_UNMASKED):
             unmasked[_sensor_check(row, what.removesuffix(_UNMASKED))] = column
+        elif row["for_parts"] and k is not None:  # also what is not measured any more: the id has it
+            features[what, (i, k)] = column
+        elif row["for_parts"]:
+            brightness[what, i] = column
         else:
             statistics[_sensor_check(row, what)] = column
     return CleanFrames(

@@ -1,8 +1,15 @@
-"""The file that marks a folder as a store and holds its schema version."""
+"""The file that marks a folder as a store and holds its schema version, and which stores this user made here.
+
+Whoever writes a store decides what is found: its calibrations and reviews count. A store that lies in a folder of logs
+may have been planted there. So the command line takes the store of its working folder unasked only where it was made
+here, as git does with the repositories of others.
+"""
 
 import json
+import os
 import shlex
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +17,6 @@ from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.resources import local_path
 from auditor.store.files import is_part, locked, write_whole
-from auditor.store.made_here import remember_made
 from auditor.store.packs.index import FOLDER, INDEX
 from auditor.store.schema import SCHEMA_VERSION, TABLES, newer_version
 
@@ -18,7 +24,9 @@ MARKER = "store.json"
 UPGRADED = ".upgraded"
 """The folder inside a store that an upgrade writes its files into."""
 
-UPGRADED_FROM = SCHEMA_VERSION - 1
+UPGRADED_FROM = (11, 12)
+"""The versions that can be upgraded: the last that was published, and what came since."""
+
 _FORMAT = "auditor store"
 
 
@@ -70,9 +78,10 @@ def check_marker(folder: Path) -> None:
 
 def older_version(version: int, folder: Path) -> StoreError:
     """The error for a store of an older version: how it is upgraded, and what is lost, or that it cannot be."""
-    if version != UPGRADED_FROM:
+    known = " and ".join(map(str, UPGRADED_FROM))
+    if version not in UPGRADED_FROM:
         return StoreError(
-            f"it has schema version {version}, and only version {UPGRADED_FROM} can be upgraded to {SCHEMA_VERSION}",
+            f"it has schema version {version}, and only {known} can be upgraded to {SCHEMA_VERSION}",
             where=folder,
             remedy="measure again into a new store",
         )
@@ -137,3 +146,35 @@ def check_free(folder: Path, *, create: bool) -> None:
         )
     if not create:
         raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")
+
+
+def remember_made(folder: Path) -> None:
+    """Remember that a store was made in a folder just now; where nothing can be kept, it has to be named later on."""
+    with suppress(OSError):
+        _known().parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with _known().open("a", encoding="utf-8") as known:
+            known.write(json.dumps(_identity(folder)) + "\n")
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raises StoreError where a folder holds a store that was not made here."""
+    with suppress(OSError):
+        own = json.dumps(_identity(folder.resolve()))
+        if own in _known().read_text(encoding="utf-8").splitlines():
+            return
+    raise StoreError(
+        "this store was not made by you on this machine, and its calibrations and reviews decide what is found",
+        where=folder,
+        remedy=f"name it if you trust it (--store {folder}), or another one",
+    )
+
+
+def _identity(folder: Path) -> list[str | int]:
+    """The path, device and inode of a folder: a copy has others."""
+    status = folder.stat()
+    return [str(folder), status.st_dev, status.st_ino]
+
+
+def _known() -> Path:
+    base = os.environ.get("XDG_STATE_HOME") or Path("~/.local/state").expanduser()
+    return Path(base) / "auditor" / "stores"

@@ -1,8 +1,6 @@
 """The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
 
-from array import array
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import groupby
 from math import isnan
@@ -29,13 +27,10 @@ from auditor.model.measurement import (
     Statistic,
 )
 from auditor.model.optics.common_view import view_size_px
-from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
-from auditor.store.files import Written
-from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
-from auditor.store.rows import measurement_row, pose_row
-from auditor.store.schema import WRITTEN, table_schema
-from auditor.store.tables import Row, Source, TableWriter, read_table, stream_rows
+from auditor.store.records import FrameErrors, FrameStatistics
+from auditor.store.schema import table_schema
+from auditor.store.tables import Row, Source, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
 """The number of a frame, and its counts by what they are of."""
@@ -300,93 +295,3 @@ def _list_values(column: pa.ChunkedArray, count: int, path: Source) -> pa.Array:
             "its lists do not have the lengths that its rig demands", where=path, remedy="measure its recording again"
         )
     return values
-
-
-Finish = Callable[[str, Row, Sequence[Written]], None]
-"""Makes a measurement finished: its id, its row, and the files that this row finishes."""
-
-
-class FramesWriter:
-    """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
-
-    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], finish: Finish) -> None:
-        self._finish = finish
-        self._measurement_id = measurement_id
-        self._rig = rig
-        self._tables = tables
-        self._measured = 0
-        self._skipped: Counter[str] = Counter()
-        self._first_stamp_ns: int | None = None
-        self._numbers, self._stamps_ns = array("q"), array("q")
-        self._last_stamp_ns: int | None = None
-
-    @property
-    def measured(self) -> int:
-        """How many measured frames were added."""
-        return self._measured
-
-    @property
-    def frames(self) -> tuple[Sequence[int], Sequence[int]]:
-        """The numbers and the stamps of the measured frames."""
-        return self._numbers, self._stamps_ns
-
-    def add(
-        self,
-        frame: Measurement,
-        statistics: Sequence[float | None],
-        unmasked: Sequence[float | None] | None = None,
-        *,
-        with_cells: bool = True,
-    ) -> None:
-        """Take a measured frame and all that goes with it; its statistics in the order of `rig_sensor_checks(rig)`.
-
-        `unmasked` are those that are others without the LiDAR, None elsewhere. Its cells may be left out. Raises
-        StoreError where they do not fit the rig.
-        """
-        measurement_id = self._measurement_id
-        self._tables["frames"].add(measured_row(measurement_id, frame, statistics, self._rig, unmasked))
-        for row in cell_rows(measurement_id, frame.number, frame.cells if with_cells else {}):
-            self._tables["cells"].add(row)
-        for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):
-            self._tables["fault_features"].add(row)
-        for row in region_rows(measurement_id, frame.number, frame.regions):
-            self._tables["regions"].add(row)
-        self._measured += 1
-        self._numbers.append(frame.number)
-        self._stamps_ns.append(frame.stamp_ns)
-        self._note(frame.stamp_ns)
-
-    def skip(self, tick: Skipped) -> None:
-        """Take a tick without a frame."""
-        self._tables["frames"].add(skipped_row(self._measurement_id, tick))
-        self._skipped[tick.reason] += 1
-        self._note(tick.stamp_ns)
-
-    def add_pose(self, placed: FramePose) -> None:
-        """Take a pose of a measured frame."""
-        self._tables["poses"].add(pose_row(self._measurement_id, placed))
-
-    def commit(self, measurement: MeasurementRecord, pictures: Sequence[Written] = ()) -> None:
-        """Put all tables in their place, then write the row that makes them and the pictures finished.
-
-        Raises StoreError where the record is of another measurement.
-        """
-        if measurement.measurement_id != self._measurement_id:
-            raise StoreError(
-                f"the record is of measurement {measurement.measurement_id}",
-                where=f"measurement {self._measurement_id}",
-            )
-        written = [self._tables[table].commit() for table in WRITTEN]
-        row = {
-            **measurement_row(measurement),
-            "frames": self._measured + self._skipped.total(),
-            "measured": self._measured,
-            "skipped": dict(sorted(self._skipped.items())),
-            "first_stamp_ns": self._first_stamp_ns,
-            "last_stamp_ns": self._last_stamp_ns,
-        }
-        self._finish(self._measurement_id, row, [*written, *pictures])
-
-    def _note(self, stamp_ns: int) -> None:
-        stamps = [stamp for stamp in (self._first_stamp_ns, stamp_ns, self._last_stamp_ns) if stamp is not None]
-        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)

@@ -91,7 +91,8 @@ class GivenLabel:
 class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 
-    `calibration_warnings` has one about each thing that a wrong calibration would explain. `withheld` is why no verdict
+    `calibration_warnings` has one about each thing that a wrong calibration would explain, `remarks` what is not
+    measured, and no reason to doubt a calibration. `withheld` is why no verdict
     may be given, and what to do about it. `offsets_ns` follow the sensors: how far their stamps lie behind the leftmost
     camera's.
     """
@@ -110,6 +111,7 @@ class MeasurementRecord:
     coverage: tuple[TopicCoverage, ...] | None = None
     pose_topics: tuple[PoseTopic, ...] | None = None
     withheld: str | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def measurement_id(self) -> str:
@@ -141,6 +143,7 @@ class StoredMeasurement:
     seconds: float
     coverage: tuple[TopicCoverage, ...] | None = None
     withheld: str | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

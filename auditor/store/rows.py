@@ -182,7 +182,7 @@ def _coverage_of(row: Mapping[str, Any]) -> TopicCoverage:
 MEASUREMENT_COLUMNS = (
     *("measurement_id", "recording_id", "rig_id", "matcher", "settings", "counting_version", "frames", "measured"),
     *("skipped", "first_stamp_ns", "last_stamp_ns", "balance", "damage", "calibration_warnings", "versions"),
-    *("measured_at", "seconds", "coverage", "withheld"),
+    *("measured_at", "seconds", "coverage", "withheld", "remarks"),
 )
 """What `stored_measurement` needs of a row."""
 
@@ -207,6 +207,7 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
         seconds=row["seconds"],
         coverage=None if row["coverage"] is None else tuple(_coverage_of(one) for one in row["coverage"]),
         withheld=row["withheld"],
+        remarks=tuple(row["remarks"] or ()),
     )
 
 

@@ -25,10 +25,10 @@ _SIMPLE_TYPES = {
 }
 _NESTED_TYPE = re.compile(r"(STRUCT|MAP|DECIMAL)\((.*)\)")
 
-SCHEMA_VERSION = 12
+SCHEMA_VERSION = 13
 """Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
-`upgrade` brings a store of the version before to this one.
+`upgrade` brings stores of the versions UPGRADED_FROM to this one.
 """
 
 TABLES = (

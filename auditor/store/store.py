@@ -19,11 +19,11 @@ from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, Verdic
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.files import Written, write_whole
 from auditor.store.folder import StoreFolder
+from auditor.store.frames_writer import FramesWriter
 from auditor.store.log import Output, logged
 from auditor.store.measurement_tables import (
     FrameCells,
     FrameFaultFeatures,
-    FramesWriter,
     errors_of,
     fault_features_of,
     read_cells,

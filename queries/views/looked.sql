@@ -11,35 +11,25 @@
 -- column none_share: Share that nothing was compared with.
 -- column reason: Why nothing was, of a sensor that no rig has.
 WITH current_measurements AS (
-    SELECT measurement_id, recording_id, coverage FROM stored_measurements ANTI JOIN superseded USING (recording_id)
+    SELECT * FROM stored_measurements ANTI JOIN superseded USING (recording_id)
 ),
 of_rig AS (
-    SELECT
-        measurement_id,
-        sensor,
-        any_value(name) AS name,
-        any_value(topic) AS topic,
-        count(*) FILTER (state = 'present') AS frames,
-        avg((state = 'present')::INTEGER) AS time_share,
-        avg(compared_share) FILTER (state = 'present') AS compared,
-        avg(compared_by_two_share) FILTER (state = 'present') AS twice
-    FROM sensors
-    GROUP BY measurement_id, sensor
+    SELECT rig_id, unnest(sensors) AS entry, generate_subscripts(sensors, 1) AS position FROM stored_rigs
 )
 SELECT
     recording_id,
     measurement_id,
-    sensor,
-    name,
-    topic,
-    frames,
-    time_share,
-    twice AS two_share,
-    compared - twice AS one_share,
-    1 - compared AS none_share,
+    entry.sensor AS sensor,
+    entry.name AS name,
+    entry.topic AS topic,
+    present_frames[position] AS frames,
+    present_frames[position] / measured AS time_share,
+    compared_by_two_share[position] AS two_share,
+    compared_share[position] - compared_by_two_share[position] AS one_share,
+    1 - compared_share[position] AS none_share,
     NULL AS reason
-FROM of_rig
-JOIN current_measurements USING (measurement_id)
+FROM current_measurements
+JOIN of_rig USING (rig_id)
 UNION ALL
 SELECT recording_id, measurement_id, NULL, entry.topic, entry.topic, 0, 0.0, 0.0, 0.0, 1.0, nullif(entry.reason, '')
 FROM (SELECT recording_id, measurement_id, unnest(coverage) AS entry FROM current_measurements)

@@ -33,7 +33,7 @@ SELECT
     measurement.measured,
     (judgement.clean + judgement.attacked + judgement.unidentified + judgement.suspect)
         / nullif(measurement.frames - coalesce(measurement.skipped['edge'], 0), 0) AS audited_share,
-    looked.least AS looked_share,
+    list_min(measurement.compared_by_two_share[if(rig.sensors[1].sensor = 0, 2, 1):]) AS looked_share,
     judgement.clean,
     judgement.attacked,
     judgement.unidentified,
@@ -69,8 +69,5 @@ LEFT JOIN (
     )
     GROUP BY measurement_id
 ) AS named ON named.measurement_id = measurement.measurement_id
-LEFT JOIN (
-    SELECT measurement_id, min(two_share) AS least FROM looked WHERE sensor > 0 GROUP BY measurement_id
-) AS looked ON looked.measurement_id = measurement.measurement_id
 WHERE $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording)
 ORDER BY recording.name, recording.recording_id, measurement.measurement_id

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from auditor.identification.causes.faults import (
-    SCORED,
     ObservedFeatures,
     fault_hypotheses,
     fault_scores,
@@ -16,7 +15,7 @@ from auditor.identification.causes.light_causes import Nearby, Seen, bounds_near
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
-from auditor.model.checks import CAMERA_CHECKS, sensor_checks_of
+from auditor.model.checks import CAMERA_CHECKS, COLUMNS, sensor_checks_of
 from auditor.model.measurement import BRIGHTNESS
 from auditor.model.rig import triples_of
 from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind
@@ -47,7 +46,7 @@ HEALTHY = {
 
 def seen(level=90.0, saturated=0.0, red=NAN, blue=NAN, **changed):
     """Healthy frames but for some columns: one value for all pairs, or one a pair."""
-    columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in SCORED}
+    columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in COLUMNS}
     columns = {name: values.astype(np.float64) for name, values in columns.items()}
     return ObservedFeatures(PAIRS, columns, CAMERAS, brightness(FRAMES, level, saturated, red, blue))
 
@@ -155,7 +154,7 @@ def test_the_score_of_a_fault_is_worked_out_by_hand(cause, sensor, changed, expe
 
 def test_a_fault_score_is_a_mean_over_half_a_second():
     frames = 41
-    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in SCORED}
+    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
     columns["before_only"], columns["now_only"] = np.zeros((2, frames, 2))
     columns["before_only"][20] = 90.0
     stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
@@ -168,7 +167,7 @@ def test_a_fault_score_is_a_mean_over_half_a_second():
 
 def test_the_score_of_a_sensor_that_has_turned_is_a_mean_over_five_seconds():
     frames = 141
-    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in SCORED}
+    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
     columns["rotated_only"], columns["unrotated_only"] = np.zeros((2, frames, 2))
     columns["rotated_only"][65:75] = 90.0  # an edge beside the road: a second
     stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
@@ -211,7 +210,7 @@ def test_causes_are_listed_from_a_score_of_a_fifth_on_the_likeliest_first():
 
 
 def test_what_was_not_measured_gives_no_hypothesis():
-    nothing = dict.fromkeys(SCORED, np.nan)
+    nothing = dict.fromkeys(COLUMNS, np.nan)
     scores = fault_scores(seen(**nothing), STAMPS_NS, SENSORS)
     [causes] = set(fault_hypotheses(scores, dict.fromkeys(scores, JUST_ENOUGH)))
     assert causes == ()

@@ -6,11 +6,11 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, faults_of
+from auditor.identification.causes.faults import ObservedFeatures, fault_scores, faults_of
 from auditor.identification.marks import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.scores import TONES, thresholds_from
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
-from auditor.model.checks import Check, rig_sensor_checks
+from auditor.model.checks import COLUMNS, Check, rig_sensor_checks
 from auditor.model.measurement import BRIGHTNESS, Procedure
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
@@ -118,7 +118,7 @@ def test_the_faults_of_a_rig_are_those_that_scores_are_made_of(sensors):
     nothing = np.full((FRAMES, len(RIG.pairs)), np.nan)
     cameras = tuple(camera.number for camera in RIG.cameras)
     seen = ObservedFeatures(
-        RIG.pairs, dict.fromkeys(SCORED, nothing), cameras, dict.fromkeys(BRIGHTNESS, nothing[:, : RIG.n])
+        RIG.pairs, dict.fromkeys(COLUMNS, nothing), cameras, dict.fromkeys(BRIGHTNESS, nothing[:, : RIG.n])
     )
     assert set(fault_scores(seen, np.arange(FRAMES), sensors)) == set(faults_of(sensors))
 

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.model.calibration import Thresholds
-from auditor.model.checks import COLUMNS, Rows, rig_sensor_checks
+from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, Skipped
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
@@ -80,14 +80,13 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, syn
 
 def make_features(rig, frame, *, late=(), missing=()):
     """The fault features of a case: none, except for cameras whose pairs would be on their rows a frame earlier."""
-    names, pairs = [*Rows._fields], rig.pairs
-    columns = len(COLUMNS)
+    pairs, columns = rig.pairs, len(COLUMNS)
     features = [None] * (columns * len(pairs))
     for place, pair in enumerate(pairs):
         for side, camera in zip(("lagged_i", "lagged_k"), pair, strict=True):
             values = {"row_aligned": 0.5, "offset_share": 0.5, side: 1.0 if camera in late else 0.25}
             for name, value in values.items():
-                features[place * columns + names.index(name)] = value
+                features[place * columns + COLUMNS.index(name)] = value
     return CaseFeatures(
         present=[s not in missing for s in rig.sensors],
         fingerprint=[None if s in missing else 10 * frame + s for s in rig.sensors],

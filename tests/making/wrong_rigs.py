@@ -84,8 +84,13 @@ CASES: dict[str, Case] = {
 
 def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
     """The warnings for a rig and a few frames."""
+    return checked(case, rig, some).warnings()
+
+
+def checked(case: Case, rig: Rig, some: Iterable[Frame]) -> CalibrationCheck:
+    """The check of a rig by a few frames."""
     check = CalibrationCheck()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
         check.add(evidence, FaultFeatures().update(evidence))
-    return check.warnings()
+    return check

@@ -1,9 +1,9 @@
-"""How much of a camera is lit, and how much of that saturates: by hand, on grids of one value but for one place."""
+"""How much of a camera saturates in added light: by hand, on grids of one value but for one place."""
 
 import numpy as np
 import pytest
 
-from auditor.measurement.fault_features.added_light import AddedLight, added_light
+from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.model.checks import Check, CountedPair
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
@@ -12,13 +12,13 @@ LIT = slice(20, 26), slice(30, 38)
 """Of 6 x 8 cells: a window; its middle is the cell (23, 34), and the pixel (92, 136)."""
 
 
-def cells(lit=(1, 1), valid=16):
-    """What two voters say of camera 1: all its light lies in one window, `lit` of the largest residual."""
+def cells(valid=16):
+    """What two voters say of camera 1: all its light lies in one window, of the largest residual."""
     found = {}
-    for other, share in zip((2, 3), lit, strict=True):
+    for other in (2, 3):
         grid = np.full((ROWS, COLUMNS), valid, dtype=np.uint8)
         total = np.zeros((ROWS, COLUMNS), dtype=np.int8)
-        total[LIT] = round(share * LIGHT_STEPS * 16)
+        total[LIT] = LIGHT_STEPS * 16
         found[CountedPair(Check.ADDED_LIGHT, 1, other, 1)] = Cells(grid, total)
     return found
 
@@ -50,15 +50,9 @@ FAR = slice(0, 5), slice(0, 10)
     ids=["nothing", "in the light", "elsewhere", "in half of the others too", "the others elsewhere"],
 )
 def test_what_saturates_in_the_light_is_counted_where_most_others_do_not(white, saturated):
-    assert added_light(cells(), images(**white))[1].saturated == saturated
-
-
-def test_lit_are_the_windows_of_which_all_others_say_that_light_was_added():
-    whole, half, one_alone = (added_light(cells(lit), images())[1].lit for lit in ((1, 1), (1, 0.3), (1, 0)))
-    assert whole > half > one_alone == 0
+    assert saturated_by_light(cells(), images(**white))[1] == saturated
 
 
 def test_a_camera_of_which_nothing_could_be_compared_is_left_out():
-    assert added_light(cells(valid=0), images()) == {}
-    assert set(added_light(cells(), images())) == {1}
-    assert isinstance(added_light(cells(), images())[1], AddedLight)
+    assert saturated_by_light(cells(valid=0), images()) == {}
+    assert set(saturated_by_light(cells(), images())) == {1}

@@ -37,7 +37,7 @@ def compared_with(stamps: list[int], speed_m_s: float) -> list[int | None]:
     with (
         patch.object(own_past, "parallax_conflicts", parallax_conflicts),
         patch.object(own_past, "cells_of_points", lambda points, view: None),
-        patch("auditor.measurement.frame.added_light", lambda cells, half_res: {}),
+        patch("auditor.measurement.frame.saturated_by_light", lambda cells, half_res: {}),
         patch("auditor.measurement.frame.looked_at", lambda cells, cameras, points: defaultdict(lambda: NOT_LOOKED_AT)),
     ):
         list(measure_stream(frames, RIG, SGBM))

@@ -347,7 +347,7 @@ def test_a_scan_packs_where_many_files_have_gathered(folder, monkeypatch):
 def test_a_packed_store_is_upgraded_with_all_that_packs_have(kept, folder, monkeypatch):
     pack(Store.open(folder))
     monkeypatch.setattr(upgrade, "SCHEMA_VERSION", SCHEMA_VERSION + 1)  # what the next version will do
-    monkeypatch.setattr(upgrade, "UPGRADED_FROM", SCHEMA_VERSION)
+    monkeypatch.setattr(upgrade, "UPGRADED_FROM", (SCHEMA_VERSION,))
     assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=6)
     monkeypatch.undo()
     found, before = told(folder), kept[1]

@@ -206,5 +206,5 @@ def _geometry(rig: dict[str, Any]) -> Iterator[str]:
         yield f"{rig['clouds_a_sweep']} clouds of {rig['sensors'][0]['name']} make one sweep, and are put together"
     if rig["withheld"]:
         yield f"verdicts are withheld: {rig['withheld']}"
-    for warning in rig["calibration_warnings"]:
+    for warning in (*rig["calibration_warnings"], *rig["remarks"]):
         yield f"WARNING: {warning}"

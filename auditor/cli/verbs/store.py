@@ -137,10 +137,10 @@ def compact(store: Path) -> None:
         say(f"{store}: {packed.left} files are being read and stay; run the command again later to remove them")
 
 
-@command.command("upgrade", short_help="Upgrade a store of the version before.")
+@command.command("upgrade", short_help="Upgrade a store of an earlier version.")
 @_store
 def upgrade(store: Path) -> None:
-    """Upgrade a store of the schema version before, in its place.
+    """Upgrade a store of an earlier schema version, in its place.
 
     \b
     auditor store upgrade
@@ -150,7 +150,6 @@ def upgrade(store: Path) -> None:
     the new one. It needs as much room again as the store takes, and no other command may use the store meanwhile.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store.maintenance.upgrade import upgrade as upgrade_store  # noqa: PLC0415 - keeps --help quick
-    from auditor.store.marker import UPGRADED_FROM  # noqa: PLC0415
     from auditor.store.schema import SCHEMA_VERSION  # noqa: PLC0415
 
     command = click.get_current_context().find_root().obj
@@ -159,6 +158,6 @@ def upgrade(store: Path) -> None:
         say(f"{store}: it has schema version {SCHEMA_VERSION} already")
         return
     say(
-        f"{store}: upgraded from schema version {UPGRADED_FROM} to {SCHEMA_VERSION}: {done.measurements} measurements, "
+        f"{store}: upgraded to schema version {SCHEMA_VERSION}: {done.measurements} measurements, "
         f"{done.judgements} judgements, {done.parts} parts of evaluations"
     )

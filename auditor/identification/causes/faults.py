@@ -20,7 +20,6 @@ from auditor.identification.statistics import measured_medians, window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import (
-    COLUMNS,
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
     LIDAR_CHECKS,
@@ -57,15 +56,10 @@ _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
 TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
 """Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
 
-_NOT_SCORED = frozenset({"tracked", "compared", "right_px", "down_px", "isolated_beyond"})
-
-SCORED = tuple(name for name in COLUMNS if name not in _NOT_SCORED)
-"""The fault features that fault scores are made of."""
-
 
 @dataclass(frozen=True, eq=False)
 class ObservedFeatures:
-    """The fault features of F frames: `columns` holds (F, P) values by the names of SCORED at least.
+    """The fault features of F frames: `columns` holds (F, P) values by the names of COLUMNS.
 
     `pairs` are the P matched pairs (i, k). `brightness` holds (F, C) values by the names of BRIGHTNESS for the
     `cameras`. NaN where not measured.

@@ -17,7 +17,7 @@ from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.disparity.matchers.interface import for_pair, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
-from auditor.measurement.fault_features.added_light import AddedLight, added_light
+from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
 from auditor.measurement.frame import brightness
@@ -85,11 +85,11 @@ class AttackedFrame:
         shares |= shares_of_ranges({pair: said for one in collected for pair, said in one.ranges.items()})
         return sensor_statistics(self.sensor_checks, _cells(collected), shares)
 
-    def added_light(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> dict[int, AddedLight]:
-        """The added light by camera, as far as measuring these triples gives it."""
+    def saturated_px(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> dict[int, int]:
+        """What saturates in added light by camera, as far as measuring these triples gives it."""
         cells = _cells([self.frame_checks(pair, attacks) for pair in self.pairs(triples)])
         half_res = {camera: self._half(camera, attacks) for camera in self.sensors if camera != LIDAR}
-        return added_light(cells, half_res)
+        return saturated_by_light(cells, half_res)
 
     def fingerprint(self, sensor: int, attacks: Attacks) -> int:
         """The fingerprint of a present sensor's data under these attacks: equal data have equal ones."""

@@ -1,12 +1,11 @@
 """The features of a case of an evaluation that show faults and frozen sensors: the judge needs them too."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.lab.evaluation.experiments import Attacks, Case, Experiment
-from auditor.measurement.fault_features.added_light import AddedLight, with_light
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Coverage
@@ -39,8 +38,8 @@ class FeaturesOfCases:
         fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
         later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
         features_after = {pair: attacked_frame.fault_features_after(pair, attacks, after) for pair in later if after}
-        lights = attacked_frame.added_light(attacks, experiment.triples(attacked_frame.rig))
-        coverage = [_coverage(attacked_frame, sensor, attacks, lights) for sensor in attacked_frame.rig.sensors]
+        saturated = attacked_frame.saturated_px(attacks, experiment.triples(attacked_frame.rig))
+        coverage = [_coverage(attacked_frame, sensor, attacks, saturated) for sensor in attacked_frame.rig.sensors]
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
@@ -81,12 +80,10 @@ def _fingerprint(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -
     return None if known == NO_FINGERPRINT else known
 
 
-def _coverage(
-    attacked_frame: AttackedFrame, sensor: int, attacks: Attacks, lights: Mapping[int, AddedLight]
-) -> Coverage:
+def _coverage(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks, saturated: Mapping[int, int]) -> Coverage:
     if sensor == LIDAR or sensor not in attacked_frame.sensors:
         return Coverage()
-    return with_light(attacked_frame.coverage(sensor, attacks), lights.get(sensor))
+    return replace(attacked_frame.coverage(sensor, attacks), saturated_px=saturated.get(sensor))
 
 
 def _in_order(

@@ -22,7 +22,7 @@ from auditor.measurement.checks.found import measuring
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verified
 from auditor.measurement.checks.light import LightDifference, difference_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
-from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated
+from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
@@ -68,13 +68,13 @@ class FrameChecks:
     """The results of all checks, by camera pair (i, k), where (k, k) is a camera and its own past, or by camera.
 
     `by_direction` are counts of the LiDAR's points, or of surfaces, by its directions, `counts` what cameras see
-    otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what
-    the reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference
-    camera, or of a LiDAR alone in none, (); `of_pasts` what its own past says of a camera; None where it cannot be
-    told. `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
-    `isolated_shares`: how many points are isolated. `ranges`: what pairs say of the LiDAR's ranges. `unmasked` are
-    those of `counts` that the LiDAR's range masks changed, without it. `verified_conflicts`, `consistencies` and
-    `lights` hold pixel by pixel what is counted: they are not stored.
+    otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what the
+    reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera, or of
+    a LiDAR alone in none, (); `of_pasts` what its own past says of a camera; None where it cannot be told.
+    `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
+    `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
+    LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
+    `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted: they are not stored.
     """
 
     by_direction: Mapping[Check, Mapping[Pair, Cells]]
@@ -82,6 +82,7 @@ class FrameChecks:
     of_pairs: Mapping[Check, Mapping[Pair, tuple[float | None, float | None]]]
     of_views: Mapping[Check, Mapping[tuple[int, ...], float | None]]
     isolated_shares: Mapping[int, IsolatedShares]
+    thinned: Mapping[int, bool]
     ranges: Mapping[Pair, PairRanges]
     unmasked: Mapping[Pair, PairCounts]
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
@@ -183,6 +184,7 @@ def collect_checks(
         of_pairs={check: _of_each(check, seen, maps) for check in _OF_CAMERAS},
         of_views={check: _of_each(check, seen, [(k,) for k in views]) for check in _IN_VIEWS},
         isolated_shares={k: seen.once(shares_of_isolated, k) for k in views},
+        thinned={k: seen.once(thinned, k) for k in views},
         ranges={
             (j, k): pair_ranges(seen.once(directed, k), views[k], maps[j, k], conflicts.votes, j)
             for (j, k), conflicts in verified_conflicts.items()

@@ -6,8 +6,6 @@ glare and ghosts in a lens, are seldom brighter than the scene itself.
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,26 +16,14 @@ from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.checks import FEWEST_VOTERS, Check, CountedPair
-from auditor.model.measurement import LIGHT_STEPS, Cells, Coverage
+from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import ADDED_LIGHT, IMAGE_WINDOW
 
 _CELL = CELL_PX // HALF
 
 
-class AddedLight(NamedTuple):
-    """Half px of one camera: `lit`, where all others say that light was added; `saturated` near where it is most."""
-
-    lit: int
-    saturated: int
-
-
-def with_light(coverage: Coverage, light: AddedLight | None) -> Coverage:
-    """What is known of a camera's image, with its added light where that was measured."""
-    return coverage if light is None else replace(coverage, lit_px=light.lit, saturated_px=light.saturated)
-
-
-def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image]) -> dict[int, AddedLight]:
-    """Of each camera how much is lit, and how much of that saturates and in most other cameras does not.
+def saturated_by_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image]) -> dict[int, int]:
+    """Of each camera the half px near most of its added light that saturate, and in most other cameras do not.
 
     `cells` are the frame's counts, `half_res` its (h, w) grey images at half resolution. Cameras of which no window
     could be compared are left out.
@@ -52,8 +38,7 @@ def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image
         said = _smallest_means(voters)
         if camera in saturated and np.isfinite(said).any():
             row, column = (int(place) for place in np.unravel_index(np.argmax(said), said.shape))
-            lit = int(np.count_nonzero(said > ADDED_LIGHT.lit_from)) * _CELL**2
-            found[camera] = AddedLight(lit, _alone_near(row, column, saturated, camera))
+            found[camera] = _alone_near(row, column, saturated, camera)
     return found
 
 

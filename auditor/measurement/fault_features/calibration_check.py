@@ -12,7 +12,6 @@ from math import isnan, nan
 
 import numpy as np
 
-from auditor.measurement.checks.point_distribution import is_thinned
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.pairwise_views import OF_TWO
@@ -20,11 +19,17 @@ from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 
 _REPAIR = (
     "wrong unit, axes or mounting of its points, or another vehicle's cameras; put it right, or give a rig file (--rig)"
+)
+
+
+_FAR_APART = (
+    "lie so far apart, as where only some were recorded, that lost returns and rough ranges are not measured: what is "
+    "removed from the cloud may pass unseen"
 )
 
 
@@ -61,9 +66,9 @@ class CalibrationCheck:
         self._rig = arrays.rig
         self._fits.append(geometry_fit(arrays))
         owns = (arrays, *(one.own for one in arrays.pairs.values()))
-        for view in islice((view for own in owns for view in own.lidar.values()), 1):
-            self._thinned.append(is_thinned(view))
-            self._ground.append(_ground(view))
+        for those, k in islice(((own, k) for own in owns for k in own.lidar), 1):
+            self._thinned.append(those.frame_checks.thinned[k])
+            self._ground.append(_ground(those.lidar[k]))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -81,12 +86,17 @@ class CalibrationCheck:
             if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
         ]
         # Where rows do not fit, stereo's distances cannot check the LiDAR's.
-        return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
+        return tuple(off or self._lidar_warnings(self._rig))
 
-    def _not_measured(self, rig: Rig) -> Iterator[str]:
-        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them."""
-        if rig.lidar is not None and rig.n > 1 and 2 * sum(self._thinned) > len(self._thinned):
-            yield f"the points of the LiDAR {rig.lidar.name} {FAR_APART}"
+    def remarks(self) -> tuple[str, ...]:
+        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them.
+
+        That casts no doubt on the rig.
+        """
+        rig = self._rig
+        if rig is None or rig.lidar is None or rig.n < 2 or 2 * sum(self._thinned) <= len(self._thinned):
+            return ()
+        return (f"the points of the LiDAR {rig.lidar.name} {_FAR_APART}",)
 
     @property
     def pictures(self) -> float:

@@ -39,12 +39,6 @@ SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOT
 SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
-FAR_APART = (
-    "lie so far apart, as where only some were recorded, that lost returns and rough ranges are not measured: what is "
-    "removed from the cloud may pass unseen"
-)
-"""What is said of the points of a LiDAR whose clouds are thinned; it casts no doubt on a calibration."""
-
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
 
@@ -259,10 +253,16 @@ class PairFaultFeatures(NamedTuple):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """All numbers in the order of COLUMNS."""
-        return (*self.rows, *self.agreement, *self.isolated_shares)
+        """The numbers that are kept, in the order of COLUMNS."""
+        every = (*self.rows, *self.agreement, *self.isolated_shares)
+        return tuple(value for name, value in zip(_MEASURED, every, strict=True) if name not in _NOT_JUDGED)
 
 
-COLUMNS = (*Rows._fields, *Agreement._fields, *IsolatedShares._fields)
+_MEASURED = (*Rows._fields, *Agreement._fields, *IsolatedShares._fields)
+_NOT_JUDGED = frozenset({"tracked", "compared", "right_px", "down_px", "isolated_beyond"})
+
+COLUMNS = tuple(name for name in _MEASURED if name not in _NOT_JUDGED)
+"""The fault features that are kept, and that fault scores are made of."""
+
 OF_LIDAR = frozenset((*Agreement._fields, *IsolatedShares._fields))
-"""The columns that are measured with the LiDAR."""
+"""Those that are measured with the LiDAR."""

@@ -8,7 +8,6 @@ from functools import cache, partial
 from auditor.identification.refresh_parameters import CLEAN_DRIVE
 from auditor.identification.refreshing.drives import Source
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import FAR_APART
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
 from auditor.pipeline.calibrations.clean import attacked_by_labels, held_by
@@ -156,6 +155,6 @@ def _doubtful(stored: StoredMeasurement, day: date | None, no_sensors: Collectio
     reading = reading_of(stored, no_sensors=no_sensors)
     if not reading.complete:
         return "; ".join(reading.remarks) or "it was not read whole", False
-    if in_doubt := [warning for warning in stored.calibration_warnings if FAR_APART not in warning]:
-        return f"its calibration is in doubt: {in_doubt[0]}", True
+    if stored.calibration_warnings:
+        return f"its calibration is in doubt: {stored.calibration_warnings[0]}", True
     return "", False

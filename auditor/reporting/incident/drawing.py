@@ -33,9 +33,10 @@ _COVERAGE = """
         median(saturated_share) AS saturated_share,
         median(textureless_share) AS textureless_share,
         median(returns) AS returns,
-        median(compared_share) AS compared_share,
-        median(compared_by_two_share) AS compared_by_two_share
+        any_value(measurement.compared_share[position]) AS compared_share,
+        any_value(measurement.compared_by_two_share[position]) AS compared_by_two_share
     FROM sensors
+    JOIN stored_measurements AS measurement USING (measurement_id)
     WHERE measurement_id = '{}'
     GROUP BY sensor
 """

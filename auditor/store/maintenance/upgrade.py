@@ -1,4 +1,4 @@
-"""A store of the schema version before, made into one of this version.
+"""A store of an earlier schema version, made into one of this version.
 
 The new files are written into a folder inside the store. Then its marker says that they replace the old ones: a store
 whose upgrade was killed before that is as it was, and one whose upgrade was killed after it is completed when it is
@@ -16,16 +16,26 @@ import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
 from auditor.store.files import close_to_others, finished, locked, make_folder
+from auditor.store.frames_writer import Looked
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.packs.index import Packs, Part
 from auditor.store.schema import MANIFESTS, SCHEMA_VERSION, TABLES, newer_version
-from auditor.store.tables import BATCH_ROWS, write_rows
+from auditor.store.tables import BATCH_ROWS, Row, read_table, write_rows
 
 _Row = dict[str, Any]
 
 _RENAMED = {"single_frame": "alert"}
-"""Columns of the version before, by what they are called now."""
+"""Columns of version 11, by what they are called now."""
+
+_FAULT_FEATURES = 19
+_NOT_JUDGED = frozenset({0, 6, 10, 11, 18})
+"""How many fault features cases of before version 13 have of a pair, and which of them have gone."""
+
+_OF_CASES = ("fault_features", "fault_features_after")
+
+_NO_DOUBT = "lie so far apart, as where only some were recorded, that lost returns"
+"""What a warning said before version 13 that is a remark now."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +50,9 @@ class Upgraded:
 def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | None:
     """Upgrade the store in a folder; None where it is of this version already. The log has the command.
 
-    All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
-    lacks are empty. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
-    written.
+    All rows stay, with their ids; columns that the old files lack are NULL, but for how much of each sensor was looked
+    at, which its frames say. Tables that the old store lacks are empty. Raises StoreError where the store is of a
+    version that cannot be upgraded, or cannot be read or written.
     """
     with locked(folder):
         version = read_marker(folder).version
@@ -52,7 +62,7 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
             return None
         if version > SCHEMA_VERSION:
             raise newer_version(version, folder)
-        if version != UPGRADED_FROM:
+        if version not in UPGRADED_FROM:
             raise older_version(version, folder)
         new = folder / UPGRADED
         shutil.rmtree(new, ignore_errors=True)
@@ -82,6 +92,10 @@ def _write(old: Path, new: Path) -> Upgraded:
         for row_id in _finished(old, packs, table):
             path = old / table / f"{row_id}.parquet"
             rows = _rows(path if path.is_file() else packs.part(table, row_id) or path)
+            if table == "measurements":
+                rows = ({**row, **_with_remarks(row), **_looked(new / "frames" / f"{row_id}.parquet")} for row in rows)
+            if table == "cases":
+                rows = ({**row, **{name: _judged(row[name]) for name in _OF_CASES if name in row}} for row in rows)
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
             write_rows(table, new / table / f"{row_id}.parquet", rows)
@@ -91,6 +105,31 @@ def _write(old: Path, new: Path) -> Upgraded:
     count = {table: len(finished(new / table)) for table in TABLES}
     parts = count["evaluations"] + count["object_evaluations"]
     return Upgraded(count["measurements"], count["judgements"], parts)
+
+
+def _looked(frames: Path) -> Row:
+    """How much of each sensor was looked at, by the frames of a measurement. Raises StoreError."""
+    looked = Looked()
+    for frame in read_table("frames", frames, ["state", "compared_share", "compared_by_two_share"]).to_pylist():
+        if frame["state"] is not None:  # of a skipped tick it is
+            looked.add(frame)
+    return looked.row
+
+
+def _with_remarks(measurement: _Row) -> _Row:
+    """The warnings of a measurement, and apart from them what casts no doubt on its calibration."""
+    said = measurement.get("calibration_warnings") or ()
+    return {
+        "calibration_warnings": [one for one in said if _NO_DOUBT not in one],
+        "remarks": [one for one in said if _NO_DOUBT in one],
+    }
+
+
+def _judged(features: list[float | None] | None) -> list[float | None] | None:
+    """The fault features of a case without those that have gone."""
+    if features is None:
+        return None
+    return [value for place, value in enumerate(features) if place % _FAULT_FEATURES not in _NOT_JUDGED]
 
 
 def _outputs(new: Path, manifest: str, row_id: str) -> list[_Row]:
