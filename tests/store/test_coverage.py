@@ -34,3 +34,9 @@ def test_of_each_sensor_on_board_the_view_looked_says_how_much_of_it_others_were
         (None, 0, 0.0, 0.0, 0.0, 1.0, "no camera info"),
     ]
     assert run_query(store, "summary", {}).to_pylist()[0]["looked_share"] == 0.75
+
+
+def test_a_camera_beside_one_other_is_looked_at_where_that_one_was_compared(tmp_path):
+    store, two = new_store(tmp_path), make_rig(2)
+    add_measurement(store, two, [make_measurement(two, 0)])
+    assert run_query(store, "summary", {}).to_pylist()[0]["looked_share"] == 0.875
