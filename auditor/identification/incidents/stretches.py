@@ -136,7 +136,7 @@ def lasting_events(
     the end of the run where there the windows end. Where windows that follow one another name other sensors, they are
     events of their own.
     """
-    found = []
+    found: list[LastingEvent] = []
     for group in _close_by(windows, np.flatnonzero(beyond > 0).tolist()):
         accusing = [place for place in group if place in verdicts]
         if 2 * len(accusing) >= len(group):
