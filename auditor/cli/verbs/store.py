@@ -87,7 +87,7 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
 @command.command("check", short_help="Check that a store is whole.")
 @_store
 def check(store: Path) -> Exit:
-    """Check that every finished file of a store is there, readable and of this version, and that nothing else is.
+    """Check that every file of a store is there and as it was written, fits the others, and that nothing else is there.
 
     \b
     auditor store check
