@@ -160,7 +160,7 @@ def read_calibration(path: Path) -> Calibration:
 
     A file that has not changed is read and hashed once in each thread of a process, while KEPT_CALIBRATIONS others are
     not. Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an
-    older one that did not keep clean recordings apart, or what they show of causes, or that counted otherwise.
+    older one that counted otherwise.
     """
     try:
         status = path.stat()
@@ -194,24 +194,6 @@ def _read(parts: "_Parts") -> Calibration:
     first = next((row for group in range(groups) for row in parts.rows(group, _HEAD, most=1)), None)
     if first is None:
         raise ThresholdsError("the calibration has no samples", where=path, remedy=_AGAIN)
-    causes = False
-    found: dict[int, tuple[str, list[int]]] = {}
-    for group in range(groups):
-        for row in parts.rows(group, ["part", "recording_id", "statistic"]):
-            if row["recording_id"] is None:
-                raise OutdatedCalibrationError(
-                    "it was made by an older auditor, which did not keep clean recordings apart",
-                    where=path,
-                    remedy=_AGAIN,
-                )
-            causes = causes or row["statistic"] in _CAUSES
-            found.setdefault(row["part"], (row["recording_id"], []))[1].append(group)
-    if not causes:
-        raise OutdatedCalibrationError(
-            "it was made by an older auditor, which did not keep what clean recordings show of causes",
-            where=path,
-            remedy=_AGAIN,
-        )
     kind = rig_kind_of(first["rig_kind"])
     if first["counting_version"] < COUNTING_VERSIONS[kind.compared_to]:
         raise OutdatedCalibrationError(
@@ -219,6 +201,10 @@ def _read(parts: "_Parts") -> Calibration:
             where=path,
             remedy="measure them again with auditor calibrate --measure-again",
         )
+    found: dict[int, tuple[str, list[int]]] = {}
+    for group in range(groups):
+        for row in parts.rows(group, ["part", "recording_id"]):
+            found.setdefault(row["part"], (row["recording_id"], []))[1].append(group)
     calibration = Calibration(
         calibration_id=first["calibration_id"],
         rig_kind=kind,

@@ -179,36 +179,24 @@ def _coverage_of(row: Mapping[str, Any]) -> TopicCoverage:
     return TopicCoverage(**{**topic, "state": TopicState(topic["state"]), "time": time})
 
 
-MEASUREMENT_COLUMNS = (
-    *("measurement_id", "recording_id", "rig_id", "matcher", "settings", "counting_version", "frames", "measured"),
-    *("skipped", "first_stamp_ns", "last_stamp_ns", "balance", "damage", "calibration_warnings", "versions"),
-    *("measured_at", "seconds", "coverage", "withheld", "remarks"),
-)
+_OF_MEASUREMENTS = tuple(one.name for one in fields(StoredMeasurement) if one.name != "procedure")
+_PROCEDURE = tuple(one.name for one in fields(Procedure))
+
+MEASUREMENT_COLUMNS = (*_OF_MEASUREMENTS, *_PROCEDURE)
 """What `stored_measurement` needs of a row."""
 
 
 def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
     """The measurement of a row."""
-    return StoredMeasurement(
-        measurement_id=row["measurement_id"],
-        recording_id=row["recording_id"],
-        rig_id=row["rig_id"],
-        procedure=Procedure(row["matcher"], row["settings"], row["counting_version"]),
-        frames=row["frames"],
-        measured=row["measured"],
-        skipped=row["skipped"],
-        first_stamp_ns=row["first_stamp_ns"],
-        last_stamp_ns=row["last_stamp_ns"],
-        balance=tuple(TopicBalance(**topic) for topic in row["balance"]),
-        damage=tuple(row["damage"]),
-        calibration_warnings=tuple(row["calibration_warnings"] or ()),
-        versions=row["versions"],
-        measured_at=row["measured_at"].replace(tzinfo=UTC),
-        seconds=row["seconds"],
-        coverage=None if row["coverage"] is None else tuple(_coverage_of(one) for one in row["coverage"]),
-        withheld=row["withheld"],
-        remarks=tuple(row["remarks"] or ()),
-    )
+    same = {name: row[name] for name in _OF_MEASUREMENTS}
+    others = {
+        "procedure": Procedure(*(row[name] for name in _PROCEDURE)),
+        "balance": tuple(TopicBalance(**topic) for topic in row["balance"]),
+        "measured_at": row["measured_at"].replace(tzinfo=UTC),
+        "coverage": None if row["coverage"] is None else tuple(_coverage_of(one) for one in row["coverage"]),
+        **{name: tuple(row[name] or ()) for name in ("damage", "calibration_warnings", "remarks")},
+    }
+    return StoredMeasurement(**{**same, **others})
 
 
 def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
@@ -276,36 +264,30 @@ def _marks(row: Mapping[str, Any]) -> Marks:
     )
 
 
+_OF_JUDGEMENTS = tuple(one.name for one in fields(StoredJudgement) if one.name not in {"counts", "marks"})
+
 JUDGEMENT_COLUMNS = (
-    *("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred", "statistic", "r"),
-    *("judged_at", *(kind.value for kind in VerdictKind), "in_incidents", "in_alerts", "recounted", "judging_version"),
-    *("rules", "judged_with", "absent_sensors", "drives", "similarity", "in_sample", "other_lidar"),
-    *("measured_otherwise", "incidents_per_hour"),
+    *(*_OF_JUDGEMENTS, *VerdictKind),
+    *("similarity", "in_sample", "other_lidar", "measured_otherwise"),
 )
 """What `stored_judgement` needs of a row."""
 
 
 def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
     """The judgement of a row."""
-    same = ("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred")
     counts = {kind: row[kind.value] for kind in VerdictKind}
-    return StoredJudgement(
-        **{name: row[name] for name in same},
-        statistic=row["statistic"] and Statistic(row["statistic"]),
-        r=row["r"].normalize(),
-        judged_at=row["judged_at"].replace(tzinfo=UTC),
-        counts=counts,
-        in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
-        in_alerts=row["in_alerts"] or 0,
-        recounted=bool(row["recounted"]),
-        judging_version=row["judging_version"],
-        rules=row["rules"],
-        absent_sensors=tuple(row["absent_sensors"] or ()),
-        drives=row["drives"],
-        marks=_marks(row),
-        incidents_per_hour=row.get("incidents_per_hour"),
-        judged_with=tuple(row["judged_with"] or ()),
-    )
+    others = {
+        "statistic": row["statistic"] and Statistic(row["statistic"]),
+        "r": row["r"].normalize(),
+        "judged_at": row["judged_at"].replace(tzinfo=UTC),
+        "counts": counts,
+        "in_incidents": sum(counts[one] for one in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
+        "in_alerts": row["in_alerts"] or 0,
+        "recounted": bool(row["recounted"]),
+        "marks": _marks(row),
+        **{name: tuple(row[name] or ()) for name in ("absent_sensors", "judged_with")},
+    }
+    return StoredJudgement(**{**{name: row.get(name) for name in _OF_JUDGEMENTS}, **others})
 
 
 def verdict_columns(

@@ -25,7 +25,7 @@ from auditor.pipeline.calibrations.batch import (
 from auditor.pipeline.library import judge_store
 from auditor.pipeline.many import Judged, JudgeSettings
 from auditor.store import Store
-from auditor.store.maintenance.check import check
+from auditor.store.maintenance.verify import verify
 from auditor.store.records import GivenLabel
 from auditor.store.versions.history import histories, put_first_in_force
 from tests.making.calibrations import calibrate
@@ -123,7 +123,7 @@ def test_calibrations_of_a_batch_are_kept_and_never_in_force(store, fleet) -> No
     results = judged(store)
     assert histories(store) == []
     assert set(store.ids("calibrations")) == {one.judgement.calibration_id for one in results.values()}
-    assert list(check(store)) == []
+    assert verify(store).problems == ()
 
 
 def test_tables_and_json_say_by_what_each_was_judged(store, fleet, capfd) -> None:

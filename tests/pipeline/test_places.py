@@ -12,7 +12,7 @@ from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.recordings.synchronisation import poses
 from auditor.store import Store, run_sql
-from auditor.store.maintenance.check import check
+from auditor.store.maintenance.verify import verify
 from auditor.store.tables import read_rows
 from tests.making.counted_reads import count_reads
 from tests.making.scenes import plane_rig
@@ -69,7 +69,7 @@ def test_every_measured_frame_has_a_place_with_the_names_of_its_recording(stores
         for frame in range(FRAMES)
     ]
     assert answer.to_pylist() == expected
-    assert list(check(stores["fixes"])) == []
+    assert verify(stores["fixes"]).problems == ()
 
 
 def test_what_became_of_the_messages_is_kept_and_bad_ones_are_no_damage_of_the_recording(

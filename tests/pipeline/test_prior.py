@@ -16,7 +16,7 @@ from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
-from auditor.store.maintenance.check import check
+from auditor.store.maintenance.verify import verify
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
@@ -80,7 +80,7 @@ def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(measu
     assert (found.judgement.calibration_id, found.judgement.drives) == (PRIOR, 0)
     assert found.judgement.marks == Marks()
     assert store.ids("calibrations") == []
-    assert list(check(store)) == []
+    assert verify(store).problems == ()
     [row] = run_sql(store, f"SELECT * FROM judgements WHERE measurement_id = '{attacked}'").to_pylist()
     assert (row["calibration_id"], row["drives"], row["similarity"], row["in_sample"]) == (PRIOR, 0, "same", False)
     assert set(row["check_samples"]) == {0}

@@ -12,7 +12,7 @@ from auditor.model.measurement import Statistic
 from auditor.model.verdict import Cause
 from auditor.store import calibrations, tables
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
-from auditor.store.queries import run_query, run_sql
+from auditor.store.queries import run_sql
 from auditor.store.schema import table_schema
 from auditor.store.tables import write_rows
 from tests.making.clean_frames import clean_frames
@@ -186,26 +186,6 @@ def test_an_older_file_without_a_column_reads_as_null(tmp_path):
     again = read_calibration(tmp_path / "old")
     assert again.calibrated_at is None
     assert columns(again) == columns(make())
-
-
-def test_an_older_file_that_did_not_keep_recordings_apart_is_refused_and_does_not_bar_the_store(tmp_path):
-    store, new = new_store(tmp_path), make()
-    store.write_calibration(new)
-    path = store.path("calibrations", new.calibration_id)
-    old = store.path("calibrations", "0" * 32)
-    pq.write_table(pq.read_table(path).drop_columns(["recording_id", "clean", "stamps_ns", "part"]), old)
-    with pytest.raises(OutdatedCalibrationError, match="older auditor"):
-        read_calibration(old)
-    assert [one.calibration_id for one in store.calibrations()] == [new.calibration_id]
-    assert {row["calibration_id"] for row in run_query(store, "thresholds").to_pylist()} == {new.calibration_id}
-
-
-def test_an_older_file_that_did_not_keep_causes_is_refused(tmp_path):
-    write_calibration(make(), tmp_path / "c")
-    rows = [row for row in pq.read_table(tmp_path / "c").to_pylist() if row["statistic"] not in set(Cause)]
-    write_rows("calibrations", tmp_path / "old", rows)
-    with pytest.raises(OutdatedCalibrationError, match="causes"):
-        read_calibration(tmp_path / "old")
 
 
 def test_one_of_measurements_that_were_counted_otherwise_is_refused_and_does_not_bar_the_store(tmp_path):

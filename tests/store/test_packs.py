@@ -14,7 +14,6 @@ from auditor.store import Store, run_query, run_sql, tables, views_script
 from auditor.store.connection import connected
 from auditor.store.log import Kind, entries, logged
 from auditor.store.maintenance import upgrade
-from auditor.store.maintenance.check import check
 from auditor.store.maintenance.removal import remove_measurement, remove_recordings
 from auditor.store.maintenance.verify import verify, verify_changes
 from auditor.store.packs import packing
@@ -83,7 +82,7 @@ def test_a_packed_store_has_few_files_and_answers_as_before(kept, folder):
     assert (done.files, done.packs, done.left) == (before, len(PACKED), 0)
     assert len(parquet_files(folder)) == done.packs
     assert told(folder) == kept[1]
-    assert list(check(whole(folder))) == []
+    assert verify(whole(folder)).problems == ()
     assert [entry.kind for entry in entries(folder)].count(Kind.PACKED) == done.packs
     assert pack(Store.open(folder)) == packing.Packed()
     assert small_files(Store.open(folder)) == 0
@@ -153,7 +152,7 @@ def test_what_is_removed_of_a_pack_is_gone_at_once_and_for_good(kept, folder, ag
     assert remove_measurement(store, gone.measurement_id) == 2
     for _ in range(2):
         left = whole(folder)
-        assert list(check(left)) == []
+        assert verify(left).problems == ()
         assert left.ids("measurements") == left.ids("frames") == [stays.measurement_id]
         assert not left.has_measurement(gone.measurement_id)
         for view in ("frames", "cells", "verdicts"):
@@ -238,7 +237,7 @@ def test_a_packing_that_is_killed_leaves_every_answer_and_the_next_one_completes
     pack(whole(folder), least=1)
     assert told(folder) == kept[1]
     assert not any(path.parent.parent == folder for path in parquet_files(folder))
-    assert list(check(whole(folder))) == []
+    assert verify(whole(folder)).problems == ()
 
 
 def test_files_stay_while_a_connection_reads_them(kept, folder):

@@ -16,7 +16,7 @@ from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.pipeline import judge
 from auditor.store import Store, marker
 from auditor.store.maintenance import upgrade
-from auditor.store.maintenance.check import check
+from auditor.store.maintenance.verify import verify
 from auditor.store.queries import run_sql
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import read_rows
@@ -89,7 +89,7 @@ def test_an_upgraded_store_that_was_counted_earlier_is_read_whole_and_refused_by
     assert run(["judge", str(folder), "-r", "0.02"]) == 2
     assert "measured by an earlier way of counting; measure again with auditor scan" in capfd.readouterr().err
     assert store.ids("judgements") == judged
-    assert list(check(store)) == []
+    assert verify(store).problems == ()
 
 
 @pytest.mark.parametrize("version", marker.UPGRADED_FROM)

@@ -87,7 +87,7 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
 @command.command("check", short_help="Check that a store is whole.")
 @_store
 def check(store: Path) -> Exit:
-    """Check that every finished file of a store is there, readable and of this version, and that nothing else is.
+    """Check that every file of a store is there and as it was written, fits the others, and that nothing else is there.
 
     \b
     auditor store check
@@ -96,15 +96,14 @@ def check(store: Path) -> Exit:
     One line for each problem, and exit code 3 where there are any.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
-    from auditor.store.maintenance.check import check as check_store  # noqa: PLC0415
+    from auditor.store.maintenance.verify import verify  # noqa: PLC0415
 
     kept = Store.open(store)
-    problems = 0
-    for problem in check_store(kept):
-        click.echo(shown(problem))
-        problems += 1
+    problems = verify(kept).problems
+    for problem in problems:
+        click.echo(shown(str(problem)))
     if problems:
-        say(f"{store}: {problems} problem{'s' if problems > 1 else ''}")
+        say(f"{store}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
         return Exit.INCOMPLETE
     say(f"{store}: whole; {len(kept.ids('recordings'))} recordings, {len(kept.ids('measurements'))} measurements")
     return Exit.CLEAN

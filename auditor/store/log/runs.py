@@ -46,38 +46,36 @@ class Run:
         self.say(Kind.WROTE, {"files": [Output(place, size, sha256).fields]})
 
     @contextmanager
-    def writing(self, outputs: Sequence[Output], kind: Kind = Kind.WROTE) -> Iterator[None]:
-        """Say that files are put in their places, and do so within the block. Raises StoreError."""
+    def saying(self, kind: Kind, what: dict[str, Any]) -> Iterator[None]:
+        """Append an entry, and do within the block what it says. Raises StoreError."""
         with log_lock(self.folder):
-            append(self.chain, kind, self.run_id, {"files": [output.fields for output in outputs]})
+            append(self.chain, kind, self.run_id, what)
             yield
+
+    def writing(self, outputs: Sequence[Output], kind: Kind = Kind.WROTE) -> AbstractContextManager[None]:
+        """Say that files are put in their places, and do so within the block. Raises StoreError."""
+        return self.saying(kind, {"files": [output.fields for output in outputs]})
 
     def announce(self, written: Written) -> AbstractContextManager[None]:
         """Say that a file is put in its place, and do so within the block. Raises StoreError."""
         return self.writing([Output.of_written(written, self.folder)])
 
-    @contextmanager
-    def packing(self, outputs: Sequence[Output], places: Sequence[str]) -> Iterator[None]:
+    def packing(self, outputs: Sequence[Output], places: Sequence[str]) -> AbstractContextManager[None]:
         """Say that files are put in their places of what lies in others, which go, and do so within the block.
 
         Raises StoreError.
         """
         files = [*(output.fields for output in outputs), *({"path": place} for place in places)]
-        with log_lock(self.folder):
-            append(self.chain, Kind.PACKED, self.run_id, {"files": files})
-            yield
+        return self.saying(Kind.PACKED, {"files": files})
 
-    @contextmanager
-    def removing(self, places: Sequence[str], why: str) -> Iterator[None]:
+    def removing(self, places: Sequence[str], why: str) -> AbstractContextManager[None]:
         """Say that files of the store are removed, and do so within the block. Raises StoreError."""
-        with log_lock(self.folder):
-            append(self.chain, Kind.REMOVED, self.run_id, {"files": [{"path": one} for one in places], "why": why})
-            yield
+        return self.saying(Kind.REMOVED, {"files": [{"path": one} for one in places], "why": why})
 
     def say(self, kind: Kind, what: dict[str, Any]) -> None:
         """Append an entry. Raises StoreError."""
-        with log_lock(self.folder):
-            append(self.chain, kind, self.run_id, what)
+        with self.saying(kind, what):
+            pass
 
 
 @contextmanager

@@ -7,16 +7,16 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from auditor.store.files import finished, is_part
+from auditor.store.files import is_part
 from auditor.store.folder import StoreFolder
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
 from auditor.store.log.entry import Entry
 from auditor.store.log.expected import expected
 from auditor.store.log.outputs import Output
 from auditor.store.log.signatures import unsigned
-from auditor.store.maintenance.check import check_file, check_packed
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
 from auditor.store.maintenance.plausibility import implausible
+from auditor.store.maintenance.ties import untied
 from auditor.store.marker import MARKER, UPGRADED, marker_content
 from auditor.store.packs.index import FOLDER, INDEX, Files, Member, Packs
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
@@ -146,13 +146,9 @@ class _Verification:
     def _inside(self) -> Iterator[Problem]:
         """What does not fit inside the files that are as they were finished."""
         for table in TABLES:
-            alone = {*finished(self._store.folder / table)}
             right = [one for one in self._store.ids(table) if f"{table}/{one}.parquet" not in self._wrong]
-            found = check_packed(self._store, table, [one for one in right if one not in alone])
+            found = untied(self._store, table, right)
             yield from self._noted(Problem(f"{table}/{row_id}.parquet", what) for row_id, what in found)
-            for row_id in (one for one in right if one in alone):
-                sentences = check_file(self._store, table, row_id, hashed=True)
-                yield from self._noted(Problem(f"{table}/{row_id}.parquet", what) for what in sentences)
         yield from self._noted(self._implausible())
 
     def _noted(self, problems: Iterator[Problem]) -> Iterator[Problem]:

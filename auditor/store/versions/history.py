@@ -5,7 +5,7 @@ killed there is the old history or the new one.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -184,16 +184,11 @@ def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CA
 
 def in_force_of(store: Store, known: Sequence[History]) -> list[Calibration]:
     """The calibrations of some histories that are in force; outdated ones are left out."""
-    return list(_in_force(store, known))
-
-
-def _in_force(store: Store, known: Sequence[History]) -> Iterator[Calibration]:
-    for history in known:
-        if history.in_force is not None:
-            try:
-                yield store.calibration(history.in_force)
-            except OutdatedCalibrationError:
-                continue
+    found = []
+    for one in (history.in_force for history in known if history.in_force is not None):
+        with suppress(OutdatedCalibrationError):
+            found.append(store.calibration(one))
+    return found
 
 
 def _entry(before: History, move: Move) -> dict[str, Any]:

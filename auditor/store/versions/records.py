@@ -1,7 +1,7 @@
 """How a calibration was made: one version, and the recordings that were in it or left out."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, date, datetime
 from decimal import Decimal
 from enum import StrEnum
@@ -163,15 +163,8 @@ def provisional_of(store: Store, known: Sequence[History]) -> frozenset[str]:
 
 
 def _row(version: CalibrationVersion) -> Row:
-    return {**dict(_fields(version)), "made_at": to_utc(version.made_at), "reasons": list(version.reasons)}
+    return {**vars(version), "made_at": to_utc(version.made_at), "reasons": list(version.reasons)}
 
 
 def _without_id(row: Row) -> dict[str, Any]:
     return {name: value for name, value in row.items() if name != "calibration_id"}
-
-
-def _fields(version: CalibrationVersion) -> Iterator[tuple[str, object]]:
-    for field in fields(version):
-        if field.name not in ("recordings", "conditions"):
-            value = getattr(version, field.name)
-            yield field.name, value.value if isinstance(value, Outcome) else value
