@@ -1,10 +1,10 @@
 """What the log says of the files of a store: which are in their places, with which content, and since which run."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 
-from auditor.store.log.entry import Entry, Kind, Outcome
+from auditor.store.log.entry import Entry, Kind
 from auditor.store.log.outputs import Output
 from auditor.store.log.runs import pending
 
@@ -79,8 +79,3 @@ def _change(places: dict[str, Place], entry: Entry, file: dict[str, object], *, 
 def _is_inside(path: str) -> bool:
     place = PurePosixPath(path)
     return not place.is_absolute() and ".." not in place.parts
-
-
-def interrupted(entries: Iterable[Entry]) -> list[Entry]:
-    """The entries that close runs whose processes were killed."""
-    return [e for e in entries if e.kind == Kind.CLOSED and e.what.get("outcome") == Outcome.INTERRUPTED]

@@ -173,12 +173,12 @@ def only_refresh(store: Store) -> Iterator[None]:
         yield
 
 
-def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CALIBRATED) -> bool:
+def put_first_in_force(store: Store, calibration: Calibration) -> bool:
     """Keep a calibration, and put it in force where none is for its rig kind; returns whether it is in force."""
     store.keep_calibration(calibration)
     before = history_of(histories(store), calibration).in_force
     if before is None:
-        put_in_force(store, calibration, how)
+        put_in_force(store, calibration, How.CALIBRATED)
     return before in (None, calibration.calibration_id)
 
 
