@@ -12,7 +12,7 @@ from math import isnan, nan
 
 import numpy as np
 
-from auditor.measurement.checks.point_distribution import is_thinned
+from auditor.measurement.checks.point_distribution import is_rounded, is_thinned
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.pairwise_views import OF_TWO
@@ -20,7 +20,7 @@ from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import FAR_APART, Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import FAR_APART, ROUNDED, Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 
 _REPAIR = (
@@ -43,6 +43,7 @@ class CalibrationCheck:
         self._scales: dict[Pair, list[float]] = {}
         self._fits: list[GeometryFit] = []
         self._thinned: list[bool] = []
+        self._rounded: list[bool] = []
         self._ground: list[float] = []
         self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
@@ -63,6 +64,7 @@ class CalibrationCheck:
         owns = (arrays, *(one.own for one in arrays.pairs.values()))
         for view in islice((view for own in owns for view in own.lidar.values()), 1):
             self._thinned.append(is_thinned(view))
+            self._rounded.append(is_rounded(view))
             self._ground.append(_ground(view))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
@@ -84,9 +86,10 @@ class CalibrationCheck:
         return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
 
     def _not_measured(self, rig: Rig) -> Iterator[str]:
-        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them."""
-        if rig.lidar is not None and rig.n > 1 and 2 * sum(self._thinned) > len(self._thinned):
-            yield f"the points of the LiDAR {rig.lidar.name} {FAR_APART}"
+        """Which checks say nothing, in most frames, as clouds are thinned or rounded; lone cameras have none of them."""
+        for frames, what in ((self._thinned, FAR_APART), (self._rounded, ROUNDED)):
+            if rig.lidar is not None and rig.n > 1 and 2 * sum(frames) > len(frames):
+                yield f"the points of the LiDAR {rig.lidar.name} {what}"
 
     @property
     def pictures(self) -> float:

@@ -45,6 +45,9 @@ FAR_APART = (
 )
 """What is said of the points of a LiDAR whose clouds are thinned; it casts no doubt on a calibration."""
 
+ROUNDED = "are rounded so coarsely that rough ranges are not measured: ranges that jitter may pass unseen"
+"""What is said of the points of a LiDAR whose coordinates are rounded; it casts no doubt on a calibration."""
+
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
 
