@@ -84,9 +84,7 @@ class LostReturns:
         0.8, unit="of a surface's range: under an open sky the next return below it is as far at least", source=_FEET
     )
     foot_columns: int = parameter(3, unit="columns in which the next return below is looked for", source=BY_HAND)
-    as_far: float = parameter(
-        0.07, unit="of a surface's range: within it the next return above is the surface's own", source=_FEET
-    )
+    as_far: float = parameter(0.07, unit="of a surface's range: within it a return is the surface's own", source=_FEET)
     least_crossed: float = parameter(0.25, unit="share of a cell row's columns with returns: scanned", source=_REMOVED)
     finer: int = parameter(2, unit="cells a cell of the count grid, and samples of surfaces", source=BY_HAND)
 
