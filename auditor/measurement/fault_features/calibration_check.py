@@ -7,7 +7,7 @@ frame, so a few frames are enough, and users are warned before they read verdict
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from itertools import islice
+from itertools import chain, islice
 from math import isnan, nan
 
 import numpy as np
@@ -21,7 +21,7 @@ from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
 from auditor.model.checks import FAR_APART, ROUNDED, Pair, PairFaultFeatures, relative_excess
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 
 _REPAIR = (
     "wrong unit, axes or mounting of its points, or another vehicle's cameras; put it right, or give a rig file (--rig)"
@@ -47,10 +47,13 @@ class CalibrationCheck:
         self._ground: list[float] = []
         self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
+        self._lags: dict[int, list[float]] = {}
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
+        for sensor, by in lags(fault_features).items():
+            self._lags.setdefault(sensor, []).append(by)
         if number < CALIBRATION_CHECK.successive:
             before, self._before = self._before, views_of_sides(arrays)
             self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays, self._before))
@@ -86,7 +89,7 @@ class CalibrationCheck:
         return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
 
     def _not_measured(self, rig: Rig) -> Iterator[str]:
-        """Which checks say nothing, in most frames, as clouds are thinned or rounded; lone cameras have none of them."""
+        """Which checks say nothing, in most frames, of clouds thinned or rounded; lone cameras have none of them."""
         for frames, what in ((self._thinned, FAR_APART), (self._rounded, ROUNDED)):
             if rig.lidar is not None and rig.n > 1 and 2 * sum(frames) > len(frames):
                 yield f"the points of the LiDAR {rig.lidar.name} {what}"
@@ -103,11 +106,25 @@ class CalibrationCheck:
         return {one: _fitting([fit.of_cameras.get(one, nan) for fit in self._fits]) for one in sorted(cameras)}
 
     def withheld(self) -> str:
-        """Why no verdict may be given: in most frames the points fit the images nowhere; empty where they do somewhere.
+        """Why no verdict may be given: a sensor is late, or in most frames the points fit the images nowhere; or empty.
 
-        No attack does that: it leaves regions, pairs or frames in which points and images fit.
+        No attack does the latter: it leaves regions, pairs or frames in which points and images fit.
         """
-        return next(self._unfit(self._rig, self._rig.lidar.name), "") if self._rig and self._rig.lidar else ""
+        if self._rig is None:
+            return ""
+        unfit = self._unfit(self._rig, self._rig.lidar.name) if self._rig.lidar else ()
+        return next(chain(self._late(self._rig), unfit), "")
+
+    def _late(self, rig: Rig) -> Iterator[str]:
+        """A sensor whose data, in most frames, fit those that others have of the frame before, and not their own."""
+        for sensor in sorted(self._lags, reverse=True):  # where the reference is late the LiDAR seems to be
+            known = [by for by in self._lags[sensor] if not isnan(by)]
+            if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
+                yield (
+                    f"{'the points' if sensor == LIDAR else 'the images'} of {rig.name(sensor)} fit what the other "
+                    "sensors have of the frame before their own: its stamps are a period late; put them right, or give "
+                    "its offset in a rig file (--rig)"
+                )
 
     def _unfit(self, rig: Rig, lidar: str) -> Iterator[str]:
         in_view = [fit.in_view for fit in self._fits if fit.in_view >= 0]
@@ -178,6 +195,20 @@ class CalibrationCheck:
         if abs(scale - 1) > CALIBRATION_CHECK.wrong_scale:
             shares += f", its disparities being {scale:.2f} times the LiDAR's"
         return f"{shares}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
+
+
+def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
+    """By how much each sensor's data fit the frame before better than their own: the least share of all its pairs.
+
+    NaN where it was not measured.
+    """
+    found: dict[int, list[float]] = {}
+    for (i, k), seen in fault_features.items():
+        agreement, rows = seen.agreement, seen.rows
+        found.setdefault(LIDAR, []).append(relative_excess(agreement.before_only, agreement.now_only))
+        for camera, lagged in ((i, rows.lagged_i), (k, rows.lagged_k)):
+            found.setdefault(camera, []).append(lagged - max(rows.row_aligned, rows.offset_share))
+    return {sensor: min((by for by in gains if not isnan(by)), default=nan) for sensor, gains in found.items()}
 
 
 def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
