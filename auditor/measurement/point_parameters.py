@@ -146,7 +146,7 @@ class RoughRanges:
     )
     least_usual_m: float = parameter(0.001, unit="m, the frame's median sector at least", source=BY_HAND)
     coarsest_m: float = parameter(
-        0.09, unit="m that coordinates are rounded to, at most: else it is not measured", source=_ROUNDED
+        0.09, unit="m that coordinates are rounded to, at most: else neither it nor isolated points", source=_ROUNDED
     )
     half_m: float = parameter(
         0.5, unit="m of roughness, times how much more it is than usual, that is a half", source=_CLUSTERS

@@ -108,7 +108,7 @@ def rounding_step_m(point_m: Points) -> float:
 
 
 def is_rounded(view: LidarView) -> bool:
-    """Whether coordinates are rounded so coarsely that it makes sectors of the road rough."""
+    """Whether coordinates are rounded so coarsely that it makes sectors of the road rough, and points isolated."""
     return rounding_step_m(view.point_m) > ROUGH_RANGES.coarsest_m
 
 
@@ -129,6 +129,11 @@ def thinned(seen: Seen, k: int) -> bool:
     return is_thinned(seen.views[k])
 
 
+def rounded(seen: Seen, k: int) -> bool:
+    """Whether the cloud is rounded coarsely in the view of k."""
+    return is_rounded(seen.views[k])
+
+
 def isolated_of(seen: Seen, k: int) -> Mask:
     """(M,) the isolated points of a view."""
     return isolated(seen.views[k], seen.rig.camera(k).focal_px)
@@ -140,8 +145,8 @@ def shares_of_isolated(seen: Seen, k: int) -> IsolatedShares:
 
 
 def measure_isolated_points(seen: Seen, k: int) -> float | None:
-    """The statistic of isolated points in the view of k."""
-    return isolated_ratio(seen.once(shares_of_isolated, k))
+    """The statistic of isolated points in the view of k; None where the cloud is rounded coarsely."""
+    return None if seen.once(rounded, k) else isolated_ratio(seen.once(shares_of_isolated, k))
 
 
 def measure_point_dropout(seen: Seen, k: int) -> float:
@@ -151,7 +156,7 @@ def measure_point_dropout(seen: Seen, k: int) -> float:
 
 def measure_rough_ranges(seen: Seen, k: int) -> float | None:
     """How rough the ranges of a sector of the view of k are; None where the cloud is thinned, or rounded coarsely."""
-    if seen.once(thinned, k) or is_rounded(seen.views[k]):
+    if seen.once(thinned, k) or seen.once(rounded, k):
         return None
     return rough_ranges(seen.views[k], seen.rig.camera(k).focal_px)
 

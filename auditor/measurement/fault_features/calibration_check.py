@@ -17,10 +17,10 @@ from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
-from auditor.measurement.point_parameters import LOST_RETURNS
+from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import FAR_APART, ROUNDED, Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import CROPPED, FAR_APART, ROUNDED, Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import LIDAR, Rig
 
 _REPAIR = (
@@ -44,6 +44,7 @@ class CalibrationCheck:
         self._fits: list[GeometryFit] = []
         self._thinned: list[bool] = []
         self._rounded: list[bool] = []
+        self._cropped: list[bool] = []
         self._ground: list[float] = []
         self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
@@ -68,6 +69,7 @@ class CalibrationCheck:
         for view in islice((view for own in owns for view in own.lidar.values()), 1):
             self._thinned.append(is_thinned(view))
             self._rounded.append(is_rounded(view))
+            self._cropped.append(_is_cropped(view))
             self._ground.append(_ground(view))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
@@ -89,8 +91,8 @@ class CalibrationCheck:
         return (*(off or self._lidar_warnings(self._rig)), *self._not_measured(self._rig))
 
     def _not_measured(self, rig: Rig) -> Iterator[str]:
-        """Which checks say nothing, in most frames, of clouds thinned or rounded; lone cameras have none of them."""
-        for frames, what in ((self._thinned, FAR_APART), (self._rounded, ROUNDED)):
+        """Which checks say nothing of how most clouds were recorded; lone cameras have none of them."""
+        for frames, what in ((self._thinned, FAR_APART), (self._rounded, ROUNDED), (self._cropped, CROPPED)):
             if rig.lidar is not None and rig.n > 1 and 2 * sum(frames) > len(frames):
                 yield f"the points of the LiDAR {rig.lidar.name} {what}"
 
@@ -252,6 +254,12 @@ def _ground(view: LidarView) -> float:
     if not (slope > 2 * LOST_RETURNS.steeply).any():
         return nan
     return np.unique(direction[slope > LOST_RETURNS.steeply]).size / np.unique(direction).size
+
+
+def _is_cropped(view: LidarView) -> bool:
+    """Whether the cloud begins farther away than false ranges are looked for, or ends nearer than lost returns are."""
+    nearest_m, farthest_m = view.reach_m
+    return nearest_m > FALSE_RANGES.nearest_m or farthest_m < LOST_RETURNS.farthest_m
 
 
 def _fitting(shares: list[float]) -> float:

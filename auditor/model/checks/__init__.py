@@ -45,8 +45,17 @@ FAR_APART = (
 )
 """What is said of the points of a LiDAR whose clouds are thinned; it casts no doubt on a calibration."""
 
-ROUNDED = "are rounded so coarsely that rough ranges are not measured: ranges that jitter may pass unseen"
+ROUNDED = (
+    "are rounded so coarsely that rough ranges and isolated points are not measured: ranges that jitter, and points at "
+    "random ranges, may pass unseen"
+)
 """What is said of the points of a LiDAR whose coordinates are rounded; it casts no doubt on a calibration."""
+
+CROPPED = "do not reach as near, or as far, as lost returns are looked for: what is removed there passes unseen"
+"""What is said of the points of a LiDAR whose clouds are cropped by distance; it casts no doubt on a calibration."""
+
+NOT_MEASURED = (FAR_APART, ROUNDED, CROPPED)
+"""What is said of clouds of which some checks say nothing."""
 
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""

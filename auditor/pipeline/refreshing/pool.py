@@ -8,7 +8,7 @@ from functools import cache, partial
 from auditor.identification.refresh_parameters import CLEAN_DRIVE
 from auditor.identification.refreshing.drives import Source
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import FAR_APART, ROUNDED
+from auditor.model.checks import NOT_MEASURED
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
 from auditor.pipeline.calibrations.clean import attacked_by_labels, held_by
@@ -156,7 +156,6 @@ def _doubtful(stored: StoredMeasurement, day: date | None, no_sensors: Collectio
     reading = reading_of(stored, no_sensors=no_sensors)
     if not reading.complete:
         return "; ".join(reading.remarks) or "it was not read whole", False
-    not_measured = FAR_APART, ROUNDED
-    if in_doubt := [said for said in stored.calibration_warnings if not any(why in said for why in not_measured)]:
+    if in_doubt := [said for said in stored.calibration_warnings if not any(why in said for why in NOT_MEASURED)]:
         return f"its calibration is in doubt: {in_doubt[0]}", True
     return "", False

@@ -1,14 +1,19 @@
 """Clouds whose coordinates were rounded before they were recorded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auditor.lab.attacks.spoofing import ChangedRanges
+from auditor.measurement import measure_stream
 from auditor.measurement.checks.point_distribution import is_rounded, rough_ranges, rounding_step_m
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
+from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.arrays import Points
+from auditor.model.checks import Check
 from auditor.model.frames import PointCloud
-from tests.measurement.checks.test_thinned_clouds import drive, points
+from tests.measurement.checks.test_thinned_clouds import drive, frame, points
 
 CAMERA = 3
 
@@ -55,3 +60,14 @@ def test_points_without_two_values_have_no_step(xyz: Points) -> None:
 @pytest.mark.parametrize(("step_m", "coarse"), [(0.08, False), (0.1, True)])
 def test_from_a_tenth_of_a_metre_on_rounding_is_coarse(step_m: float, coarse: bool) -> None:
     assert is_rounded(view_of(rounded(points(), step_m))) == coarse
+
+
+@pytest.mark.parametrize(("step_m", "measured"), [(0.08, True), (0.1, False)])
+def test_of_coarse_coordinates_neither_rough_ranges_nor_isolated_points_are_measured(
+    step_m: float, measured: bool
+) -> None:
+    cloud = PointCloud(0, rounded(points(), step_m))
+    [(found, _)] = measure_stream([replace(frame(), cloud=cloud)], drive().rig, find_matcher("sgbm"))
+    checks = {key.check for key in found.shares}
+    assert (Check.ROUGH_RANGES in checks) == measured
+    assert (Check.ISOLATED_POINTS in checks) == measured

@@ -13,8 +13,8 @@ from auditor.lab.attacks.paper import Facula
 from auditor.measurement import CalibrationCheck, FaultFeatures, measure_stream
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.fault_features.calibration_check import lags
-from auditor.model.checks import FAR_APART, ROUNDED, PairFaultFeatures, Rows
-from auditor.model.frames import Frame
+from auditor.model.checks import CROPPED, FAR_APART, ROUNDED, PairFaultFeatures, Rows
+from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
 from tests.making.wrong_rigs import CASES
@@ -103,6 +103,20 @@ def test_a_sensor_lags_by_the_least_that_a_pair_of_it_says() -> None:
 
     found = lags({(1, 3): pair(0.2, 0.9, 0.1), (2, 3): pair(0.9, 0.2, 0.3), (1, 2): pair(0.3, 0.8, nan)})
     assert found == pytest.approx({LIDAR: nan, 1: 0.5, 2: -0.7, 3: -0.6}, nan_ok=True)
+
+
+@pytest.mark.parametrize(("reach_m", "said"), [((0, 25), True), ((7, 200), True), ((4, 40), False)])
+def test_clouds_that_are_cropped_by_distance_are_said(
+    some: tuple[Rig, list[Frame]], reach_m: tuple[float, float], said: bool
+) -> None:
+    rig, clean = some
+    cropped = [replace(frame, cloud=within(frame.cloud, *reach_m)) for frame in clean if frame.cloud]
+    assert (CROPPED in " ".join(warnings_of(CASES["as it is"], rig, cropped))) == said
+
+
+def within(cloud: PointCloud, nearest_m: float, farthest_m: float) -> PointCloud:
+    range_m = np.linalg.norm(cloud.xyz_m, axis=1)
+    return replace(cloud, xyz_m=cloud.xyz_m[(range_m > nearest_m) & (range_m < farthest_m)])
 
 
 def test_clouds_that_are_rounded_coarsely_are_said(some: tuple[Rig, list[Frame]]) -> None:
