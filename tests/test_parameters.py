@@ -108,7 +108,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
-    "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
+    "measurement/checks/point_distribution.py": (
+        (3, 12),
+        "a cell and its neighbours, in three dimensions; the variance of rounding is a twelfth of the step squared",
+    ),
     "measurement/disparity/matchers/model_description.py": (
         (
             3,

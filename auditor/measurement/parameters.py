@@ -115,6 +115,7 @@ class LidarProjection:
     beside_span: float = parameter(
         0.002, unit="share of the points ahead, beside the field on either side", source=BY_HAND
     )
+    reach_step: int = parameter(7, unit="points, of which one tells how near and far a cloud reaches", source=BY_HAND)
     baseline_m: float = parameter(0.6, unit="m, at which nearer_by_px is meant", source=BY_HAND)
     nearer_by_px: float = parameter(3.0, unit="px of disparity", source=BY_HAND)
     reference_window_px: tuple[int, int] = parameter((15, 9), unit="px, rows and columns", source=BY_HAND)

@@ -13,6 +13,7 @@ _CLUSTERS = "three real drives and streets 30000 to 30013, clean and attacked: c
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 
 _FEWER_BEAMS = "KITTI drives 0009, 0001 and 04, with beams of eight other LiDARs (docs/decisions.md)"
+_ROUNDED = "62 frames of KITTI drives 0009, 0001 and 04, rounded to 2 to 20 cm (docs/decisions.md)"
 _THINNED = "KITTI drives 0009, 0001 and 04, every 4th and 8th point, a random 4th, voxels (docs/decisions.md)"
 
 
@@ -83,9 +84,7 @@ class LostReturns:
         0.8, unit="of a surface's range: under an open sky the next return below it is as far at least", source=_FEET
     )
     foot_columns: int = parameter(3, unit="columns in which the next return below is looked for", source=BY_HAND)
-    as_far: float = parameter(
-        0.07, unit="of a surface's range: within it the next return above is the surface's own", source=_FEET
-    )
+    as_far: float = parameter(0.07, unit="of a surface's range: within it a return is the surface's own", source=_FEET)
     least_crossed: float = parameter(0.25, unit="share of a cell row's columns with returns: scanned", source=_REMOVED)
     finer: int = parameter(2, unit="cells a cell of the count grid, and samples of surfaces", source=BY_HAND)
 
@@ -146,6 +145,9 @@ class RoughRanges:
         0.25, unit="quantile of a sector's differences: leaves and edges are rough, the road is not", source=_CLUSTERS
     )
     least_usual_m: float = parameter(0.001, unit="m, the frame's median sector at least", source=BY_HAND)
+    coarsest_m: float = parameter(
+        0.09, unit="m that coordinates are rounded to, at most: else neither it nor isolated points", source=_ROUNDED
+    )
     half_m: float = parameter(
         0.5, unit="m of roughness, times how much more it is than usual, that is a half", source=_CLUSTERS
     )

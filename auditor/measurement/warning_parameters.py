@@ -32,7 +32,7 @@ class CalibrationCheck:
         0.67, unit="share of directions with returns that have the ground's", source=f"{_DECISIONS}, no ground"
     )
     better_before: float = parameter(
-        0.08, unit="share by which the cloud before fits better, the median", source=f"{_DECISIONS}, a period early"
+        0.08, unit="share by which the frame before fits better, the median", source=f"{_DECISIONS}, a period early"
     )
 
 

@@ -24,7 +24,7 @@ from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.point_distribution import thinned
 from auditor.measurement.checks.seen import Seen
-from auditor.measurement.disparity.lidar import LidarView, bulk_of
+from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
@@ -47,7 +47,7 @@ class ScannedView:
     is how far the nearest return of each direction is, infinite without any. `gap_rad` (rows,) is how far apart the
     LiDAR's beams are there. `scanned` (rows,) are the rows between the horizon, or the LiDAR's uppermost beam, and its
     lowest; `road_m` is how far the road is below the LiDAR; `span_px` are the columns of the view within its field,
-    and `reach_m` is how far its points are at most, as some clouds are cropped before they are recorded.
+    and `reach_m` is how near and how far the cloud's points are, as some are cropped before they are recorded.
     """
 
     within_rad: Floats32
@@ -57,7 +57,7 @@ class ScannedView:
     scanned: Mask
     road_m: float
     span_px: tuple[float, float]
-    reach_m: float
+    reach_m: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +104,8 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    road_m, (_, reach_m) = _road_m(points[1], ahead_m), bulk_of(range_m)
-    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, reach_m)
+    road_m = _road_m(points[1], ahead_m)
+    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, view.reach_m)
 
 
 def count_lost_returns(
@@ -120,19 +120,20 @@ def count_lost_returns(
 
     Samples are two a cell of the count grid, across and down. A sample is a surface where both cameras see it, with a
     consistent match, below the horizon, nearer than the farthest distance that is looked at, and above the road, or in
-    a sector that lacks all returns. One that lacks returns is none if it could be sky, stands on nothing or returns in
-    part. `half_res` are the half-resolution grey images of the reference and the source.
+    a sector that lacks all returns. One that lacks returns is none if it may be out of the cloud's reach, if it could
+    be sky, stands on nothing or returns in part. `half_res` are the half-resolution grey images of the reference and
+    the source.
     """
     found = _surfaces(view, stereo, consistency, source)
     found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
     place, range_m, below_m = _directions(view, found, source)
     inside = place >= 0
     inside &= scanned.scanned[place // _COLUMNS]
-    inside &= range_m <= scanned.reach_m
     # Wet ground loses returns, but not all of a sector down to the lowest beam.
     hole = scanned.hole_rad.ravel()[place]
     inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
     found, place, range_m, hole = found.chosen(inside), place[inside], range_m[inside], hole[inside]
+    below_m = below_m[inside]
     within = scanned.within_rad.ravel()[place]
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
     least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch)
@@ -140,7 +141,8 @@ def count_lost_returns(
     lost &= hole >= LOST_RETURNS.gaps * scanned.gap_rad[place // _COLUMNS]
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
-    surface[lost] = _no_sky(found.chosen(lost), half_res)
+    surface[lost] = _has_to_return(scanned, range_m[lost], below_m[lost])
+    surface[lost] &= _no_sky(found.chosen(lost), half_res)
     surface[lost] &= np.isinf(hole[lost]) | _all_lost(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
@@ -248,6 +250,19 @@ def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:
     stands = (foot_m <= range_m + LOST_RETURNS.foot_behind_m) & ~hidden
     dark = (roof >= _HORIZON) & (np.abs(roof_m - range_m) < LOST_RETURNS.as_far * range_m)
     return np.asarray(stands & ~dark)
+
+
+def _has_to_return(scanned: ScannedView, range_m: Floats32, below_m: Floats32) -> Mask:
+    """(M,) mask of the surfaces that do not begin nearer than the cloud, before a road that lies within its reach.
+
+    Leaves, fences and panes let beams through, which return from the road behind them at last. Where no road is known
+    the surface has to be within reach.
+    """
+    nearest_m, farthest_m = scanned.reach_m
+    begins = range_m * np.float32(1 - LOST_RETURNS.as_far) > nearest_m
+    if np.isinf(scanned.road_m):
+        return np.asarray(begins & (range_m <= farthest_m))
+    return np.asarray(begins & (scanned.road_m * range_m <= farthest_m * below_m))
 
 
 def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:

@@ -23,7 +23,7 @@ class LidarView:
     frame; `returns` counts the points in view before any was dropped, and `in_view_m` (returns, 3) are these; `span_px`
     are the leftmost and rightmost columns that the LiDAR's field reaches, in the image or beyond it; `looks_ahead` is
     whether it has hardly a point behind the camera, as one whose field ends there; `rig` is what the points were
-    projected by.
+    projected by; `cloud_m` (N, 3) are all points, those that the camera does not see as well.
     """
 
     reference: int
@@ -36,6 +36,7 @@ class LidarView:
     in_view_m: Points
     span_px: tuple[float, float]
     looks_ahead: bool
+    cloud_m: Points
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
     _places: dict[tuple[int, int], Indices] = field(default_factory=dict, init=False, repr=False)
 
@@ -50,6 +51,12 @@ class LidarView:
         """(M,) how far the points are from the LiDAR."""
         squares = self.point_m * self.point_m
         return np.asarray(np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2]))
+
+    @cached_property
+    def reach_m(self) -> tuple[float, float]:
+        """How near and how far the points of the cloud are, but for a few of them, wherever they lie."""
+        some = self.cloud_m[:: LIDAR_PROJECTION.reach_step]
+        return bulk_of(np.asarray(np.sqrt(np.einsum("nc,nc->n", some, some))))
 
     @cached_property
     def in_rig_axes_m(self) -> Points:
@@ -74,7 +81,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     """Project a cloud into camera `reference`, keep the nearest point of each pixel, drop occluded points."""
     camera = rig.camera(reference)
     P = _projection(rig, camera)
-    points = cloud.xyz_m
+    every = points = cloud.xyz_m
     depth = points @ P[2, :3] + P[2, 3]
     looks_ahead = int(np.count_nonzero(depth < 0)) <= LIDAR_PROJECTION.beside_span * len(points)
     points = points.take(np.flatnonzero(depth > LIDAR_PROJECTION.nearest_m), axis=0)
@@ -87,7 +94,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
     point_m, span = points.take(kept, axis=0), bulk_of(u)
     return LidarView(
-        reference, column[kept], row[kept], u[kept], point_m, inside.size, rig, in_view_m, span, looks_ahead
+        reference, column[kept], row[kept], u[kept], point_m, inside.size, rig, in_view_m, span, looks_ahead, every
     )
 
 

@@ -7,30 +7,35 @@ frame, so a few frames are enough, and users are warned before they read verdict
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from itertools import islice
+from itertools import chain, islice
 from math import isnan, nan
 
 import numpy as np
 
+from auditor.measurement.checks.point_distribution import is_rounded
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
-from auditor.measurement.point_parameters import LOST_RETURNS
+from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
 from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 
 _REPAIR = (
     "wrong unit, axes or mounting of its points, or another vehicle's cameras; put it right, or give a rig file (--rig)"
 )
 
-
 _FAR_APART = (
     "lie so far apart, as where only some were recorded, that lost returns and rough ranges are not measured: what is "
     "removed from the cloud may pass unseen"
 )
+_ROUNDED = (
+    "are rounded so coarsely that rough ranges and isolated points are not measured: ranges that jitter, and points at "
+    "random ranges, may pass unseen"
+)
+_CROPPED = "do not reach as near, or as far, as lost returns are looked for: what is removed there passes unseen"
 
 
 class CalibrationCheck:
@@ -48,13 +53,18 @@ class CalibrationCheck:
         self._scales: dict[Pair, list[float]] = {}
         self._fits: list[GeometryFit] = []
         self._thinned: list[bool] = []
+        self._rounded: list[bool] = []
+        self._cropped: list[bool] = []
         self._ground: list[float] = []
         self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
+        self._lags: dict[int, list[float]] = {}
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
+        for sensor, by in lags(fault_features).items():
+            self._lags.setdefault(sensor, []).append(by)
         if number < CALIBRATION_CHECK.successive:
             before, self._before = self._before, views_of_sides(arrays)
             self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays, self._before))
@@ -67,8 +77,11 @@ class CalibrationCheck:
         self._fits.append(geometry_fit(arrays))
         owns = (arrays, *(one.own for one in arrays.pairs.values()))
         for those, k in islice(((own, k) for own in owns for k in own.lidar), 1):
+            view = those.lidar[k]
             self._thinned.append(those.frame_checks.thinned[k])
-            self._ground.append(_ground(those.lidar[k]))
+            self._rounded.append(is_rounded(view))
+            self._cropped.append(_is_cropped(view))
+            self._ground.append(_ground(view))
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
             scale = _scale(arrays, pair)
@@ -89,14 +102,16 @@ class CalibrationCheck:
         return tuple(off or self._lidar_warnings(self._rig))
 
     def remarks(self) -> tuple[str, ...]:
-        """Which checks say nothing, in most frames, as the cloud is thinned; lone cameras have none of them.
+        """Which checks say nothing of how most clouds were recorded; lone cameras have none of them.
 
         That casts no doubt on the rig.
         """
         rig = self._rig
-        if rig is None or rig.lidar is None or rig.n < 2 or 2 * sum(self._thinned) <= len(self._thinned):
+        if rig is None or rig.lidar is None or rig.n < 2:
             return ()
-        return (f"the points of the LiDAR {rig.lidar.name} {_FAR_APART}",)
+        of_clouds = ((self._thinned, _FAR_APART), (self._rounded, _ROUNDED), (self._cropped, _CROPPED))
+        said = (what for frames, what in of_clouds if 2 * sum(frames) > len(frames))
+        return tuple(f"the points of the LiDAR {rig.lidar.name} {what}" for what in said)
 
     @property
     def pictures(self) -> float:
@@ -110,11 +125,25 @@ class CalibrationCheck:
         return {one: _fitting([fit.of_cameras.get(one, nan) for fit in self._fits]) for one in sorted(cameras)}
 
     def withheld(self) -> str:
-        """Why no verdict may be given: in most frames the points fit the images nowhere; empty where they do somewhere.
+        """Why no verdict may be given: a sensor is late, or in most frames the points fit the images nowhere; or empty.
 
-        No attack does that: it leaves regions, pairs or frames in which points and images fit.
+        No attack does the latter: it leaves regions, pairs or frames in which points and images fit.
         """
-        return next(self._unfit(self._rig, self._rig.lidar.name), "") if self._rig and self._rig.lidar else ""
+        if self._rig is None:
+            return ""
+        unfit = self._unfit(self._rig, self._rig.lidar.name) if self._rig.lidar else ()
+        return next(chain(self._late(self._rig), unfit), "")
+
+    def _late(self, rig: Rig) -> Iterator[str]:
+        """A sensor whose data, in most frames, fit those that others have of the frame before, and not their own."""
+        for sensor in sorted(self._lags, reverse=True):  # where the reference is late the LiDAR seems to be
+            known = [by for by in self._lags[sensor] if not isnan(by)]
+            if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
+                yield (
+                    f"{'the points' if sensor == LIDAR else 'the images'} of {rig.name(sensor)} fit what the other "
+                    "sensors have of the frame before their own: its stamps are a period late; put them right, or give "
+                    "its offset in a rig file (--rig)"
+                )
 
     def _unfit(self, rig: Rig, lidar: str) -> Iterator[str]:
         in_view = [fit.in_view for fit in self._fits if fit.in_view >= 0]
@@ -187,6 +216,20 @@ class CalibrationCheck:
         return f"{shares}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
 
 
+def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
+    """By how much each sensor's data fit the frame before better than their own: the least share of all its pairs.
+
+    NaN where it was not measured.
+    """
+    found: dict[int, list[float]] = {}
+    for (i, k), seen in fault_features.items():
+        agreement, rows = seen.agreement, seen.rows
+        found.setdefault(LIDAR, []).append(relative_excess(agreement.before_only, agreement.now_only))
+        for camera, lagged in ((i, rows.lagged_i), (k, rows.lagged_k)):
+            found.setdefault(camera, []).append(lagged - max(rows.row_aligned, rows.offset_share))
+    return {sensor: min((by for by in gains if not isnan(by)), default=nan) for sensor, gains in found.items()}
+
+
 def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
     row_aligned, offset_px = _fitting([s.rows.row_aligned for s in seen]), _median([s.rows.offset_px for s in seen])
     if isnan(row_aligned) or row_aligned >= CALIBRATION_CHECK.least_aligned:
@@ -228,6 +271,12 @@ def _ground(view: LidarView) -> float:
     if not (slope > 2 * LOST_RETURNS.steeply).any():
         return nan
     return np.unique(direction[slope > LOST_RETURNS.steeply]).size / np.unique(direction).size
+
+
+def _is_cropped(view: LidarView) -> bool:
+    """Whether the cloud begins farther away than false ranges are looked for, or ends nearer than lost returns are."""
+    nearest_m, farthest_m = view.reach_m
+    return nearest_m > FALSE_RANGES.nearest_m or farthest_m < LOST_RETURNS.farthest_m
 
 
 def _fitting(shares: list[float]) -> float:

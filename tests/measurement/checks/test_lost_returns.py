@@ -11,26 +11,33 @@ from tests.making.scenes import FOCAL, WIDTH, plane_frame, plane_rig
 
 CELL = 8 / 721
 DEPTH_M = 10.0  # disparities of 18 and 9 px
+REACH_M = (2.0, 200.0)
 
 
 @pytest.fixture(scope="module")
 def lost():
     """How many samples of surfaces, and which cells of the LiDAR's directions lack returns, in a cloud (N, 3).
 
-    Of its directions some are `kept`, and return from so many `times` as far away.
+    Of its directions some are `kept`, and return from so many `times` as far away. Its reach is `reach_m`.
     """
     rig = plane_rig()
     frame = plane_frame(rig, depth_m=DEPTH_M)
 
-    def of(kept, times=lambda _left, up: np.ones_like(up)):
+    def of(kept, times=lambda _left, up: np.ones_like(up), reach_m=REACH_M):
         xyz = frame.cloud.xyz_m
         left, up = xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0]
         moved = xyz * times(left, up).astype(np.float32)[:, None]
-        cloud = PointCloud(frame.cloud.stamp_ns, moved[kept(left, up)])
+        cloud = PointCloud(frame.cloud.stamp_ns, reaching(moved[kept(left, up)], reach_m))
         cells = measure(replace(frame, cloud=cloud), rig, SgbmMatcher())[0].cells
         return [cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)] for i in (1, 2)]
 
     return of
+
+
+def reaching(xyz, reach_m):
+    """Points (N, 3), and some behind the LiDAR, the nearest and the farthest of the cloud."""
+    behind = np.float32([[-end_m, 0, 0] for end_m in reach_m])
+    return np.concatenate([xyz, np.tile(behind, (len(xyz) // 20, 1))])
 
 
 def outside(left, up, width_m, height_m):
@@ -153,7 +160,26 @@ def test_between_the_beams_of_a_lidar_of_few_nothing_is_lost(lost):
 
 def test_beyond_the_reach_of_a_cropped_cloud_nothing_is_expected(lost):
     # What returns is 7 m away, but for a hole, in which the cameras see the plane 10 m away.
-    for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6), lambda _left, up: np.full_like(up, 0.7)):
+    for cells in lost(
+        lambda left, up: outside(left, up, 2.0, 1.6), lambda _left, up: np.full_like(up, 0.7), reach_m=(2.0, 7.0)
+    ):
+        assert cells.total.sum() == 0
+
+
+@pytest.mark.parametrize("reach_m", [30.0, 50.0])
+def test_of_a_beam_that_meets_the_road_beyond_the_reach_of_a_cropped_cloud_nothing_is_expected(lost, reach_m):
+    # The road is 1.5 m down: leaves, fences and panes of what stands on it may let such a beam through.
+    for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6), reach_m=(2.0, reach_m)):
+        down = (np.nonzero(cells.total)[0] + 0.5 - 40) * CELL
+        assert down.min() == pytest.approx(1.5 / reach_m, abs=CELL)
+        assert cells.total.sum() > 50
+
+
+def test_nearer_than_a_cloud_begins_nothing_is_expected(lost):
+    # Whatever was nearer than 11 m was taken out, and with it what the cameras see 10 m away.
+    for cells in lost(
+        lambda left, up: outside(left, up, 2.0, 1.6), lambda _left, up: np.full_like(up, 1.3), reach_m=(11.0, 200.0)
+    ):
         assert cells.total.sum() == 0
 
 
@@ -183,7 +209,7 @@ def test_level_stripes_could_be_sky():
     level = np.repeat(np.random.default_rng(1).integers(30, 220, frame.images[1].pixels.shape[0] // 2), 2)[:, None]
     striped = {n: replace(one, pixels=(level + one.pixels // 6).astype(np.uint8)) for n, one in frame.images.items()}
     xyz = frame.cloud.xyz_m
-    holed = PointCloud(0, xyz[outside(xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0], 2.0, 1.6)])
+    holed = PointCloud(0, reaching(xyz[outside(xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0], 2.0, 1.6)], REACH_M))
     for images, lost in ((frame.images, True), (striped, False)):
         cells = measure(replace(frame, images=images, cloud=holed), rig, SgbmMatcher())[0].cells
         for i in (1, 2):

@@ -15,7 +15,7 @@ def view_of(columns, rows, depths):
     """Points at given pixels and depths, as the leftmost camera at x = 0 sees them."""
     u, v, z = (np.array(values, dtype=np.float32) for values in (columns, rows, depths))
     column, row, nowhere = u.astype(np.int32), v.astype(np.int32), np.zeros((u.size, 3), np.float32)
-    return LidarView(3, column, row, u, nowhere, u.size, plane_rig(), nowhere, (0, WIDTH), False), (
+    return LidarView(3, column, row, u, nowhere, u.size, plane_rig(), nowhere, (0, WIDTH), False, nowhere), (
         FOCAL * 0.6 / z
     ).astype(np.float32)
 
@@ -104,7 +104,9 @@ def test_the_range_mask_is_that_worked_out_by_hand():
     rows, columns = np.int32([60, 60, 100]), np.int32([200, 40, 100])
     points = np.zeros((3, 3), np.float32)
     d0 = np.float32([116, 115, 120])
-    view = WrittenDown(3, columns, rows, np.float32(columns), points, 3, plane_rig(), points, (0, WIDTH), False, d0)
+    view = WrittenDown(
+        3, columns, rows, np.float32(columns), points, 3, plane_rig(), points, (0, WIDTH), False, points, d0
+    )
     mask = out_of_range(view, np.array([False, False, True]), 1, RangeMask(115.0, 20), (60, 160))
     expected = np.zeros((60, 160), dtype=np.bool_)
     expected[30 - 8 : 30 + 9, 100 - 8 - 9 : 100 + 9] = True
