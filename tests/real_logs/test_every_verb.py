@@ -14,8 +14,6 @@ import pytest
 from auditor.cli import run
 from auditor.cli.exit_codes import Exit
 from auditor.cli.output import FORMATS
-from auditor.store import Store, list_queries
-from auditor.store.queries import run_queries
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import DAY_NS, PERIOD_NS, START_NS, record, write
 from tests.making.vehicles_of_strangers import VAN, WAGON
@@ -78,11 +76,6 @@ def test_judge_answers_by_each_method(method: str, form: str, verbs: Audit):
 
 NEEDED = {"frame": {"frame": "7"}, "vehicle": {"vehicle": "van"}, "before_after": {"day": "2026-03-04"}}
 """The parameters of queries that have to be given some."""
-
-
-def test_every_query_answers(audited: Path):
-    names = [known.name for known in list_queries()]
-    assert run_queries(Store.open(audited), {name: NEEDED.get(name, {}) for name in names}).keys() == set(names)
 
 
 @pytest.mark.parametrize(("name", "form"), list(zip(NEEDED, FORMATS, strict=False)))
