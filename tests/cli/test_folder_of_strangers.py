@@ -15,7 +15,7 @@ import pytest
 
 from auditor.cli import VERBS
 from auditor.safety.launching import environment
-from tests.making.case_stores import attacked_store
+from tests.making.case_stores import AttackedStore
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 AUDITOR = Path(sys.executable).with_name("auditor")
@@ -56,18 +56,17 @@ def modules() -> frozenset[str]:
 
 
 @pytest.fixture(scope="module")
-def incident(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def incident(attacked: AttackedStore, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A folder with drives, a store, and a planted module of every name; an incident of that store."""
-    made = attacked_store(tmp_path_factory.mktemp("made"))
     folder = tmp_path_factory.mktemp("logs")
     write_drive(folder / "drive.mcap", 3, positions_m=THREE_CAMERAS)
     write_drive(folder / "other.mcap", 3, positions_m=THREE_CAMERAS, start_ns=START_NS + DAY_NS)
-    shutil.copytree(made.folder, folder / "audit")
-    shutil.copytree(made.folder, folder / "own")
+    shutil.copytree(attacked.folder, folder / "audit")
+    shutil.copytree(attacked.folder, folder / "own")
     for name in modules():
         text = f"with open({str(folder / 'markers')!r}, 'a') as file:\n    file.write({name!r} + '\\n')\n"
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
-    return folder, made.incident(0)
+    return folder, attacked.incident(0)
 
 
 def ran(folder: Path) -> list[str]:

@@ -134,9 +134,9 @@ EVALUATE = ("--attack-every", "12", "--jobs", "1")
 
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A short clean recording, beside the store in which attacks on it were evaluated."""
+    """A clean recording of one frame, beside the store in which attacks on it were evaluated."""
     folder = tmp_path_factory.mktemp("evaluated")
-    short = write(folder / "short.mcap", record(VAN, range(3), seed=SEED))
+    short = write(folder / "short.mcap", record(VAN, range(1), seed=SEED))
     assert run(["evaluate", str(short), *EVALUATE, "--store", str(folder / "audit")]) == Exit.CLEAN
     return short
 
