@@ -5,11 +5,15 @@ import os
 import shutil
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from auditor.pipeline import fork_server
+
+if TYPE_CHECKING:
+    from tests.making.case_stores import AttackedStore
 
 # Each process of the suite has a core of its own: threads of libraries, which read this when they are loaded, only wait
 # for each other there.
@@ -61,6 +65,14 @@ def _one_thread_a_connection() -> None:
     from auditor.store import connection  # noqa: PLC0415 - behind the variables above, which its libraries read
 
     connection.SHUT["threads"] = 1
+
+
+@pytest.fixture(scope="session")
+def attacked(tmp_path_factory: pytest.TempPathFactory) -> "AttackedStore":
+    """A judged store of two attacked drives, for the tests of several folders; tests do not change it."""
+    from tests.making.case_stores import attacked_store  # noqa: PLC0415 - what few tests need
+
+    return attacked_store(tmp_path_factory.mktemp("attacked"))
 
 
 @pytest.fixture(scope="session")

@@ -45,11 +45,9 @@ def test_every_verb_has_help_with_an_example_that_names_known_options(verb: str)
             assert set(re.findall(r"(?<=\s)--?[a-z][a-z-]*", line)) <= known, line
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_option_is_explained(verb: str) -> None:
-    for parameter in parameters_of(verb):
-        if isinstance(parameter, click.Option) and parameter.name != "help":
-            assert parameter.help, parameter.opts
+def test_every_option_is_explained() -> None:
+    options = [(verb, one) for verb in VERBS for one in parameters_of(verb) if isinstance(one, click.Option)]
+    assert [(verb, one.opts) for verb, one in options if one.name != "help" and not one.help] == []
 
 
 def test_the_readme_and_the_group_help_name_every_verb_and_no_other() -> None:
@@ -81,21 +79,27 @@ def test_the_readme_calls_the_program_where_its_first_command_installs_it() -> N
             assert line.startswith(f"{installed[1]} "), line
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_no_placeholder_is_left_in_the_documents(path: Path) -> None:
-    assert "@@" not in path.read_text(encoding="utf-8")
+def test_no_placeholder_is_left_in_the_documents() -> None:
+    assert [path.name for path in DOCUMENTS if "@@" in path.read_text(encoding="utf-8")] == []
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_every_link_of_a_document_leads_to_a_file_that_is_there(path: Path) -> None:
-    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text(encoding="utf-8"))
-    assert [target for target in targets if "://" not in target and not (path.parent / target).exists()] == []
+def test_every_link_of_a_document_leads_to_a_file_that_is_there() -> None:
+    targets = [
+        (path, target)
+        for path in DOCUMENTS
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text(encoding="utf-8"))
+        if "://" not in target
+    ]
+    assert [f"{path.name}: {target}" for path, target in targets if not (path.parent / target).exists()] == []
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_the_lines_of_a_document_are_shorter_than_120_characters(path: Path) -> None:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert [f"line {number}: {line}" for number, line in enumerate(lines, 1) if len(line) >= 120] == []
+def test_the_lines_of_a_document_are_shorter_than_120_characters() -> None:
+    lines = [
+        (f"{path.name}:{number}", line)
+        for path in DOCUMENTS
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+    ]
+    assert [place for place, line in lines if len(line) >= 120] == []
 
 
 def test_the_citation_names_this_version_and_the_paper() -> None:

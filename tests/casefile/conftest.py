@@ -6,13 +6,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 
 from auditor.casefile.write import CaseSettings, write_case
 from auditor.store.log.signatures import signing_key
-from tests.making.case_stores import AttackedStore, attacked_store
-
-
-@pytest.fixture(scope="session")
-def attacked(tmp_path_factory: pytest.TempPathFactory) -> AttackedStore:
-    """A judged store; tests do not change it."""
-    return attacked_store(tmp_path_factory.mktemp("attacked"))
+from tests.making.case_stores import AttackedStore
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -14,12 +15,10 @@ import pytest
 
 from auditor.cli import VERBS
 from auditor.safety.launching import environment
-from tests.making.case_stores import attacked_store
+from tests.making.case_stores import AttackedStore
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 
 AUDITOR = Path(sys.executable).with_name("auditor")
-MODULES = sys.stdlib_module_names | packages_distributions().keys() | {"auditor", "sitecustomize", "usercustomize"}
-"""More than any start imports: all modules of Python, and of every package that is installed."""
 
 STORE, OWN = ["--store", "audit"], ["--store", "own"]
 COMMANDS: dict[str, list[str]] = {
@@ -50,19 +49,24 @@ COMMANDS: dict[str, list[str]] = {
 """Each verb with what makes it start its child processes, where it has any."""
 
 
+@cache
+def modules() -> frozenset[str]:
+    """More than any start imports: all modules of Python, and of every package that is installed."""
+    return sys.stdlib_module_names | packages_distributions().keys() | {"auditor", "sitecustomize", "usercustomize"}
+
+
 @pytest.fixture(scope="module")
-def incident(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def incident(attacked: AttackedStore, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A folder with drives, a store, and a planted module of every name; an incident of that store."""
-    made = attacked_store(tmp_path_factory.mktemp("made"))
     folder = tmp_path_factory.mktemp("logs")
     write_drive(folder / "drive.mcap", 3, positions_m=THREE_CAMERAS)
     write_drive(folder / "other.mcap", 3, positions_m=THREE_CAMERAS, start_ns=START_NS + DAY_NS)
-    shutil.copytree(made.folder, folder / "audit")
-    shutil.copytree(made.folder, folder / "own")
-    for name in MODULES:
+    shutil.copytree(attacked.folder, folder / "audit")
+    shutil.copytree(attacked.folder, folder / "own")
+    for name in modules():
         text = f"with open({str(folder / 'markers')!r}, 'a') as file:\n    file.write({name!r} + '\\n')\n"
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
-    return folder, made.incident(0)
+    return folder, attacked.incident(0)
 
 
 def ran(folder: Path) -> list[str]:
@@ -132,7 +136,7 @@ def test_python_m_auditor_imports_nothing_more_from_the_working_folder(
 ) -> None:
     folder, _ = incident
     shutil.copy(folder / "drive.mcap", tmp_path)
-    for name in MODULES - loaded_before_the_first_line():
+    for name in modules() - loaded_before_the_first_line():
         shutil.copy(folder / f"{name}.py", tmp_path)
     done = subprocess.run(
         [sys.executable, "-m", "auditor", "inspect", "drive.mcap"], cwd=tmp_path, capture_output=True, check=False

@@ -19,7 +19,7 @@ from auditor.recordings import write_mcap
 from auditor.recordings.writers.frames import write_bag, write_db3
 from tests.making.audits import ask
 
-FRAMES, ATTACKED = 12, range(5, 9)
+FRAMES, ATTACKED = 8, range(4, 7)
 GHOST = GhostCar(points=120, range_m=8.0, seed=1)
 SAID = "is looked at for what appears, by its own past alone: no camera sees what it sees"
 WRITERS = {"drive.mcap": write_mcap, "drive.bag": write_bag, "drive": write_db3}
@@ -73,7 +73,7 @@ def test_a_ghost_that_appears_is_an_incident_of_the_lidar(
     assert {row["kind"] for row in rows[1:] if row["frame"] not in ATTACKED} == {"clean"}
     [incident] = ask(tmp_path / "audit", "SELECT attacked, kind, grade FROM incidents")
     assert (incident["attacked"], incident["kind"], incident["grade"]) == ([0], "attacked", "incident")
-    assert scanned([tmp_path / name], tmp_path / "audit", capfd, "--min-view", "0", "--min-coverage", "0.9")[0] == 1
+    assert scanned([tmp_path / name], tmp_path / "audit", capfd, "--min-view", "0", "--min-coverage", "0.8")[0] == 1
 
 
 def test_a_clean_drive_can_be_calibrated_reported_and_verified(

@@ -11,13 +11,15 @@ import pytest
 
 from auditor.cli import run
 from auditor.cli.output import emit
-from auditor.store import Store, list_queries, run_query
-from tests.making.small_drives import PERIOD_NS, write_drive
+from auditor.store import Store, list_queries
+from auditor.store.queries import run_queries
+from tests.making.small_drives import PERIOD_NS, THREE_CAMERAS, write_drive
 
 START_NS = 1_317_042_145_964_389_445
-ATTACKED = {2: range(5, 12)}
+ATTACKED = {2: range(5, 9)}
+SMALL = {"count": 12, "seed": 1, "positions_m": THREE_CAMERAS}
 FROM_UTC = "2011-09-26T13:02:26.464389445Z"
-PARAMETERS = {"frame": ["frame=7"], "vehicle": ["vehicle=car 7"], "before_after": ["day=2011-09-26"]}
+PARAMETERS = {"frame": {"frame": "7"}, "vehicle": {"vehicle": "car 7"}, "before_after": {"day": "2011-09-26"}}
 FORMATS = ("table", "json", "csv", "parquet")
 
 
@@ -26,8 +28,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clean recording and an attacked one, scanned with exit code 1 into the store `audit`."""
     folder = tmp_path_factory.mktemp("nanoseconds")
     clean, attacked = (folder / name for name in ("clean.mcap", "attacked.mcap"))
-    write_drive(clean, seed=1, start_ns=START_NS - 60 * 10**9)
-    write_drive(attacked, seed=1, start_ns=START_NS, attacked=ATTACKED)
+    write_drive(clean, **SMALL, start_ns=START_NS - 60 * 10**9)
+    write_drive(attacked, **SMALL, start_ns=START_NS, attacked=ATTACKED)
     store = ["--store", str(folder / "audit")]
     assert run(["calibrate", str(clean), *store]) == 0
     assert run(["scan", str(attacked), "--pictures", "none", *store]) == 1
@@ -52,14 +54,16 @@ def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):
     assert moment.value == START_NS + 5 * PERIOD_NS
 
 
-@pytest.mark.parametrize("name", [known.name for known in list_queries()])
-def test_every_query_answers_in_every_form(name, folder, capfdbinary):
-    """It is asked once; the verb prints its answer in the form that it is given."""
-    answer = run_query(Store.open(folder / "audit"), name, dict(one.split("=") for one in PARAMETERS.get(name, ())))
+def test_every_query_answers_in_every_form(folder, capfdbinary):
+    """All are asked once; the verb prints an answer in the form that it is given."""
+    names = [known.name for known in list_queries()]
+    answers = run_queries(Store.open(folder / "audit"), {name: PARAMETERS.get(name, {}) for name in names})
+    assert answers.keys() == set(names)
     capfdbinary.readouterr()
-    for form in FORMATS:
-        emit(answer, form)
-        assert capfdbinary.readouterr().out
+    for name, answer in answers.items():
+        for form in FORMATS:
+            emit(answer, form)
+            assert capfdbinary.readouterr().out, (name, form)
 
 
 @pytest.mark.parametrize("form", ["table", "json"])

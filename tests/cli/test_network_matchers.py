@@ -91,15 +91,13 @@ def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_w
 ) -> None:
     arguments = (
         "evaluate",
-        write_drive(tmp_path / "pair.mcap", 2, positions_m=(0.6, 0.0), size_px=SMALL),
+        write_drive(tmp_path / "pair.mcap", 1, positions_m=(0.6, 0.0), size_px=SMALL),
         "--store",
         tmp_path / "evaluation",
         "--format",
         "json",
         "--jobs",
         1,
-        "--attack-every",
-        2,
     )
     sgbm = run(*arguments)
     assert sgbm.exception is None, sgbm.stderr

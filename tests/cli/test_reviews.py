@@ -16,8 +16,8 @@ from auditor.store.maintenance.verify import verify
 from auditor.store.reviews import ReviewVerdict, false_alarms, review_incident
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
-FRAMES = 14
-ATTACKED = {2: range(3, 9)}
+FRAMES = 10
+ATTACKED = {2: range(3, 7)}
 MINUTE_NS = 60 * 10**9
 TODAY = datetime.now(UTC).date()
 

@@ -14,6 +14,7 @@ from tests.making.audits import ask
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
+FRAMES = 20
 UNSHOWN = ("--pictures", "none")
 """For pictures of incidents a recording is read again, in a process of its own."""
 RATES = {"robust": "1%", "paper": "0"}
@@ -23,10 +24,10 @@ RATES = {"robust": "1%", "paper": "0"}
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two clean drives and one whose S_2 and S_0 are attacked in turn, in the three formats."""
     folder = tmp_path_factory.mktemp("fleet")
-    attacked = {2: range(5, 12), 0: range(20, 26)}
-    write_drive(folder / "clean.mcap", seed=1, count=30)
-    write_drive(folder / "quiet.bag", seed=1, count=30, start_ns=START_NS + MINUTE_NS)
-    write_drive(folder / "attacked.db3", seed=1, count=30, start_ns=START_NS + 2 * MINUTE_NS, attacked=attacked)
+    attacked = {2: range(4, 8), 0: range(12, 16)}
+    write_drive(folder / "clean.mcap", seed=1, count=FRAMES)
+    write_drive(folder / "quiet.bag", seed=1, count=FRAMES, start_ns=START_NS + MINUTE_NS)
+    write_drive(folder / "attacked.db3", seed=1, count=FRAMES, start_ns=START_NS + 2 * MINUTE_NS, attacked=attacked)
     return folder
 
 
@@ -62,11 +63,11 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     assert run(["scan", *recordings, *how, *UNSHOWN, "--jobs", "1"]) == 1
     rows = summary(store, capfd)
     assert {row["method"] for row in rows.values()} == {method}
-    assert rows["clean.mcap"]["clean"] == 30
-    assert rows["quiet.bag"]["clean"] == 30
+    assert rows["clean.mcap"]["clean"] == FRAMES
+    assert rows["quiet.bag"]["clean"] == FRAMES
     assert rows["attacked.db3"]["attacked_sensors"] == [0, 2]
     found = rows["attacked.db3"]
-    assert (found["attacked"] + found["suspect"], found["clean"]) == (13, 17)
+    assert (found["attacked"] + found["suspect"], found["clean"]) == (8, FRAMES - 8)
     assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
     incidents = json.loads(capfd.readouterr().out)
     says = {
@@ -75,7 +76,7 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     }[method]
     incidents = [row for row in incidents if row["attacked"]]
     assert [row["attacked"] for row in incidents] == [[2], [0]]
-    assert [row["last_frame"] for row in incidents] in ([11, 25], [11, 24])
+    assert [row["last_frame"] for row in incidents] in ([7, 15], [7, 14])
     assert all(words in row["evidence"] for words, row in zip(says, incidents, strict=True))
     others = {"robust": " %)", "paper": "worse by"}[method]
     assert all(others in row["alternatives"] for row in incidents)
@@ -130,7 +131,7 @@ def test_measuring_only_says_so_and_judging_comes_later(
     assert "no verdicts were reached" in capfd.readouterr().err
     assert run(["judge", str(store)]) == 1
     found = summary(store, capfd)["attacked.db3"]
-    assert found["attacked"] + found["suspect"] == 13
+    assert found["attacked"] + found["suspect"] == 8
 
 
 def test_judging_again_at_another_r_needs_no_recording(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -185,7 +186,7 @@ def test_a_calibration_prints_what_is_expected_and_what_the_limit_is_of_each_che
     rows = json.loads(capfd.readouterr().out)
     light = [row for row in rows if (row["check"], row["sensor"]) == ("added_light", 1)]
     assert [row["others"] for row in light] == [[2, 3, 4], [2, 3], [2, 4], [3, 4], [2], [3], [4]]
-    assert {(row["drives"], row["N"], row["thresholds"]) for row in light} == {(2, 60, "learnt from 2 drives")}
+    assert {(row["drives"], row["N"], row["thresholds"]) for row in light} == {(2, 2 * FRAMES, "learnt from 2 drives")}
     assert all(0 <= row["expected"] < row["theta"] < 1 for row in light)
     assert len({(row["limit"], row["r"]) for row in rows}) == 1
 
@@ -240,7 +241,7 @@ def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
     assert "no other can judge it" in capfd.readouterr().err
     assert run(["calibrate", clean, quiet, "--store", str(tmp_path / "two")]) == 0
     shown = capfd.readouterr()
-    assert "each of 2 recordings judged by the others at r = 0.01: 0 of 60 frames are findings" in shown.err
+    assert f"each of 2 recordings judged by the others at r = 0.01: 0 of {2 * FRAMES} frames are findings" in shown.err
     assert "findings by paper" in shown.out
 
 
@@ -293,7 +294,7 @@ def test_the_program_runs_as_a_command(fleet: Path, store: Path) -> None:
     )
     assert done.returncode == 3
     said = json.loads(done.stdout)
-    assert said["recordings"][0]["frames"] == 30
+    assert said["recordings"][0]["frames"] == FRAMES
     assert said["incidents"] == []
     [left] = said["not_audited"]
     assert left["reason"] == "no thresholds for its rig kind and matcher"

@@ -34,6 +34,7 @@ from tests.making.stores import add_measurement, make_measurement, make_rig
 
 R = Decimal("0.01")
 BY_DEFAULT = JudgeSettings(Criteria(R))
+SCANNING = replace(BY_DEFAULT, only_stale=True)
 ATTACKED = {"quay": (2,), "harbour": (0,)}
 CLEAN = ("alder", "birch", "cedar", "elm")
 ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
@@ -81,8 +82,23 @@ def fleet(measured, store) -> dict[str, str]:
     return found
 
 
-def test_recordings_are_judged_by_the_others_that_show_nothing(store, fleet) -> None:
-    results = judged(store)
+@pytest.fixture(scope="module")
+def judged_once(measured, tmp_path_factory) -> tuple[Store, dict[str, str], dict[str, Judged]]:
+    """The fleet's store after a first scan, its measurements, and what became of each; tests do not change it."""
+    kept, found = measured
+    store = Store.open(shutil.copytree(kept.folder, tmp_path_factory.mktemp("judged") / "audit"))
+    return store, found, judged(store, SCANNING)
+
+
+@pytest.fixture
+def judged_fleet(judged_once, store) -> dict[str, Judged]:
+    """What became of each in the test's own store, which was scanned once."""
+    shutil.copytree(judged_once[0].folder, store.folder, dirs_exist_ok=True)
+    return judged_once[2]
+
+
+def test_recordings_are_judged_by_the_others_that_show_nothing(judged_once) -> None:
+    store, fleet, results = judged_once
     assert set(provenance(results).values()) == {JudgedBy.BATCH}
     assert {name for name, one in results.items() if one.found} == set(ATTACKED)
     for name, one in results.items():
@@ -119,8 +135,8 @@ def test_what_the_others_find_teaches_no_more(store, fleet, monkeypatch) -> None
     }
 
 
-def test_calibrations_of_a_batch_are_kept_and_never_in_force(store, fleet) -> None:
-    results = judged(store)
+def test_calibrations_of_a_batch_are_kept_and_never_in_force(judged_once) -> None:
+    store, _, results = judged_once
     assert histories(store) == []
     assert set(store.ids("calibrations")) == {one.judgement.calibration_id for one in results.values()}
     assert verify(store).problems == ()
@@ -139,20 +155,18 @@ def test_tables_and_json_say_by_what_each_was_judged(store, fleet, capfd) -> Non
     assert {row[0]: row[-1] for row in rows if row and row[0] in named} == named
 
 
-def test_a_second_scan_keeps_the_verdicts(store, fleet) -> None:
-    scanning = replace(BY_DEFAULT, only_stale=True)
-    first, second = judged(store, scanning), judged(store, scanning)
+def test_a_second_scan_keeps_the_verdicts(store, judged_fleet) -> None:
+    first, second = judged_fleet, judged(store, SCANNING)
     assert {one.fresh for one in first.values()} == {True}
     assert {one.fresh for one in second.values()} == {False}
     assert {name: one.judgement for name, one in second.items()} == {n: one.judgement for n, one in first.items()}
     assert second["alder"].warnings == first["alder"].warnings
 
 
-def test_a_new_drive_changes_what_the_others_are_judged_by(store, fleet) -> None:
-    scanning = replace(BY_DEFAULT, only_stale=True)
-    first = judged(store, scanning)
+def test_a_new_drive_changes_what_the_others_are_judged_by(store, judged_fleet) -> None:
+    first = judged_fleet
     add_drive(store, "fir", seed=40, day=40)
-    second = judged(store, scanning)
+    second = judged(store, SCANNING)
     assert second["quay"].fresh
     assert second["quay"].judgement.calibration_id != first["quay"].judgement.calibration_id
     assert second["quay"].judgement.drives == 5
@@ -260,8 +274,8 @@ def test_recordings_are_at_most_five_groups(store) -> None:
     assert calibrations_of_others(store, measurements, few, Criteria(R)) == {}
 
 
-def test_several_processes_judge_alike(store, fleet, monkeypatch) -> None:
-    alone = judged(store)
+def test_several_processes_judge_alike(store, fleet, judged_once, monkeypatch) -> None:
+    _, _, alone = judged_once
     monkeypatch.setattr(side_by_side, "WORTH_A_PROCESS", 2)
     together = {one.recording: one for one in judge_store(store, Criteria(R), jobs=2)}
     assert provenance(together) == provenance(alone)

@@ -11,7 +11,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import RigError, ThresholdsError
-from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.lab.simulation.drives import make_drive
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.optics.lenses import NO_LENS, Lens
@@ -23,13 +23,14 @@ from auditor.recordings.writers import frames as writer
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Store
 from tests.making.calibrations import calibrate
+from tests.making.rendered_drives import RenderedDrive, rendered_drive
 
 Points = Callable[[Matrix], Matrix]
 
 
 @pytest.fixture(scope="module")
-def drive() -> SyntheticDrive:
-    return make_drive(2, 4, width_px=621, height_px=188)
+def drive() -> RenderedDrive:
+    return rendered_drive(2, 4, width_px=621, height_px=188)
 
 
 def negated(camera: Camera) -> Matrix:
@@ -54,7 +55,7 @@ def scaled(rig: Rig, by: float) -> Rig:
     return Rig(rig.lidar, tuple(cameras))
 
 
-def with_points(drive: SyntheticDrive, change: Points) -> Iterator[Frame]:
+def with_points(drive: RenderedDrive, change: Points) -> Iterator[Frame]:
     for frame in drive.frames():
         assert frame.cloud is not None
         yield replace(frame, cloud=replace(frame.cloud, xyz_m=change(frame.cloud.xyz_m).astype(np.float32)))
@@ -80,7 +81,7 @@ def kinds(store: Store) -> dict[VerdictKind, int]:
 
 @pytest.mark.parametrize("wrong", [negated, doubled])
 def test_positions_of_p_that_tf_contradicts_are_those_that_fit(
-    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: Callable[[Camera], Matrix]
+    drive: RenderedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: Callable[[Camera], Matrix]
 ) -> None:
     monkeypatch.setattr(writer, "_projection", wrong)
     write_mcap(tmp_path / "wrong.mcap", drive.rig, drive.frames())
@@ -94,7 +95,7 @@ def test_positions_of_p_that_tf_contradicts_are_those_that_fit(
 
 
 def test_frames_of_bodies_are_taken_for_what_they_are(
-    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: RenderedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """tf has x ahead and z up in the frames of the cameras."""
     optical_SE3_body = motion(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
@@ -116,7 +117,7 @@ def test_frames_of_bodies_are_taken_for_what_they_are(
     np.testing.assert_allclose(read, true, atol=1e-9)
 
 
-def test_k_and_p_of_a_larger_picture_are_scaled_and_that_is_said(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_k_and_p_of_a_larger_picture_are_scaled_and_that_is_said(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "larger.mcap", scaled(drive.rig, 2.0), drive.frames())
     found = found_in(tmp_path / "larger.mcap")
     assert not found.withheld
@@ -125,7 +126,7 @@ def test_k_and_p_of_a_larger_picture_are_scaled_and_that_is_said(drive: Syntheti
 
 
 def test_k_and_p_that_are_of_the_pictures_already_stay_as_they_are(
-    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: RenderedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writer, "_projection", lambda camera: np.diag([0.5, 0.5, 1.0]) @ camera.projection)
     write_mcap(tmp_path / "declared.mcap", scaled(drive.rig, 2.0), drive.frames())
@@ -135,7 +136,7 @@ def test_k_and_p_that_are_of_the_pictures_already_stay_as_they_are(
     assert found.rigs[0].rig.camera(1).focal_px == pytest.approx(drive.rig.camera(1).focal_px)
 
 
-def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: RenderedDrive, tmp_path: Path) -> None:
     wide = replace(drive.rig.camera(1), width_px=1000)
     cameras = tuple(replace(camera, width_px=wide.width_px) for camera in scaled(drive.rig, 1.7).cameras)
     write_mcap(tmp_path / "odd.mcap", Rig(drive.rig.lidar, cameras), drive.frames())
@@ -167,9 +168,7 @@ def bent(frame: Frame, rig: Rig) -> Frame:
     return replace(frame, images=images)
 
 
-def test_a_lens_named_without_coefficients_is_none_where_the_sides_fit_so(
-    drive: SyntheticDrive, tmp_path: Path
-) -> None:
+def test_a_lens_named_without_coefficients_is_none_where_the_sides_fit_so(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "named.mcap", with_zero_lens(drive.rig), drive.frames())
     found = found_in(tmp_path / "named.mcap")
     assert not found.withheld
@@ -177,7 +176,7 @@ def test_a_lens_named_without_coefficients_is_none_where_the_sides_fit_so(
     assert {camera.lens for camera in found.rigs[0].rig.cameras} == {NO_LENS}
 
 
-def test_a_lens_of_zeros_is_as_named_where_the_sides_fit_so(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_a_lens_of_zeros_is_as_named_where_the_sides_fit_so(drive: RenderedDrive, tmp_path: Path) -> None:
     frames = (bent(frame, drive.rig) for frame in drive.frames())
     write_mcap(tmp_path / "bent.mcap", with_zero_lens(drive.rig), frames)
     found = found_in(tmp_path / "bent.mcap")
@@ -185,7 +184,7 @@ def test_a_lens_of_zeros_is_as_named_where_the_sides_fit_so(drive: SyntheticDriv
     assert {camera.lens.model for camera in found.rigs[0].rig.cameras} == {"equidistant"}
 
 
-def test_cameras_are_left_out_where_nothing_tells_which_lens_they_have(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_cameras_are_left_out_where_nothing_tells_which_lens_they_have(drive: RenderedDrive, tmp_path: Path) -> None:
     frames = (replace(frame, cloud=None) for frame in drive.frames())
     write_mcap(tmp_path / "unsaid.mcap", with_zero_lens(drive.rig, lidar=False), frames)
     with pytest.raises(RigError, match="do not tell whether it has one: give a rig file"):
@@ -201,7 +200,7 @@ def test_cameras_are_left_out_where_nothing_tells_which_lens_they_have(drive: Sy
     ids=["left-handed", "turned"],
 )
 def test_points_that_fit_no_image_withhold_verdicts(
-    drive: SyntheticDrive, tmp_path: Path, change: Points, why: str
+    drive: RenderedDrive, tmp_path: Path, change: Points, why: str
 ) -> None:
     write_mcap(tmp_path / "points.mcap", drive.rig, with_points(drive, change))
     code, _, withheld = scan(tmp_path / "points.mcap", tmp_path)
@@ -209,7 +208,7 @@ def test_points_that_fit_no_image_withhold_verdicts(
     assert why in withheld
 
 
-def test_points_that_fit_no_image_are_no_attack(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_points_that_fit_no_image_are_no_attack(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "feet.mcap", drive.rig, with_points(drive, lambda xyz: xyz * 3.28))
     code, store, withheld = scan(tmp_path / "feet.mcap", tmp_path)
     assert code == 3
@@ -237,7 +236,7 @@ def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> 
     assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
 
 
-def test_points_without_the_ground_withhold_verdicts(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_points_without_the_ground_withhold_verdicts(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "obstacles.mcap", drive.rig, with_points(drive, lambda xyz: xyz[xyz[:, 2] > -1.4]))
     code, store, withheld = scan(tmp_path / "obstacles.mcap", tmp_path)
     assert code == 3
@@ -245,7 +244,7 @@ def test_points_without_the_ground_withhold_verdicts(drive: SyntheticDrive, tmp_
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
 
 
-def test_a_sector_without_points_does_not_withhold_verdicts(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_a_sector_without_points_does_not_withhold_verdicts(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "sector.mcap", drive.rig, with_points(drive, lambda xyz: xyz[xyz[:, 1] > 0.1 * xyz[:, 0]]))
     _, store, withheld = scan(tmp_path / "sector.mcap", tmp_path)
     assert not withheld
@@ -253,7 +252,7 @@ def test_a_sector_without_points_does_not_withhold_verdicts(drive: SyntheticDriv
 
 
 def test_points_in_millimetres_are_not_read(
-    drive: SyntheticDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    drive: RenderedDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     write_mcap(tmp_path / "mm.mcap", drive.rig, with_points(drive, lambda xyz: xyz * 1000))
     assert run(["scan", str(tmp_path / "mm.mcap"), "--store", str(tmp_path / "audit")]) == 3
@@ -261,7 +260,7 @@ def test_points_in_millimetres_are_not_read(
 
 
 def test_a_sign_that_nothing_contradicts_is_told_by_the_images(
-    drive: SyntheticDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: RenderedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_one_frame = dict.fromkeys(range(1, drive.rig.n + 1), "camera") | {0: "lidar"}
     monkeypatch.setattr(writer, "_projection", negated)
@@ -276,7 +275,7 @@ def test_a_sign_that_nothing_contradicts_is_told_by_the_images(
     ("way", "rows", "columns"), [("turned by half", -1, -1), ("mirrored", 1, -1), ("last row to the first", -1, 1)]
 )
 def test_a_camera_whose_pictures_are_another_way_up_is_no_attack(
-    drive: SyntheticDrive, tmp_path: Path, way: str, rows: int, columns: int
+    drive: RenderedDrive, tmp_path: Path, way: str, rows: int, columns: int
 ) -> None:
     def turned(frame: Frame) -> Frame:
         image = frame.images[2]
@@ -291,7 +290,7 @@ def test_a_camera_whose_pictures_are_another_way_up_is_no_attack(
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
 
 
-def test_cameras_out_of_phase_are_not_compared(drive: SyntheticDrive, tmp_path: Path) -> None:
+def test_cameras_out_of_phase_are_not_compared(drive: RenderedDrive, tmp_path: Path) -> None:
     def late(frame: Frame) -> Frame:
         image = frame.images[1]
         return replace(frame, images={**frame.images, 1: replace(image, stamp_ns=image.stamp_ns + 90_000_000)})

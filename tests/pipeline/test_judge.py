@@ -106,7 +106,7 @@ def test_judging_opens_no_file_twice_but_frames_and_the_parts_of_a_calibration(t
 
 def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_path, reads):
     counts = []
-    for count in (3, 6):
+    for count in (2, 4):
         store, _ = judged(tmp_path / str(count), count)
         reads.clear()
         load_page(store)

@@ -1,13 +1,15 @@
 """What stands where the LiDAR's beams passed: what appears is found; what moves, comes up or was hidden is not."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
-from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement.checks.free_space_conflict import OwnScans, measure_free_space_conflict
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.frame import measure_stream
@@ -18,15 +20,25 @@ from auditor.model.frames import PointCloud
 
 PERIOD_NS = 100_000_000
 MATCHER = SgbmMatcher()
-DRIVE = make_drive(45003, 6, style="residential")
-CLOUDS = [DRIVE.cloud(number) for number in range(6)]
-RIG = DRIVE.rig
 
 
-def conflicts(clouds: list[PointCloud]) -> list[int | None]:
+@cache
+def drive() -> SyntheticDrive:
+    """What a drive takes, the tests take, not their collection."""
+    return make_drive(45003, 6, style="residential")
+
+
+@cache
+def drive_clouds() -> tuple[PointCloud, ...]:
+    return tuple(drive().cloud(number) for number in range(6))
+
+
+def conflicts(clouds: Sequence[PointCloud]) -> list[int | None]:
     """How many points conflict in each of these scans."""
     scans = OwnScans()
-    return [None if found is None else len(found) for found in (scans.conflicts(cloud, RIG) for cloud in clouds)]
+    return [
+        None if found is None else len(found) for found in (scans.conflicts(cloud, drive().rig) for cloud in clouds)
+    ]
 
 
 def road(number: int, *things: Points) -> PointCloud:
@@ -55,37 +67,46 @@ ROAD = beams()
 
 
 def test_the_first_scan_and_one_behind_a_gap_are_compared_with_nothing() -> None:
-    late = replace(CLOUDS[2], stamp_ns=CLOUDS[1].stamp_ns + 3 * PERIOD_NS)
-    assert conflicts([CLOUDS[0], late]) == [None, None]
-    assert conflicts([CLOUDS[0], CLOUDS[1], CLOUDS[1]])[2] is None, "a repeated stamp is no moment ago"
+    late = replace(drive_clouds()[2], stamp_ns=drive_clouds()[1].stamp_ns + 3 * PERIOD_NS)
+    assert conflicts([drive_clouds()[0], late]) == [None, None]
+    assert conflicts([drive_clouds()[0], drive_clouds()[1], drive_clouds()[1]])[2] is None, (
+        "a repeated stamp is no moment ago"
+    )
 
 
 def test_scans_of_two_places_are_not_compared_and_those_behind_are() -> None:
     elsewhere = make_drive(45010, 3, style="city")
-    later = [replace(elsewhere.cloud(n), stamp_ns=CLOUDS[1].stamp_ns + (n + 1) * PERIOD_NS) for n in range(3)]
-    assert conflicts([*CLOUDS[:2], *later]) == [None, 0, None, 0, 0]
+    later = [replace(elsewhere.cloud(n), stamp_ns=drive_clouds()[1].stamp_ns + (n + 1) * PERIOD_NS) for n in range(3)]
+    assert conflicts([*drive_clouds()[:2], *later]) == [None, 0, None, 0, 0]
 
 
 def test_without_a_cloud_nothing_is_compared_nor_kept() -> None:
     scans = OwnScans()
-    assert scans.conflicts(CLOUDS[0], RIG) is None
-    assert scans.conflicts(None, RIG) is None
-    assert scans.conflicts(CLOUDS[1], RIG) is None
+    assert scans.conflicts(drive_clouds()[0], drive().rig) is None
+    assert scans.conflicts(None, drive().rig) is None
+    assert scans.conflicts(drive_clouds()[1], drive().rig) is None
 
 
 def test_a_clean_drive_with_traffic_has_none() -> None:
-    assert conflicts(CLOUDS) == [None, 0, 0, 0, 0, 0]
+    assert conflicts(drive_clouds()) == [None, 0, 0, 0, 0, 0]
 
 
 def test_a_ghost_car_is_found_as_it_appears_and_as_long_as_it_stays() -> None:
     ghost = GhostCar(60, 8.0)
-    found = conflicts([*CLOUDS[:2], *(ghost.apply(cloud, RIG) for cloud in CLOUDS[2:])])
+    found = conflicts([*drive_clouds()[:2], *(ghost.apply(cloud, drive().rig) for cloud in drive_clouds()[2:])])
     assert found[:2] == [None, 0]
     assert all(number is not None and number > 40 for number in found[2:])
 
 
 def test_what_is_there_from_the_first_scan_on_is_not_found() -> None:
-    assert conflicts([BogusWall(8.0, 0.0).apply(cloud, RIG) for cloud in CLOUDS]) == [None, 0, 0, 0, 0, 0]
+    assert conflicts([BogusWall(8.0, 0.0).apply(cloud, drive().rig) for cloud in drive_clouds()]) == [
+        None,
+        0,
+        0,
+        0,
+        0,
+        0,
+    ]
 
 
 @pytest.mark.parametrize("moved_m", [0.0, 3.0, -3.0])
@@ -122,15 +143,15 @@ def test_echoes_from_below_the_road_do_not_make_the_road_a_thing() -> None:
 
 
 def test_a_stream_of_frames_has_the_statistic_from_its_second_scan_on_and_says_where() -> None:
-    frames = [DRIVE.frame(number) for number in range(3)]
+    frames = [drive().frame(number) for number in range(3)]
     assert frames[2].cloud is not None
-    ghost = replace(frames[2], cloud=GhostCar(60, 8.0).apply(frames[2].cloud, RIG))
-    measured = list(measure_stream([*frames[:2], ghost], RIG, MATCHER))
+    ghost = replace(frames[2], cloud=GhostCar(60, 8.0).apply(frames[2].cloud, drive().rig))
+    measured = list(measure_stream([*frames[:2], ghost], drive().rig, MATCHER))
     of_views = [one[0].shares.get(SensorCheck(Check.FREE_SPACE_CONFLICT, 0, (3,))) for one in measured]
     assert of_views[:2] == [None, 0]
     assert of_views[2] is not None
     assert of_views[2] > 0.5
-    [region] = localise(measured[2][1], [0], RIG)
+    [region] = localise(measured[2][1], [0], drive().rig)
     assert region.points is not None
     assert region.points > 40
     assert region.solid is not None
@@ -140,7 +161,7 @@ def test_a_stream_of_frames_has_the_statistic_from_its_second_scan_on_and_says_w
 def test_the_statistic_grows_with_the_points_in_view_and_is_a_half_at_forty() -> None:
     there = (thing(20, 0, points=40) + np.array([0, 0, 1.0])).astype(np.float32)
     behind = there * np.array([-1, 1, 1], dtype=np.float32)
-    assert measure_free_space_conflict(there, RIG, 3) == pytest.approx(0.5)
-    assert measure_free_space_conflict(np.concatenate([there, behind]), RIG, 3) == pytest.approx(0.5)
-    assert measure_free_space_conflict(behind, RIG, 3) == 0
-    assert measure_free_space_conflict(there[:0], RIG, 3) == 0
+    assert measure_free_space_conflict(there, drive().rig, 3) == pytest.approx(0.5)
+    assert measure_free_space_conflict(np.concatenate([there, behind]), drive().rig, 3) == pytest.approx(0.5)
+    assert measure_free_space_conflict(behind, drive().rig, 3) == 0
+    assert measure_free_space_conflict(there[:0], drive().rig, 3) == 0

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure_stream
 from auditor.measurement.checks.parallax_conflict import (
     Moment,
@@ -22,24 +22,28 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check, CountedPair
 from auditor.model.frames import Frame, Skipped
 
-DRIVE = make_drive(2, 8, n_cameras=1)
 WALL = BogusWall(range_m=9.0, lateral_m=-1.5, seed=1)
 SGBM = find_matcher("sgbm")
 
 
 @cache
+def drive() -> SyntheticDrive:
+    return make_drive(2, 8, n_cameras=1)
+
+
+@cache
 def frame_of(number: int) -> Frame:
-    return DRIVE.frame(number)
+    return drive().frame(number)
 
 
 def moment(number: int, *, wall: bool = False, at_s: float = 0.0) -> Moment:
     frame = frame_of(number)
-    cloud = WALL.apply(frame.cloud, DRIVE.rig) if wall else frame.cloud
-    return Moment(frame.stamp_ns + int(at_s * 1e9), frame.images[1].pixels, lidar_view(cloud, DRIVE.rig, 1))
+    cloud = WALL.apply(frame.cloud, drive().rig) if wall else frame.cloud
+    return Moment(frame.stamp_ns + int(at_s * 1e9), frame.images[1].pixels, lidar_view(cloud, drive().rig, 1))
 
 
 def on_wall(moment: Moment) -> np.ndarray:
-    right, _, ahead = DRIVE.rig.lidar.rig_SE3_lidar[:3, :3] @ moment.view.point_m.T
+    right, _, ahead = drive().rig.lidar.rig_SE3_lidar[:3, :3] @ moment.view.point_m.T
     return (np.abs(ahead - WALL.range_m) < 0.1) & (np.abs(right - WALL.lateral_m) < WALL.width_m / 2)
 
 
@@ -87,9 +91,9 @@ def test_a_cloud_of_few_points_compares_nothing():
     now, before = moment(4), moment(3)
     frame = frame_of(4)
     few = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[::2000])
-    assert not parallax_conflicts(replace(now, view=lidar_view(few, DRIVE.rig, 1)), before).points.valid.any()
+    assert not parallax_conflicts(replace(now, view=lidar_view(few, drive().rig, 1)), before).points.valid.any()
     none = replace(frame.cloud, xyz_m=frame.cloud.xyz_m[:0])
-    assert parallax_conflicts(replace(now, view=lidar_view(none, DRIVE.rig, 1)), before).points.valid.size == 0
+    assert parallax_conflicts(replace(now, view=lidar_view(none, drive().rig, 1)), before).points.valid.size == 0
 
 
 def test_a_camera_that_only_turned_compares_nothing():
@@ -139,7 +143,7 @@ def test_conflicts_are_those_whose_neighbours_are_found_as_far_away():
 
 def test_a_stream_compares_each_frame_with_the_one_before_across_skipped_ones():
     frames = [frame_of(1), frame_of(2), Skipped(3, 0, "too few"), frame_of(4)]
-    measured = [one for one in measure_stream(frames, DRIVE.rig, SGBM) if not isinstance(one, Skipped)]
+    measured = [one for one in measure_stream(frames, drive().rig, SGBM) if not isinstance(one, Skipped)]
     counted = CountedPair(Check.PARALLAX_CONFLICT, 1, 1, 0)
     valid = [int(one.cells[counted].valid.sum()) for one, _ in measured]
     assert valid[0] == 0
