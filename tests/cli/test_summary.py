@@ -99,6 +99,7 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
                 frames=1,
                 fresh=True,
                 calibration_warnings=("it does not fit",),
+                remarks=(),
             )
             yield SimpleNamespace(item=task, error=None, result=result)
 
