@@ -300,37 +300,62 @@ def in_one_line(error: Exception) -> str:
 def _create_stored(
     filling: _Filling, schema: TableSchema, alone: list[str], packs: list[str], hidden: Collection[str]
 ) -> None:
-    """The table `stored_<name>` with the columns of its schema file, which all files of a version have.
+    """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
     The files of one id of small tables are read here and now: thousands of files of one row each would else be opened
-    whenever a view over them is made.
+    whenever a view over them is made. Files of large tables are all opened only where their manifest shows that their
+    columns differ.
     """
-    name = schema.name
+    name, manifest = schema.name, LARGE.get(schema.name)
+    mixed = manifest is None or _versions(filling.connection, manifest) > 1
     kind = "VIEW" if name in LARGE else "TABLE"
     if packs:
-        _create_of_files(filling, kind, f"raw_{name}_alone", schema, alone)
-        _create_of_files(filling, "VIEW", f"raw_{name}_packs", schema, packs)
+        _create_of_files(filling, kind, f"raw_{name}_alone", schema, alone, mixed=mixed)
+        _create_of_files(filling, "VIEW", f"raw_{name}_packs", schema, packs, mixed=mixed)
         filling.create("TABLE", f"raw_{name}_hidden", "SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
         counting = f" ANTI JOIN raw_{name}_hidden ON {ID_COLUMNS[name]} = id" if hidden else ""
         both = f"FROM raw_{name}_alone UNION ALL FROM raw_{name}_packs{counting}"
         filling.create("VIEW", f"stored_{name}", both)  # our own names
     else:
-        _create_of_files(filling, kind, f"stored_{name}", schema, alone)
+        _create_of_files(filling, kind, f"stored_{name}", schema, alone, mixed=mixed)
     filling.readable.extend([*(alone if name in LARGE else ()), *packs])
 
 
-def _create_of_files(filling: _Filling, kind: str, name: str, schema: TableSchema, files: list[str]) -> None:
+def _create_of_files(
+    filling: _Filling, kind: str, name: str, schema: TableSchema, files: list[str], *, mixed: bool
+) -> None:
     """A table or view of the rows of some files, with the columns of the schema."""
+    if not files:
+        filling.create(kind, name, _select(schema, "WHERE false", present=()))
+        return
     # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
     listed = ", ".join(f"'{file}'" for file in files)  # our own names: <table>/<id>
-    rows = f"FROM read_parquet([{listed}])" if files else "WHERE false"
-    columns = ", ".join(f"{one.name if files else 'NULL'}::{one.type} AS {one.name}" for one in schema.columns)
-    filling.create(kind, name, f"SELECT {columns} {rows}")
+    rows = f"FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})"
+    try:
+        filling.create(kind, name, _select(schema, rows))
+    except duckdb.BinderException:  # an earlier version wrote fewer columns; to ask each time takes twice as long
+        present = {column for column, *_ in filling.connection.execute(f"DESCRIBE {rows}").fetchall()}
+        filling.create(kind, name, _select(schema, rows, present))
+
+
+def _select(schema: TableSchema, rows: str, present: Collection[str] | None = None) -> str:
+    """SQL of the schema's columns of these rows; those that are not `present` are NULL."""
+    have = {column.name for column in schema.columns} if present is None else present
+    columns = ", ".join(f"{c.name if c.name in have else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
+    return f"SELECT {columns} {rows}"  # our own names
 
 
 def _create_pictures(filling: _Filling, files: list[str]) -> None:
     """The table `stored_pictures`: the files of pictures, which are no Parquet."""
     filling.create("TABLE", "stored_pictures", "SELECT unnest(CAST(? AS VARCHAR[])) AS file", [files])
+
+
+def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
+    """How many versions the finished files of a manifest were written with."""
+    versions = "COLUMNS('^(schema|experiments)_version$')"
+    distinct = f"SELECT count(*) FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608  # our own name
+    [(versions,)] = connection.execute(distinct).fetchall()
+    return int(versions)
 
 
 def _shows_comments(text: str) -> bool:
@@ -349,6 +374,7 @@ def needed_by(text: str) -> frozenset[str]:
         return names
     while True:
         behind = {word for name in found & bodies.keys() for word in _words(bodies[name])} & names
+        behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
         if behind <= found:
             return found
         found |= behind

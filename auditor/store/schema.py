@@ -26,7 +26,7 @@ _SIMPLE_TYPES = {
 _NESTED_TYPE = re.compile(r"(STRUCT|MAP|DECIMAL)\((.*)\)")
 
 SCHEMA_VERSION = 13
-"""Raised whenever a table or a column changes, or a stored word of what scans keep.
+"""Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
 `upgrade` brings stores of the versions UPGRADED_FROM to this one.
 """

@@ -57,11 +57,12 @@ def _store(folder: Path) -> str:
 def _stored(schema: TableSchema) -> str:
     """The table or view `stored_<name>`, which has all columns of its schema whatever the files have."""
     manifest, files = LARGE.get(schema.name), f"auditor_{schema.name}"
+    mixed = f"{files}_mixed" if manifest else None
     nothing = f"SELECT {', '.join(f'NULL::{one.type} AS {one.name}' for one in schema.columns)} WHERE false"
     of_files = (files, *([f"{files}_packs"] if schema.name in PACKED else []))
     reads = []
     for one in of_files:
-        read = f"FROM read_parquet(getvariable('{one}'))"
+        read = f"FROM read_parquet(getvariable('{one}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
         read += "" if one == files else f" WHERE {_counts(schema, manifest)}"
         reads.append(f"CASE WHEN len({_variable(one)}) > 0 THEN {literal(f'({read}) UNION ALL BY NAME ')} ELSE '' END")
     source = " || ".join([*reads, literal(nothing)])
@@ -72,6 +73,7 @@ def _stored(schema: TableSchema) -> str:
         f"-- {schema.sentence}",
         *(_packs(schema) if schema.name in PACKED else ()),
         f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
+        *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
         f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
     ]
     return "\n".join(lines) + "\n"
@@ -124,6 +126,12 @@ def _in_folder(schema: TableSchema) -> str:
 def _found_in_folder(schema: TableSchema) -> str:
     folder = f"{_variable('auditor_pattern')} || '/{schema.name}/*.parquet'"
     return f"FROM glob({folder}) WHERE regexp_full_match(parse_filename(file, true), '{_IDS}')"
+
+
+def _differ(manifest: str) -> str:
+    """Whether the files of a manifest were written with more than one version, so that their columns may differ."""
+    versions = "COLUMNS('^(schema|experiments)_version$')"
+    return f"SELECT count(*) > 1 FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608 - our own names
 
 
 _INDEX = f"""\
