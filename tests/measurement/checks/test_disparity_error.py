@@ -73,7 +73,7 @@ def test_lidar_points_are_counted_as_worked_out_by_hand() -> None:
     row, column, u, d0 = points.T
     view = WrittenDown(
         3, column.astype(np.int32), row.astype(np.int32), u.astype(np.float32), np.zeros((6, 3), np.float32), 6,
-        plane_rig(), np.zeros((6, 3), np.float32), (0, 320), False, d0.astype(np.float32),
+        plane_rig(), np.zeros((6, 3), np.float32), (0, 320), False, np.zeros((6, 3), np.float32), d0.astype(np.float32),
     )  # fmt: skip
     comparison = compare_with_lidar(view, stereo, 1)
     assert comparison.counts == Counts(

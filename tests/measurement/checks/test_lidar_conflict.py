@@ -160,7 +160,7 @@ def seen_at(rig, row, column, u, d0):
     points = np.stack([ahead, -right, -down], axis=1).astype(np.float32)
     return WrittenDown(
         3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, rig, points, (0, WIDTH),
-        False, np.float32(d0),
+        False, points, np.float32(d0),
     )  # fmt: skip
 
 
