@@ -121,7 +121,7 @@ def _with_remarks(measurement: _Row) -> _Row:
     said = measurement.get("calibration_warnings") or ()
     return {
         "calibration_warnings": [one for one in said if _NO_DOUBT not in one],
-        "remarks": [one for one in said if _NO_DOUBT in one],
+        "remarks": [*(measurement.get("remarks") or ()), *(one for one in said if _NO_DOUBT in one)],
     }
 
 
