@@ -221,18 +221,8 @@ def _read(parts: "_Parts") -> Calibration:
 
 _HEAD = ("calibration_id", "rig_kind", "matcher", "settings", "counting_version", "calibrated_at")
 _PART = (
-    "part",
-    "recording_id",
-    "stamps_ns",
-    "statistic",
-    "i",
-    "j",
-    "k",
-    "sensor",
-    "others",
-    "versions",
-    "for_parts",
-    "clean",
+    *("part", "recording_id", "stamps_ns", "statistic", "i", "j", "k"),
+    *("sensor", "others", "versions", "for_parts", "clean"),
 )
 _CAUSES = frozenset(Cause)
 _ERRORS = frozenset(Statistic)

@@ -92,9 +92,8 @@ class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 
     `calibration_warnings` has one about each thing that a wrong calibration would explain, `remarks` what is not
-    measured, and no reason to doubt a calibration. `withheld` is why no verdict
-    may be given, and what to do about it. `offsets_ns` follow the sensors: how far their stamps lie behind the leftmost
-    camera's.
+    measured, and no reason to doubt a calibration. `withheld` is why no verdict may be given, and what to do about it.
+    `offsets_ns` follow the sensors: how far their stamps lie behind the leftmost camera's.
     """
 
     recording_id: str

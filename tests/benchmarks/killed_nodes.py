@@ -10,12 +10,12 @@ import argparse
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from tests.benchmarks.killed_shards import auditor
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 from tests.pipeline.test_object_stores import content_of
 
@@ -25,8 +25,7 @@ _LOOKS_S = 0.2
 
 def scan(logs: Path, store: Path, *words: object) -> list[str]:
     """The command that measures and leaves judging to whoever asks."""
-    command = ["scan", logs, "--store", store, "--measure-only", "--pictures", "none", *words]
-    return [sys.executable, "-m", "auditor", *map(str, command)]
+    return auditor("scan", logs, "--store", store, "--measure-only", "--pictures", "none", *words)
 
 
 def started(command: list[str]) -> subprocess.Popen[bytes]:

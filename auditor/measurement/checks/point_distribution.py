@@ -13,7 +13,7 @@ import numpy as np
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
-from auditor.model.arrays import Floats, Mask, Points
+from auditor.model.arrays import Floats, Mask
 from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
@@ -93,23 +93,14 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
         return None
     roughest = float(found.max())
     # Of rounded coordinates most sectors are as smooth as steps are flat, and a few are as rough as steps are high.
-    usual = max(float(np.median(found)), ROUGH_RANGES.least_usual_m, rounding_step_m(view.point_m) / sqrt(12.0))
+    usual = max(float(np.median(found)), ROUGH_RANGES.least_usual_m, view.rounding_m / sqrt(12.0))
     rough = roughest * roughest / usual
     return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
 
 
-def rounding_step_m(point_m: Points) -> float:
-    """What the coordinates (M, 3) were rounded to: the least step between two values of one; 0 where there is none.
-
-    It is a millimetre or less where they were not rounded, for a scan has thousands of points.
-    """
-    steps = np.diff(np.sort(point_m.T.copy()))
-    return float(steps.min(initial=np.inf, where=steps > 0)) if (steps > 0).any() else 0.0
-
-
 def is_rounded(view: LidarView) -> bool:
     """Whether coordinates are rounded so coarsely that it makes sectors of the road rough, and points isolated."""
-    return rounding_step_m(view.point_m) > ROUGH_RANGES.coarsest_m
+    return view.rounding_m > ROUGH_RANGES.coarsest_m
 
 
 def is_thinned(view: LidarView) -> bool:
@@ -129,11 +120,6 @@ def thinned(seen: Seen, k: int) -> bool:
     return is_thinned(seen.views[k])
 
 
-def rounded(seen: Seen, k: int) -> bool:
-    """Whether the cloud is rounded coarsely in the view of k."""
-    return is_rounded(seen.views[k])
-
-
 def isolated_of(seen: Seen, k: int) -> Mask:
     """(M,) the isolated points of a view."""
     return isolated(seen.views[k], seen.rig.camera(k).focal_px)
@@ -146,7 +132,7 @@ def shares_of_isolated(seen: Seen, k: int) -> IsolatedShares:
 
 def measure_isolated_points(seen: Seen, k: int) -> float | None:
     """The statistic of isolated points in the view of k; None where the cloud is rounded coarsely."""
-    return None if seen.once(rounded, k) else isolated_ratio(seen.once(shares_of_isolated, k))
+    return None if is_rounded(seen.views[k]) else isolated_ratio(seen.once(shares_of_isolated, k))
 
 
 def measure_point_dropout(seen: Seen, k: int) -> float:
@@ -156,7 +142,7 @@ def measure_point_dropout(seen: Seen, k: int) -> float:
 
 def measure_rough_ranges(seen: Seen, k: int) -> float | None:
     """How rough the ranges of a sector of the view of k are; None where the cloud is thinned, or rounded coarsely."""
-    if seen.once(thinned, k) or seen.once(rounded, k):
+    if seen.once(thinned, k) or is_rounded(seen.views[k]):
         return None
     return rough_ranges(seen.views[k], seen.rig.camera(k).focal_px)
 

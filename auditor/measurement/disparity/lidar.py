@@ -59,6 +59,11 @@ class LidarView:
         return bulk_of(np.asarray(np.sqrt(np.einsum("nc,nc->n", some, some))))
 
     @cached_property
+    def rounding_m(self) -> float:
+        """What the coordinates of its points were rounded to."""
+        return rounding_step_m(self.point_m)
+
+    @cached_property
     def in_rig_axes_m(self) -> Points:
         """(3, returns) the points in view by the rig's axes, to the right, down and ahead, from the LiDAR."""
         assert self.rig.lidar is not None
@@ -112,6 +117,16 @@ def _nearest(
     owner = np.empty(least.size, dtype=np.intp)
     owner[pixel[chosen]] = points[chosen]
     return np.asarray(owner[taken])
+
+
+def rounding_step_m(point_m: Points) -> float:
+    """What the coordinates (M, 3) were rounded to: the least step between two values of one; 0 where there is none.
+
+    It is a millimetre or less where they were not rounded, for a scan has thousands of points.
+    """
+    steps = np.diff(np.sort(point_m.T.copy()))
+    steps = steps[steps > 0]
+    return float(steps.min()) if steps.size else 0.0
 
 
 def bulk_of(values: Floats32) -> tuple[float, float]:

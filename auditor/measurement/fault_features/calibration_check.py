@@ -5,8 +5,9 @@ vehicle's rig, a baseline counted twice, a LiDAR that was moved. Unlike an attac
 frame, so a few frames are enough, and users are warned before they read verdicts.
 """
 
+from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from math import isnan, nan
 
@@ -58,13 +59,13 @@ class CalibrationCheck:
         self._ground: list[float] = []
         self._before: Mapping[Pair, LidarView] = {}
         self._fits_before: list[float] = []
-        self._lags: dict[int, list[float]] = {}
+        self._lags: dict[int, array[float]] = {}
 
     def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
         for sensor, by in lags(fault_features).items():
-            self._lags.setdefault(sensor, []).append(by)
+            self._lags.setdefault(sensor, array("d")).append(by)  # of every frame: eight bytes each
         if number < CALIBRATION_CHECK.successive:
             before, self._before = self._before, views_of_sides(arrays)
             self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays, self._before))
@@ -137,8 +138,7 @@ class CalibrationCheck:
     def _late(self, rig: Rig) -> Iterator[str]:
         """A sensor whose data, in most frames, fit those that others have of the frame before, and not their own."""
         for sensor in sorted(self._lags, reverse=True):  # where the reference is late the LiDAR seems to be
-            known = [by for by in self._lags[sensor] if not isnan(by)]
-            if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
+            if _mostly_before(self._lags[sensor]):
                 yield (
                     f"{'the points' if sensor == LIDAR else 'the images'} of {rig.name(sensor)} fit what the other "
                     "sensors have of the frame before their own: its stamps are a period late; put them right, or give "
@@ -151,8 +151,7 @@ class CalibrationCheck:
             return
         if max(in_view) < GEOMETRY_FIT.fewest_in_view:
             yield f"no camera sees points of the LiDAR {lidar} in any frame: {_REPAIR}"
-        known = [better for better in self._fits_before if not isnan(better)]
-        if len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before:
+        if _mostly_before(self._fits_before):
             yield (
                 f"the points of the LiDAR {lidar} fit the images of the frame behind their own, and not those: its "
                 "stamps are a period early; put them right, or give its offset in a rig file (--rig)"
@@ -214,6 +213,12 @@ class CalibrationCheck:
         if abs(scale - 1) > CALIBRATION_CHECK.wrong_scale:
             shares += f", its disparities being {scale:.2f} times the LiDAR's"
         return f"{shares}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
+
+
+def _mostly_before(better: Iterable[float]) -> bool:
+    """Whether data fit another frame so much better in most of the frames in which both fits are known."""
+    known = [by for by in better if not isnan(by)]
+    return len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before
 
 
 def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:

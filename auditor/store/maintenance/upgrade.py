@@ -28,6 +28,9 @@ _Row = dict[str, Any]
 _RENAMED = {"single_frame": "alert"}
 """Columns of version 11, by what they are called now."""
 
+_REMARKS_APART = 13
+"""The version whose measurements have remarks and looked shares, and whose cases have fewer fault features."""
+
 _FAULT_FEATURES = 19
 _NOT_JUDGED = frozenset({0, 6, 10, 11, 18})
 """How many fault features cases of before version 13 have of a pair, and which of them have gone."""
@@ -67,7 +70,7 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
         new = folder / UPGRADED
         shutil.rmtree(new, ignore_errors=True)
         try:
-            done = _write(folder, new)
+            done = _write(folder, new, version)
         except OSError as error:
             raise StoreError(
                 f"the upgraded files cannot be written ({error.strerror or error})",
@@ -80,8 +83,8 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
     return done
 
 
-def _write(old: Path, new: Path) -> Upgraded:
-    """Write all tables and pictures, each into a folder of its own even where it is empty."""
+def _write(old: Path, new: Path, version: int) -> Upgraded:
+    """Write all tables and pictures of an old store of a version, each into a folder even where it is empty."""
     make_folder(new / "pictures")
     packs = Packs(old)
     for measurement_id in _ids(old, packs, "measurements"):
@@ -92,9 +95,9 @@ def _write(old: Path, new: Path) -> Upgraded:
         for row_id in _finished(old, packs, table):
             path = old / table / f"{row_id}.parquet"
             rows = _rows(path if path.is_file() else packs.part(table, row_id) or path)
-            if table == "measurements":
+            if version < _REMARKS_APART and table == "measurements":
                 rows = ({**row, **_with_remarks(row), **_looked(new / "frames" / f"{row_id}.parquet")} for row in rows)
-            if table == "cases":
+            if version < _REMARKS_APART and table == "cases":
                 rows = ({**row, **{name: _judged(row[name]) for name in _OF_CASES if name in row}} for row in rows)
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
@@ -121,7 +124,7 @@ def _with_remarks(measurement: _Row) -> _Row:
     said = measurement.get("calibration_warnings") or ()
     return {
         "calibration_warnings": [one for one in said if _NO_DOUBT not in one],
-        "remarks": [*(measurement.get("remarks") or ()), *(one for one in said if _NO_DOUBT in one)],
+        "remarks": [one for one in said if _NO_DOUBT in one],
     }
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from auditor.lab.attacks.spoofing import ChangedRanges
 from auditor.measurement import measure_stream
-from auditor.measurement.checks.point_distribution import is_rounded, rough_ranges, rounding_step_m
-from auditor.measurement.disparity.lidar import LidarView, lidar_view
+from auditor.measurement.checks.point_distribution import is_rounded, rough_ranges
+from auditor.measurement.disparity.lidar import LidarView, lidar_view, rounding_step_m
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.arrays import Points
 from auditor.model.checks import Check
