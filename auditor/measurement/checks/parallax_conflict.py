@@ -40,6 +40,8 @@ _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
 _AT_ONCE = 256
 """Points that are compared with all others at once: memory stays bounded."""
+_PATCHES_AT_ONCE = 2048
+"""Patches that are looked for at once."""
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
@@ -220,14 +222,10 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     patches, norms = _patches(now, sought.pixel)
     beside = {o: _ncc(patches, norms, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
     at_range = np.max([*beside.values()], axis=0)
-    # Elsewhere NCC is 1 at most. Those of most parallax go first: what has enough for an offset lies side by side.
+    # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
-    order = np.argsort(-sought.parallax_px[doubtful], kind="stable")
-    these = doubtful[order]
-    known = {o: ncc[these] for o, ncc in beside.items()}
-    found_best, found_at = _best_elsewhere(patches[these], norms[these], before, sought.chosen(these), known)
-    best, offset = np.empty_like(found_best), np.empty_like(found_at)
-    best[order], offset[order] = found_best, found_at
+    known = {o: ncc[doubtful] for o, ncc in beside.items()}
+    best, offset = _best_elsewhere(patches[doubtful], norms[doubtful], before, sought.chosen(doubtful), known)
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
     elsewhere = best > np.maximum(PARALLAX_CONFLICT.consistent, clearly)
     agrees = at_range > PARALLAX_CONFLICT.agreeing
@@ -266,16 +264,19 @@ def _best_elsewhere(
 ) -> tuple[Floats32, Floats]:
     """(P,) the largest NCC on the points' lines, not at the LiDAR's range, and how many px from there it is.
 
-    No farther away than the point at infinity; -1 where it is the last of what is tried, which may be no peak. The
-    points come in the order of their parallax, the largest first; their NCC is `known` at some offsets.
+    No farther away than the point at infinity; -1 where it is the last of what is tried, which may be no peak. Their
+    NCC is `known` at some offsets.
     """
-    found = np.full((_OFFSETS.size, sought.point.size), -1, dtype=np.float32)
-    for step, offset in enumerate(_OFFSETS.tolist()):
-        some = slice(np.count_nonzero(sought.parallax_px + offset >= -1))
-        if offset in known:
-            found[step, some] = known[offset][some]
-        elif some.stop:
-            found[step, some] = _ncc(patches[some], norms[some], before, sought.chosen(some), offset)
+    tried = sought.parallax_px + _OFFSETS[:, None] >= -1
+    found = np.full(tried.shape, -1, dtype=np.float32)
+    for offset, ncc in known.items():
+        step = offset - _OFFSETS[0]
+        found[step, tried[step]] = ncc[tried[step]]
+        tried[step] = False
+    steps, points = np.nonzero(tried)
+    for begin in range(0, steps.size, _PATCHES_AT_ONCE):
+        step, point = steps[begin : begin + _PATCHES_AT_ONCE], points[begin : begin + _PATCHES_AT_ONCE]
+        found[step, point] = _ncc(patches[point], norms[point], before, sought.chosen(point), _OFFSETS[step])
     elsewhere = np.where(np.abs(_OFFSETS[:, None]) <= _BESIDE, np.float32(-1), found)
     best = elsewhere.argmax(axis=0)
     at_an_end = (best == 0) | (best == len(_OFFSETS) - 1)
@@ -296,7 +297,7 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: int) -> Floats32:
+def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: Indices | int) -> Floats32:
     """(P,) the NCC of patches now with the picture before, `offset` px from where the LiDAR's range puts them.
 
     What came nearer was smaller a moment ago.
