@@ -1,13 +1,14 @@
 """The templates in `reports/`, filled: every page escapes all text, and fails where a value is missing."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from decimal import Decimal
 from types import CodeType
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from auditor.model.checks.kinds import label_of
 from auditor.model.text import one_line
@@ -52,8 +53,13 @@ def first_upper(text: str | Markup) -> str | Markup:
     return text[:1].upper() + text[1:]
 
 
+def with_indices(text: str) -> Markup:
+    """Text with sensors as S_1, whose numbers are set as indices."""
+    return Markup(re.sub(r"\bS_(\d+)", r"S<sub>\1</sub>", str(escape(text))))
+
+
 FILTERS: Mapping[str, Callable[..., Any]] = {
-    one.__name__: one for one in (count, duration, first_upper, percent, rate, thousands)
+    one.__name__: one for one in (count, duration, first_upper, percent, rate, thousands, with_indices)
 }
 """The filters of the templates of incidents and of the fleet."""
 

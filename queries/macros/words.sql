@@ -60,8 +60,8 @@ CREATE MACRO cause_in_words(cause, sensor) AS
         WHEN 'late' THEN 'S_' || sensor || ' lags by a frame'
         WHEN 'displaced' THEN 'S_' || sensor || ' has turned since it was calibrated'
         WHEN 'soiled' THEN 'something changes what S_' || sensor || ' sees and adds no light, as dirt does'
-        WHEN 'exposure' THEN 'S_' || sensor || ' is not as bright beside the others as it usually is'
-        WHEN 'white_balance' THEN 'S_' || sensor || ' sees redder or bluer beside the others than it usually does'
+        WHEN 'exposure' THEN 'S_' || sensor || ' as a whole is brighter or darker than usual beside the others'
+        WHEN 'white_balance' THEN 'S_' || sensor || ' as a whole is redder or bluer than usual beside the others'
         WHEN 'dark' THEN 'all cameras are dark'
         WHEN 'glare' THEN 'all cameras are dazzled'
         WHEN 'rain' THEN 'S_' || sensor || ' sees drops all around, as in rain'
@@ -83,5 +83,5 @@ CREATE MACRO causes_in_words(causes) AS
                 'words': one['words']
             }
         )),
-        lambda one: one['words'] || format(' ({:.2f})', one['score'])
+        lambda one: one['words'] || format(' (score {:.2f} of 1)', one['score'])
     ), ', '), '');

@@ -78,6 +78,6 @@ def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     ]
     record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), RULES, NOON)
     store.write_judgement(record, verdicts)
-    told = "S_0 sees drops all around, as in rain (0.75)"
+    told = "S_0 sees drops all around, as in rain (score 0.75 of 1)"
     rows = run_sql(store, "SELECT causes_in_words(causes) AS told FROM verdicts ORDER BY frame").to_pylist()
-    assert [row["told"] for row in rows] == [told, f"{told}, all cameras are dark (0.25)"]
+    assert [row["told"] for row in rows] == [told, f"{told}, all cameras are dark (score 0.25 of 1)"]

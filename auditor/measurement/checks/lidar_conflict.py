@@ -65,17 +65,20 @@ def verify_conflicts(
 ) -> VerifiedConflicts:
     """Compare DM_{0,k} at a source camera with DM_{j,k}, and keep the inconsistent pixels that the images confirm.
 
-    `half_res` are the half-resolution grey images of the reference and the source, `consistency` compares them.
+    A point nearer than the matcher searches conflicts as any other does: the images are compared at its disparity, and
+    what is there matches there. `half_res` are the half-resolution grey images of the reference and the source,
+    `consistency` compares them.
     """
     d0, place = view.disparity_px(source), view.place(stereo.step, stereo.disparity_px.shape[1])
-    seen = stereo.valid.take(place) & (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
+    seen = stereo.valid.take(place) & (view.u_px - d0 >= 1)
     seen &= visible_to_source(view, rig, source, d0)
     ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     ds = stereo.disparity_px.take(place)
     over = inconsistent(d0, ds)
 
     valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
-    clear = seen & (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
+    clear = seen & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
+    clear &= (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
     conflicting, nearer = _Candidates.of(valid & over), _Candidates.of(clear & over & (d0 > ds))
     # Most candidates are those of both questions.
     every = np.union1d(conflicting.sample, nearer.sample)

@@ -96,8 +96,16 @@ def test_only_points_that_the_images_can_verify_are_valid():
     assert not result.valid[result.column > 235].any()
 
 
-def test_points_beyond_the_matcher_s_range_are_not_valid():
-    near = judged(plane_cloud(1.4))  # 300 px 0.6 m / 1.4 m = 129 px
+def test_a_wall_nearer_than_the_matcher_searches_is_in_conflict():
+    near = judged(plane_cloud(1.4))  # 300 px 0.6 m / 1.4 m = 129 px of 128
+    seen = near.column > 135
+    assert near.lidar_conflicts[seen & (near.column < WIDTH - BORDER_PX)].mean() > 0.9
+    assert not near.votes.clear.any()
+
+
+def test_a_surface_that_is_nearer_than_the_matcher_searches_is_in_no_conflict():
+    near = judged(plane_cloud(1.4), plane_images(plane_rig(), 1.4))
+    assert near.row.size > 5000
     assert not near.valid.any()
 
 
@@ -217,7 +225,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         cell = row[n] // 2, column[n] // 2
         ds = disparity[cell]
         inside = 0 <= round((u[n] - d0[n]) / 2) < grid[1]
-        counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
+        counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and inside
         counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
