@@ -194,7 +194,11 @@ class _Judge:
         self._scores = attack_scores(self._z, system, self._unused)
         still = sensors_where(system.sensors, series.frozen)
         faults = [()] * len(still) if without_causes else _fault_hypotheses(series, thresholds)
-        self._hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
+        fired = self._scores > thresholds.limit
+        self._hypotheses = [
+            _with_frozen(sensors, _without_blurred(others) if one else others)
+            for sensors, others, one in zip(still, faults, fired.tolist(), strict=True)
+        ]
         self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
         self._verdicts: dict[int, Verdict] = {}
 
@@ -292,6 +296,11 @@ def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequ
     if not series.fault_scores:
         return [()] * len(series.stamps_ns)
     return fault_hypotheses(series.fault_scores, thresholds.causes)
+
+
+def _without_blurred(causes: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
+    """The causes of a frame in which a check fired: light hides detail, and adds no second finding by it."""
+    return tuple(one for one in causes if one.cause is not Cause.BLURRED)
 
 
 def _fault_z(causes: Sequence[FaultHypothesis]) -> float:

@@ -118,7 +118,7 @@ class Coverage:
     compared_by_two_share: float | None = None
 
 
-BRIGHTNESS = ("level", "saturated_share", "blue_level", "red_level", "saturated_px")
+BRIGHTNESS = ("level", "saturated_share", "textureless_share", "blue_level", "red_level", "saturated_px")
 """What causes are told by of each camera: fields of Coverage."""
 
 

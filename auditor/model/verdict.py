@@ -74,7 +74,8 @@ class Cause(StrEnum):
     """What other than an attack may cause a finding.
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
-    SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. EXPOSURE: a camera's
+    SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. BLURRED: a camera shows far
+    less detail than the others, out of focus or behind something that scatters light. EXPOSURE: a camera's
     exposure, gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not.
     DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
     """
@@ -83,6 +84,7 @@ class Cause(StrEnum):
     LATE = "late"
     DISPLACED = "displaced"
     SOILED = "soiled"
+    BLURRED = "blurred"
     EXPOSURE = "exposure"
     WHITE_BALANCE = "white_balance"
     DARK = "dark"

@@ -44,16 +44,17 @@ HEALTHY = {
 }
 
 
-def seen(level=90.0, saturated=0.0, red=NAN, blue=NAN, **changed):
+def seen(level=90.0, saturated=0.0, red=NAN, blue=NAN, textureless=NAN, **changed):
     """Healthy frames but for some columns: one value for all pairs, or one a pair."""
     columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in COLUMNS}
     columns = {name: values.astype(np.float64) for name, values in columns.items()}
-    return ObservedFeatures(PAIRS, columns, CAMERAS, brightness(FRAMES, level, saturated, red, blue))
+    return ObservedFeatures(PAIRS, columns, CAMERAS, brightness(FRAMES, level, saturated, red, blue, textureless))
 
 
-def brightness(frames, level, saturated, red=NAN, blue=NAN):
+def brightness(frames, level, saturated, red=NAN, blue=NAN, textureless=NAN):
     """One value for all cameras, or one a camera."""
     known = {"level": level, "saturated_share": saturated, "red_level": red, "blue_level": blue}
+    known["textureless_share"] = textureless
     return {name: np.full((frames, len(CAMERAS)), known.get(name, NAN)) for name in BRIGHTNESS}
 
 
@@ -62,6 +63,15 @@ def likeliest(**changed):
     scores = fault_scores(seen(**changed), STAMPS_NS, SENSORS)
     causes = fault_hypotheses(scores, dict.fromkeys(scores, JUST_ENOUGH))[FRAMES // 2]
     return [(one.cause, one.sensor) for one in causes if one.score >= 0.5]
+
+
+def test_a_frame_beside_blurred_ones_is_not_blurred_itself():
+    sharp_then_not = seen()
+    sharp_then_not.brightness["textureless_share"][:] = 0.4
+    sharp_then_not.brightness["textureless_share"][3:, 1] = 0.9
+    blurred = fault_scores(sharp_then_not, STAMPS_NS, SENSORS)[Cause.BLURRED, 2]
+    assert (blurred[:3] <= 0).all()
+    assert (blurred[4:] > 1).all()
 
 
 @pytest.mark.parametrize(
@@ -77,6 +87,10 @@ def likeliest(**changed):
         ({"row_aligned": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
         ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "rotated": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
         ({"rotated_only": 60, "unrotated_only": 20}, [(Cause.DISPLACED, 0)]),
+        ({"textureless": (0.4, 0.6, 0.4)}, [(Cause.BLURRED, 2)]),
+        ({"textureless": (0.4, 0.5, 0.4)}, []),
+        ({"textureless": (0.4, 0.6, 0.6)}, []),
+        ({"textureless": (0.4, 0.6, 0.4), "level": (90.0, 75.0, 90.0)}, []),
         ({"rotated_only": (60, 20), "unrotated_only": (20, 60)}, []),
         ({"rotated_only": 2, "unrotated_only": 0}, []),
         ({"rotated_only": 60, "unrotated_only": 20, "bias_px": 5}, []),

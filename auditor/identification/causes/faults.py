@@ -46,7 +46,7 @@ LONGEST_WINDOW_S = max(TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.lasting_s)
 MIN_FRAMES = FROZEN.least_repeats
 """Frames that must be equal to the one before them: one repeat alone occurs where frames are faster than a sensor."""
 
-FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
+FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED, Cause.BLURRED})
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
 _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
@@ -86,7 +86,7 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
     return (
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
         *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
-        *((Cause.WHITE_BALANCE, camera) for camera in cameras if len(cameras) > 1),
+        *((cause, camera) for camera in cameras for cause in (Cause.WHITE_BALANCE, Cause.BLURRED) if len(cameras) > 1),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
     )
@@ -109,6 +109,7 @@ def fault_scores(
         found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
     if len(seen.cameras) > 1:
         found |= {(Cause.WHITE_BALANCE, camera): one for camera, one in zip(seen.cameras, _warmth(seen), strict=True)}
+        found |= {(Cause.BLURRED, camera): one for camera, one in zip(seen.cameras, _blurred(seen), strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
@@ -118,7 +119,9 @@ def fault_scores(
     scores = np.stack([*found.values()], axis=1)
     for those, seconds in ((~lasting, TEMPORAL_WINDOW.seconds), (lasting, TEMPORAL_WINDOW.lasting_s)):
         scores[:, those] = window_means(scores[:, those], stamp_ns, seconds, runs)
-    return dict(zip(found, np.ascontiguousarray(scores.T), strict=True))
+    of_window = dict(zip(found, np.ascontiguousarray(scores.T), strict=True))
+    # Light hides detail: the frames beside an attack are not blurred by it.
+    return {key: np.fmin(found[key], one) if key[0] is Cause.BLURRED else one for key, one in of_window.items()}
 
 
 def fault_hypotheses(
@@ -279,6 +282,20 @@ def _warmth(seen: ObservedFeatures) -> list[Floats]:
         others = np.delete(warmth, place, axis=1)
         alone = np.nan_to_num(np.fmax.reduce(others, axis=1)) * FAULT_SCORES.warmth_of_one_other
         found.append((warmth[:, place] - np.where(_enough(others), _medians(others), alone)) / FAULT_SCORES.warmth)
+    return found
+
+
+def _blurred(seen: ObservedFeatures) -> list[Floats]:
+    """By camera, how much less of its image has texture than of any other's, as a logarithm.
+
+    What is darker has less texture. So by how much it is darker than the darkest other one is taken off.
+    """
+    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], FAULT_SCORES.least_texture))
+    levels = np.log(np.maximum(seen.brightness["level"], 1.0))
+    found = []
+    for place in range(len(seen.cameras)):
+        less, darker = (np.fmin.reduce(np.delete(one, place, axis=1).T) - one[:, place] for one in (shares, levels))
+        found.append((less - np.maximum(darker, 0)) / FAULT_SCORES.blurred)
     return found
 
 

@@ -39,9 +39,7 @@ _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
 _AT_ONCE = 256
-"""Points that are compared with all others at once: memory stays bounded."""
-_PATCHES_AT_ONCE = 2048
-"""Patches that are looked for at once."""
+"""Points that are compared with all others at once, or eight times as many patches: memory stays bounded."""
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
@@ -274,8 +272,8 @@ def _best_elsewhere(
         found[step, tried[step]] = ncc[tried[step]]
         tried[step] = False
     steps, points = np.nonzero(tried)
-    for begin in range(0, steps.size, _PATCHES_AT_ONCE):
-        step, point = steps[begin : begin + _PATCHES_AT_ONCE], points[begin : begin + _PATCHES_AT_ONCE]
+    for begin in range(0, steps.size, 8 * _AT_ONCE):
+        step, point = steps[begin : begin + 8 * _AT_ONCE], points[begin : begin + 8 * _AT_ONCE]
         found[step, point] = _ncc(patches[point], norms[point], before, sought.chosen(point), _OFFSETS[step])
     elsewhere = np.where(np.abs(_OFFSETS[:, None]) <= _BESIDE, np.float32(-1), found)
     best = elsewhere.argmax(axis=0)
