@@ -1,9 +1,9 @@
 """What a recorder drew into a camera's pictures: the same levels at the same places in all of them.
 
 What a camera sees has noise, and so has light that falls into it: while the scene moves no patch of a picture has the
-levels that it had a picture before in all of its pixels, unless it saturates. A display, a caption or a logo that covers
-the picture does. It says nothing of the scene, so nothing is compared there. What saturates may be light, and stays; so
-does what the scene shines through, and what is narrower than a patch.
+levels that it had a picture before in all of its pixels, unless it saturates. A display, a caption or a logo that
+covers the picture does. It says nothing of the scene, so nothing is compared there. What saturates may be light, and
+stays; so does what the scene shines through, and what is narrower than a patch.
 """
 
 from collections.abc import Mapping
