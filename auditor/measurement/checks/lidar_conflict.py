@@ -73,7 +73,7 @@ def verify_conflicts(
     ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     ds = stereo.disparity_px.take(place)
     over = inconsistent(d0, ds)
-    mirrored = over & _mirrored(view, source, d0, ds)
+    mirrored = over & _mirrored(view, d0, ds)
     seen &= ~mirrored
     over &= ~mirrored
 
@@ -145,7 +145,7 @@ class _Candidates(NamedTuple):
         return found
 
 
-def _mirrored(view: LidarView, source: int, d0: Floats32, ds: Floats32) -> Mask:
+def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
     """(M,) mask of the points where stereo sees what lies below the road: wet ground mirrors what stands on it."""
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
