@@ -146,14 +146,15 @@ class _Candidates(NamedTuple):
 
 
 def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
-    """(M,) mask of the points where stereo sees what lies below the road: wet ground mirrors what stands on it."""
+    """(M,) mask of the points of the road where stereo sees what lies below it: wet ground mirrors what stands there."""
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
     to_rig = rig.lidar.rig_SE3_lidar.astype(np.float32)
     eye_m = -np.linalg.inv(camera.projection[:, :3])[1] @ camera.projection[:, 3] - to_rig[1, 3]
     below_m = view.point_m @ to_rig[1, :3]
     farther = d0 / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
-    return np.asarray(eye_m + (below_m - eye_m) * farther > view.road_m + LOST_RETURNS.above_road_m)
+    on_road = below_m > view.road_m - LOST_RETURNS.above_road_m
+    return np.asarray(on_road & (eye_m + (below_m - eye_m) * farther > view.road_m + LOST_RETURNS.above_road_m))
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

@@ -191,13 +191,13 @@ def passes_over(rig, row, u, d0, disparity):
     return bool(inside and disparity[row_there, column_there] < ds - 3)
 
 
-def below_road(view, row, ds):
-    """Whether what stereo sees in a row lies a quarter of a metre below the road that the LiDAR's points show."""
+def below_road(view, n, row, ds):
+    """Whether a point is of the road, and what stereo sees in its row lies a quarter of a metre below that."""
     ahead, _, up = view.point_m.T
     steep = -up[-up > 0.1 * np.hypot(ahead, view.point_m[:, 1])]
     road = np.median(steep) if steep.size else np.inf
     seen = (row - HEIGHT / 2) / FOCAL * FOCAL * BASELINE_M / ds - view.rig.lidar.rig_SE3_lidar[1, 3]
-    return bool(seen > road + 0.25)
+    return bool(-up[n] > road - 0.25 and seen > road + 0.25)
 
 
 @pytest.mark.parametrize("most", [1000, 5, 2])
@@ -243,7 +243,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
         counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
-        counted[n] &= not (over[n] and below_road(view, row[n], ds))
+        counted[n] &= not (over[n] and below_road(view, n, row[n], ds))
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
     flagged = np.flatnonzero(counted & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
