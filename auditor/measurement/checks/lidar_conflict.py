@@ -146,7 +146,7 @@ class _Candidates(NamedTuple):
 
 
 def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
-    """(M,) mask of the points of the road where stereo sees what lies below it: wet ground mirrors what stands there."""
+    """(M,) mask of the points of the road where stereo sees what lies below it, as wet ground mirrors what stands."""
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
     to_rig = rig.lidar.rig_SE3_lidar.astype(np.float32)
