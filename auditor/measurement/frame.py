@@ -17,6 +17,7 @@ from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
+from auditor.measurement.drawn_pixels import DrawnPixels
 from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.looked_at import looked_at
@@ -116,18 +117,30 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
 
 @dataclass(frozen=True)
 class _Past:
-    """What frames of a recording are compared with: the LiDAR's last scan, and of a lone camera its own past."""
+    """What frames of a recording are compared with: the LiDAR's last scan, and of a lone camera its own past.
+
+    `drawn` is what was drawn into the pictures of cameras that others are compared with.
+    """
 
     scans: OwnScans
     camera: OwnPast | None
+    drawn: DrawnPixels
 
     @classmethod
     def of(cls, rig: Rig) -> "_Past":
-        return cls(OwnScans(), OwnPast() if rig.by_time and rig.cameras else None)
+        return cls(OwnScans(), OwnPast() if rig.by_time and rig.cameras else None, DrawnPixels())
+
+    def hide(self, prepared: _PreparedFrame) -> _PreparedFrame:
+        """The frame without what was drawn into its pictures, where these are compared with others."""
+        if self.camera is not None:
+            return prepared
+        if prepared.views:
+            return replace(prepared, parts={p: self.drawn.hidden(part, p) for p, part in prepared.parts.items()})
+        return replace(prepared, whole=self.drawn.hidden(prepared.whole))
 
 
 def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> Measured:
-    prepared = _prepare(frame, rig, matcher)
+    prepared = past.hide(_prepare(frame, rig, matcher))
     return _compare(prepared, _match([prepared], matcher)[0], past)
 
 
@@ -142,7 +155,7 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
     if pairs_at_once(matcher) == 1:
         yield from (item if isinstance(item, Skipped) else _measured(item, rig, matcher, past) for item in frames)
         return
-    groups = prefetch(_grouped(frames, rig, matcher, max(1, at_once)))
+    groups = prefetch(_grouped(frames, rig, matcher, past, max(1, at_once)))
     with closing(prefetch(_matched(groups, matcher))) as done:
         for group, maps in done:
             of_frames = iter(maps)
@@ -151,9 +164,9 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
 
 
 def _grouped(
-    frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher, size: int
+    frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher, past: _Past, size: int
 ) -> Iterator[list[_PreparedFrame | Skipped]]:
-    items = (item if isinstance(item, Skipped) else _prepare(item, rig, matcher) for item in frames)
+    items = (item if isinstance(item, Skipped) else past.hide(_prepare(item, rig, matcher)) for item in frames)
     while group := list(islice(items, size)):
         yield group
 

@@ -19,8 +19,8 @@ from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
-from auditor.measurement.point_parameters import FALSE_RANGES
-from auditor.model.arrays import Image, Indices, Mask
+from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
 from auditor.model.rig import Rig
 
@@ -75,6 +75,9 @@ def verify_conflicts(
     ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     ds = stereo.disparity_px.take(place)
     over = inconsistent(d0, ds)
+    mirrored = over & _mirrored(view, d0, ds)
+    seen &= ~mirrored
+    over &= ~mirrored
 
     valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
     clear = seen & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
@@ -143,6 +146,18 @@ class _Candidates(NamedTuple):
         # Points lie in row-major order: those left out are neighbours of the verified one.
         found[self.flagged] = of_sample.repeat(self.stride)[: self.flagged.size]
         return found
+
+
+def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
+    """(M,) mask of the points of the road where stereo sees what lies below it, as wet ground mirrors what stands."""
+    rig, camera = view.rig, view.rig.camera(view.reference)
+    assert rig.lidar is not None
+    to_rig = rig.lidar.rig_SE3_lidar.astype(np.float32)
+    eye_m = -np.linalg.inv(camera.projection[:, :3])[1] @ camera.projection[:, 3] - to_rig[1, 3]
+    below_m = view.point_m @ to_rig[1, :3]
+    farther = d0 / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
+    on_road = below_m > view.road_m - LOST_RETURNS.above_road_m
+    return np.asarray(on_road & (eye_m + (below_m - eye_m) * farther > view.road_m + LOST_RETURNS.above_road_m))
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

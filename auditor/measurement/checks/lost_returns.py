@@ -104,8 +104,7 @@ def scanned_view(view: LidarView) -> ScannedView:
         within[below] = _within(_enclosed(hit[below]))
         hole[below] = _discs(within[below])
         hole[below, _sectors(hit[below])] = np.inf
-    road_m = _road_m(points[1], ahead_m)
-    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, road_m, view.span_px, view.reach_m)
+    return ScannedView(within, hole, nearest_m, _gaps(hit), scanned, view.road_m, view.span_px, view.reach_m)
 
 
 def count_lost_returns(
@@ -222,15 +221,6 @@ def _discs(within_rad: Floats32) -> Floats32:
             break
         widest[_within(~middles) <= radius] = radius
     return widest
-
-
-def _road_m(below_m: Floats32, ahead_m: Floats32) -> float:
-    """How far the road is below the LiDAR: the median of what lies steeply below (M,); without any no road is known.
-
-    There most of what returns is the road.
-    """
-    below = below_m[below_m > LOST_RETURNS.steeply * ahead_m]
-    return float(np.median(below)) if below.size else np.inf
 
 
 def _all_lost(nearest_m: Floats32, place: Indices, range_m: Floats32) -> Mask:

@@ -3,7 +3,9 @@
 A rolling shutter exposes one row after the other, so that such light lies in some rows, across the whole image, and
 not in the next ones. No drop, dirt or glare does, and no exposure. Cameras that stand on one line see the same things
 in the same rows: the mean levels of a row, by blocks of columns, are compared with those of the other camera's rows
-nearby. Before that each row is compared with those around it, so that gains and slow changes take no part.
+nearby. Before that each row is compared with those above it and with those below it, so that gains and slow changes
+take no part, and neither do edges: light in rows exceeds what is on both of its sides, and what lies beside a part of
+the picture that is darker, as that under a display, on one.
 """
 
 from dataclasses import dataclass
@@ -17,7 +19,10 @@ from auditor.measurement.colour_parameters import STRIPED_LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
 _LEVELS = np.log(np.arange(256, dtype=np.float32) + np.float32(STRIPED_LIGHT.offset))
-_AROUND = (1, STRIPED_LIGHT.rows_around)
+_BESIDE = STRIPED_LIGHT.rows_around // 2
+_ABOVE = np.zeros((2 * _BESIDE + 1, 1), dtype=np.float32)
+_ABOVE[:_BESIDE] = 1 / _BESIDE
+_BELOW = np.ascontiguousarray(_ABOVE[::-1])
 _NEARBY = np.ones((2 * STRIPED_LIGHT.rows_apart + 1, 1), dtype=np.uint8)
 _NOTHING = np.float32(-np.inf)
 _LEAST = np.float32(np.finfo(np.float32).tiny)
@@ -25,7 +30,7 @@ _LEAST = np.float32(np.finfo(np.float32).tiny)
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of an image by blocks of columns, (h, blocks): by how much each exceeds those around it.
+    """The rows of an image by blocks of columns, (h, blocks): by how much each exceeds those above and those below it.
 
     `excess` is of the mean logarithm of levels, where `known`: where enough of the block neither saturates nor is
     black.
@@ -43,8 +48,9 @@ class Rows:
         share, total = (_by_block(cv2.LUT(upright, of_level)) for of_level in (usable, _LEVELS * usable))
         known = share >= np.float32(STRIPED_LIGHT.usable_share)
         level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
-        around = _means(level) / np.maximum(_means(known.astype(np.float32)), _LEAST)
-        return cls(np.asarray(level - around, dtype=np.float32), known)
+        counts = known.astype(np.float32)
+        sides = [_sums(level, side) / np.maximum(_sums(counts, side), _LEAST) for side in (_ABOVE, _BELOW)]
+        return cls(np.asarray(level - np.maximum(*sides), dtype=np.float32), known)
 
     def above(self, other: "Rows") -> float | None:
         """By how much the most striking row exceeds all rows of the other camera nearby, 0 to 1: in most blocks.
@@ -80,5 +86,6 @@ def _by_block(transposed: cv2.typing.MatLike) -> Floats32:
     return np.ascontiguousarray(cv2.resize(transposed, size, interpolation=cv2.INTER_AREA).T, dtype=np.float32)
 
 
-def _means(values: Floats32) -> Floats32:
-    return np.asarray(cv2.blur(values, _AROUND, borderType=cv2.BORDER_REFLECT), dtype=np.float32)
+def _sums(values: Floats32, side: Floats32) -> Floats32:
+    """The weighted sums of the rows on one side of each."""
+    return np.asarray(cv2.filter2D(values, cv2.CV_32F, side, borderType=cv2.BORDER_REFLECT), dtype=np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
+from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Indices, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.optics.geometry import Matrix
@@ -68,6 +69,16 @@ class LidarView:
         """(3, returns) the points in view by the rig's axes, to the right, down and ahead, from the LiDAR."""
         assert self.rig.lidar is not None
         return np.asarray(self.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ self.in_view_m.T)
+
+    @cached_property
+    def road_m(self) -> float:
+        """How far the road is below the LiDAR: the median of what lies steeply below; without any no road is known.
+
+        There most of what returns is the road.
+        """
+        x, y, z = self.in_rig_axes_m
+        below = y[y > LOST_RETURNS.steeply * np.hypot(x, z)]
+        return float(np.median(below)) if below.size else np.inf
 
     def disparity_px(self, source: int) -> Floats32:
         """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.

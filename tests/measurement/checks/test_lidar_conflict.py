@@ -54,6 +54,19 @@ def test_a_cloud_that_agrees_has_no_conflict():
     assert not result.lidar_conflicts[result.column < WIDTH - BORDER_PX].any()
 
 
+def on_the_road(cloud, below_m):
+    """What lies lower than a road is moved nearer along its ray, onto the road."""
+    return cloud * np.minimum(1, below_m / np.maximum(-cloud[:, 2:], 1e-3)).astype(np.float32)
+
+
+def test_what_wet_ground_mirrors_is_no_conflict():
+    road = on_the_road(plane_cloud(DEPTH_M), 0.8)  # the cameras see the plane go on below it, as a mirror shows it
+    mirrored = judged(road)
+    low = mirrored.row > HEIGHT * 0.9
+    assert low.sum() > 300
+    assert not (mirrored.valid | mirrored.lidar_conflicts | mirrored.votes.contradicted)[low].any()
+
+
 def test_a_bogus_wall_is_in_conflict_where_it_stands_and_nowhere_else():
     result = judged(with_wall(plane_cloud(DEPTH_M)))
     inside = np.abs(result.column - WIDTH / 2) < 25
@@ -186,6 +199,15 @@ def passes_over(rig, row, u, d0, disparity):
     return bool(inside and disparity[row_there, column_there] < ds - 3)
 
 
+def below_road(view, n, row, ds):
+    """Whether a point is of the road, and what stereo sees in its row lies a quarter of a metre below that."""
+    ahead, _, up = view.point_m.T
+    steep = -up[-up > 0.1 * np.hypot(ahead, view.point_m[:, 1])]
+    road = np.median(steep) if steep.size else np.inf
+    seen = (row - HEIGHT / 2) / FOCAL * FOCAL * BASELINE_M / ds - view.rig.lidar.rig_SE3_lidar[1, 3]
+    return bool(-up[n] > road - 0.25 and seen > road + 0.25)
+
+
 @pytest.mark.parametrize("most", [1000, 5, 2])
 @pytest.mark.parametrize("seed", range(12))
 def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
@@ -211,8 +233,9 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         "ncc_at",
         lambda _, __, r, c, ___: np.array([n0_at[at] for at in zip(r.tolist(), c.tolist(), strict=True)], np.float32),
     )
+    view = seen_at(rig, row, column, u, d0)
     found = verify_conflicts(
-        seen_at(rig, row, column, u, d0),
+        view,
         StereoMap(disparity, valid, textured, 2, 128),
         consistency_of(ncc),
         rig,
@@ -228,6 +251,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and inside
         counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
+        counted[n] &= not (over[n] and below_road(view, n, row[n], ds))
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
     flagged = np.flatnonzero(counted & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)

@@ -44,6 +44,13 @@ def test_where_half_of_the_rows_are_lit_one_other_camera_cannot_tell_which_of_th
     assert seen(scene(), struck) > 0.1
 
 
+@pytest.mark.parametrize("rows", [slice(90, None), slice(40, 70), slice(30)], ids=["below", "in the middle", "above"])
+def test_what_lies_beside_darker_rows_is_no_light_in_rows(rows):
+    darker = scene()
+    darker[rows] = darker[rows] * np.float32(0.4)
+    assert seen(darker, scene(moved=8)) < 0.03
+
+
 @pytest.mark.parametrize(
     "changed",
     [
