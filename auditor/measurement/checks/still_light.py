@@ -32,8 +32,8 @@ _QUARTERED = np.array([[1 / _STEP, 0, _MIDDLE], [0, 1 / _STEP, _MIDDLE], [0, 0, 
 _NEARBY = np.ones((STILL_LIGHT.nearby_px, STILL_LIGHT.nearby_px), dtype=np.uint8)
 _AROUND = np.ones((3, 3), dtype=np.uint8)
 _WHITE = 255
-_FEWEST = 1e-6
-"""Of points that saturate, so that a share of none is 0."""
+_VARIANCE = 1 / 12
+"""That of a pixel's own width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Glimpse:
         around = np.asarray(cv2.dilate(patch.astype(np.float32), _AROUND), dtype=np.intp) * (saturated == 0)
         slope = np.hypot(*(cv2.Sobel(self.levels, cv2.CV_32F, *way, ksize=3, scale=1 / 8) for way in ((1, 0), (0, 1))))
         steep, edge = (np.bincount(around[of], minlength=count) for of in (slope > STILL_LIGHT.fades, around > 0))
-        fades = (2 * steep < edge) & (_roundness(patch, count) >= STILL_LIGHT.round)
+        fades = (2 * steep < edge) & (_roundness(np.asarray(patch, dtype=np.intp), count) >= STILL_LIGHT.round)
         fades[0] = False
         return np.asarray(fades[patch], dtype=np.uint8)
 
@@ -103,13 +103,14 @@ def _roundness(patch: Indices, count: int) -> Floats:
     """(count,) of the pixels of each number of a picture (h, w) the shorter over the longer axis of where they lie."""
     row, column = np.asarray(np.indices(patch.shape), dtype=np.float64)
     number = patch.ravel()
+    pixels = np.maximum(np.bincount(number, minlength=count), 1)
 
     def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(number, weights=values.ravel(), minlength=count) / np.bincount(number))
+        return np.asarray(np.bincount(number, weights=values.ravel(), minlength=count) / pixels)
 
     across, down = mean(column), mean(row)
-    pixel = 1 / 12  # a pixel's own variance
-    xx, yy = mean(column * column) - across * across + pixel, mean(row * row) - down * down + pixel
+    xx = mean(column * column) - across * across + _VARIANCE
+    yy = mean(row * row) - down * down + _VARIANCE
     apart = np.hypot((xx - yy) / 2, mean(column * row) - across * down)
     middle = (xx + yy) / 2
     return np.asarray(np.sqrt(np.maximum(middle - apart, 0) / (middle + apart)))
@@ -281,7 +282,7 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
         outshines = np.minimum(saturated / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
-        faded.append(fading / np.maximum(saturated, _FEWEST))
+        faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
     return np.concatenate(found), np.concatenate(faded)
 
 
