@@ -104,7 +104,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255, 256), "white; levels of a byte"),
-    "measurement/checks/still_light.py": ((255, 4, 8), "white; sums of two sides; sizes of pictures kept in memory"),
+    "measurement/checks/still_light.py": (
+        (255, 3, 4, 8, 12),
+        "white; pixels that touch; sums of two sides; sizes of pictures kept in memory; a pixel's own variance",
+    ),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),

@@ -127,6 +127,16 @@ class StillLight:
         unit="of what a light shows: as much it counts to have shown a frame before, at least",
         source="rendered rings, drives 0009, 0001 and 04: 0, 0.1 and 1 tried (docs/decisions.md)",
     )
+    fades: float = parameter(
+        16.0,
+        unit="levels a quarter px, at most, at half of the edge of a patch that saturates: it counts as shown before,",
+        source="rendered rings, drives 0009, 0001 and 04: 12, 16, 20 and 24 tried (docs/decisions.md)",
+    )
+    round: float = parameter(
+        0.3,
+        unit="where its shorter axis is so many of its longer one, at least",
+        source="rendered rings, drives 0009, 0001 and 04: roofs have 0.05 to 0.21 (docs/decisions.md)",
+    )
 
 
 EGO_MOTION = EgoMotion()

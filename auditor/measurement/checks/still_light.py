@@ -5,7 +5,8 @@ range and from how the camera moved. So after the tone curve of the two pictures
 that was added where it is now, less light that was added where it was then. Round lights are tried all over the
 picture: of each, points that moved into it have to be brighter, and those that moved out of it darker, and some of
 those in it have to saturate. Between drops of mud it is brighter too, as the scene itself is there. A light has to have
-shown at the same place a frame before; else it counts for less. What passes near by is another light in each frame.
+shown at the same place a frame before, or to fade at its edge; else it counts for less. What passes near by, as a roof
+that reflects the sky, is another light in each frame, and ends at edges.
 """
 
 from collections.abc import Sequence
@@ -29,7 +30,10 @@ _MIDDLE = (1 / _STEP - 1) / 2
 _QUARTERED = np.array([[1 / _STEP, 0, _MIDDLE], [0, 1 / _STEP, _MIDDLE], [0, 0, 1]])
 """From pixels to quarter px."""
 _NEARBY = np.ones((STILL_LIGHT.nearby_px, STILL_LIGHT.nearby_px), dtype=np.uint8)
+_AROUND = np.ones((3, 3), dtype=np.uint8)
 _WHITE = 255
+_VARIANCE = 1 / 12
+"""That of a pixel's own width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +80,40 @@ class Glimpse:
         """(h, w) the lowest level nearby."""
         return np.asarray(cv2.erode(self.levels, _NEARBY), dtype=np.uint8)
 
+    @cached_property
+    def fading(self) -> Image:
+        """(h, w) 1 at the pixels of patches that saturate, are round and fade at their edge, as thrown light does."""
+        saturated = (self.levels >= self.saturation).astype(np.uint8)
+        count, patch = cv2.connectedComponents(saturated, connectivity=8, ltype=cv2.CV_32S)
+        around = np.asarray(cv2.dilate(patch.astype(np.float32), _AROUND), dtype=np.intp) * (saturated == 0)
+        slope = np.hypot(*(cv2.Sobel(self.levels, cv2.CV_32F, *way, ksize=3, scale=1 / 8) for way in ((1, 0), (0, 1))))
+        steep, edge = (np.bincount(around[of], minlength=count) for of in (slope > STILL_LIGHT.fades, around > 0))
+        fades = (2 * steep < edge) & (_roundness(np.asarray(patch, dtype=np.intp), count) >= STILL_LIGHT.round)
+        fades[0] = False
+        return np.asarray(fades[patch], dtype=np.uint8)
+
     def since(self, before: "Glimpse") -> Motion:
         """How the camera moved: from its frame now to its frame before."""
         back = before.world_SE3_camera.rotation.T
         turned = back @ self.world_SE3_camera.rotation
         return Motion(turned, back @ (self.world_SE3_camera.translation_m - before.world_SE3_camera.translation_m))
+
+
+def _roundness(patch: Indices, count: int) -> Floats:
+    """(count,) of the pixels of each number of a picture (h, w) the shorter over the longer axis of where they lie."""
+    row, column = np.asarray(np.indices(patch.shape), dtype=np.float64)
+    number = patch.ravel()
+    pixels = np.maximum(np.bincount(number, minlength=count), 1)
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(np.bincount(number, weights=values.ravel(), minlength=count) / pixels)
+
+    across, down = mean(column), mean(row)
+    xx = mean(column * column) - across * across + _VARIANCE
+    yy = mean(row * row) - down * down + _VARIANCE
+    apart = np.hypot((xx - yy) / 2, mean(column * row) - across * down)
+    middle = (xx + yy) / 2
+    return np.asarray(np.sqrt(np.maximum(middle - apart, 0) / (middle + apart)))
 
 
 class OfThePast(NamedTuple):
@@ -98,14 +131,15 @@ class OfThePast(NamedTuple):
 class _Seen(NamedTuple):
     """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
 
-    They have so many `points` (C,), of which so many are `saturated` (C,) now. `before` (C, 2) is where they lay a
-    moment ago.
+    They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,).
+    `before` (C, 2) is where they lay a moment ago.
     """
 
     weight: Floats
     residual: Floats
     points: Floats
     saturated: Floats
+    fading: Floats
     now: Floats
     before: Floats
 
@@ -124,9 +158,9 @@ def measure_still_light(
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
-    lights = _shown(now, seen)
+    lights, fading = _shown(now, seen)
     before = np.zeros_like(lights) if last is None else last.lights
-    twice = np.sqrt(lights * np.maximum(before, STILL_LIGHT.once_share * lights))
+    twice = np.sqrt(lights * np.maximum(before, np.maximum(fading, STILL_LIGHT.once_share) * lights))
     return OfThePast(float(twice.max()), min(cells / now.levels.size, 1.0), lights)
 
 
@@ -171,7 +205,8 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
     residual, usable, saturated = _residual(now, before, here, there)
     if np.count_nonzero(usable) < STILL_LIGHT.fewest_points:
         return None
-    return _by_cells(now, here[usable], there[usable], residual[usable], saturated[usable])
+    fading = saturated & (_at(now.fading, here) > 0)
+    return _by_cells(now, here[usable], there[usable], residual[usable], saturated[usable], fading[usable])
 
 
 def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask, Mask]:
@@ -198,7 +233,7 @@ def _at(image: Image, place: Floats) -> Image:
     return np.asarray(image[row, column], dtype=np.uint8)
 
 
-def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask) -> _Seen:
+def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask, fading: Mask) -> _Seen:
     cell_px = _cell_px(now)
     columns = -(-now.levels.shape[1] // cell_px)
     column, row = (here / cell_px).astype(np.intp).T
@@ -212,21 +247,25 @@ def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, sat
     weight = np.minimum(count[held] / STILL_LIGHT.full_points, 1.0)
     where, was = (np.stack([mean(one[:, 0]), mean(one[:, 1])], axis=1) for one in (here, there))
     of_points = count[held].astype(np.float64)
-    return _Seen(weight, mean(residual), of_points, mean(saturated) * of_points, where, was)
+    bright, fades = (mean(some) * of_points for some in (saturated, fading))
+    return _Seen(weight, mean(residual), of_points, bright, fades, where, was)
 
 
-def _shown(now: Glimpse, seen: Sequence[_Seen]) -> Floats:
+def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
     """(L,) for each round light the mean of what its two sides show, 0 to 1, and less where too few points saturate.
+
+    Beside it (L,) the share of those of its points that saturate which are of patches that fade.
 
     A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
     which a corner alone is in view needs more.
     """
-    found, cell_px = [], _cell_px(now)
+    found, faded, cell_px = [], [], _cell_px(now)
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
-        sides, points, saturated = np.zeros((4, down.size * across.size)), *np.zeros((2, down.size * across.size))
+        sides = np.zeros((4, down.size * across.size))
+        points, saturated, fading = np.zeros((3, down.size * across.size))
         for one in seen:
             added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
@@ -238,11 +277,13 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> Floats:
                 sides[2 * place + 1] += np.square(side) @ weight
             points += inside @ one.points.astype(np.float32)
             saturated += inside @ one.saturated.astype(np.float32)
+            fading += inside @ one.fading.astype(np.float32)
         into, of_into, out, of_out = sides
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
         outshines = np.minimum(saturated / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
-    return np.concatenate(found)
+        faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
+    return np.concatenate(found), np.concatenate(faded)
 
 
 def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:

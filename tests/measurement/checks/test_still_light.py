@@ -66,13 +66,56 @@ def test_light_that_begins_shows_at_once(clean: list[float | None]) -> None:
     assert min(one for one in lit[6:] if one is not None) > 2 * max(one for one in clean if one is not None)
 
 
-def test_light_that_is_elsewhere_in_the_next_frame_counts_for_less() -> None:
+def disc(u_px: float) -> Callable[[CameraImage], CameraImage]:
+    """What makes a round patch white, with a sharp edge."""
+    down, across = np.ogrid[:HEIGHT, :WIDTH]
+    inside = np.hypot(across - u_px, down - 0.7 * HEIGHT) < 0.12 * WIDTH
+
+    def change(image: CameraImage) -> CameraImage:
+        return replace(image, pixels=np.where(inside, np.uint8(255), image.pixels))
+
+    return change
+
+
+def test_a_white_patch_that_is_elsewhere_in_the_next_frame_counts_for_less() -> None:
     """What passes near by, as the roof of a car that reflects the sky, is elsewhere in each frame."""
-    opposite = Facula(255.0, 0.2 * WIDTH, 0.2 * WIDTH, 0.7 * HEIGHT)
-    lights = iter([ASIDE, opposite] * 2)
-    passing = statistics(lambda image: next(lights).apply(image), since=6)[7:]
-    staying = statistics(ASIDE.apply, since=6)[7:]
+    here, there = disc(0.7 * WIDTH), disc(0.2 * WIDTH)
+    passing = statistics(lambda image: (there if image.stamp_ns // 10**8 % 2 else here)(image), since=6)[7:]
+    staying = statistics(here, since=6)[7:]
     assert max(one for one in passing if one is not None) < 0.5 * min(one for one in staying if one is not None)
+
+
+def test_light_of_one_frame_shows_as_light_that_stays() -> None:
+    """It fades at its edge, which no roof does."""
+    once = statistics(ASIDE.apply, since=9)[9]
+    staying = statistics(ASIDE.apply, since=6)[9]
+    assert once is not None
+    assert staying is not None
+    assert once > 0.9 * staying
+
+
+@pytest.mark.parametrize(
+    ("across_px", "down_px", "sharpened", "fading"),
+    [(40.0, 40.0, 1.0, True), (44.0, 36.0, 1.0, True), (90.0, 12.0, 1.0, False), (40.0, 40.0, 30.0, False)],
+    ids=["a spot", "a spot that is not quite round", "a streak", "a disc"],
+)
+def test_what_saturates_is_thrown_light_where_it_is_round_and_fades(
+    across_px: float, down_px: float, sharpened: float, *, fading: bool
+) -> None:
+    row, column = np.mgrid[:240, :320]
+    light = np.exp(-(((column - 160) / across_px) ** 2 + ((row - 120) / down_px) ** 2) / 2)
+    half = np.clip(220 + 400 * sharpened * (light - 0.4), 60, 255).astype(np.uint8)
+    glimpse = Glimpse.of(0, half, np.eye(3), np.zeros((0, 3)), (Motion(np.eye(3), np.zeros(3)), 0.0))
+    saturated = glimpse.levels >= glimpse.saturation
+    assert np.count_nonzero(saturated) > 50
+    assert (glimpse.fading > 0).tolist() == (saturated & fading).tolist()
+
+
+def test_a_picture_without_a_patch_and_one_that_is_all_white_have_no_thrown_light() -> None:
+    for level in (60, 255):
+        picture = np.full((240, 320), level, dtype=np.uint8)
+        glimpse = Glimpse.of(0, picture, np.eye(3), np.zeros((0, 3)), (Motion(np.eye(3), np.zeros(3)), 0.0))
+        assert not glimpse.fading.any()
 
 
 @pytest.mark.parametrize("gain", [0.7, 1.3])
