@@ -55,7 +55,8 @@ def first_upper(text: str | Markup) -> str | Markup:
 
 def with_indices(text: str) -> Markup:
     """Text with sensors as S_1, whose numbers are set as indices."""
-    return Markup(re.sub(r"\bS_(\d+)", r"S<sub>\1</sub>", str(escape(text))))
+    parts = re.split(r"\bS_(\d+)", text)
+    return Markup("").join(Markup("S<sub>{}</sub>").format(one) if n % 2 else escape(one) for n, one in enumerate(parts))
 
 
 FILTERS: Mapping[str, Callable[..., Any]] = {
