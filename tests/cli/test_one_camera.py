@@ -13,14 +13,14 @@ from auditor.recordings import write_mcap, write_rig
 from tests.making.audits import ask
 from tests.making.foxglove_messages import ddad, nuscenes, write_protobuf
 
-FRAMES, ATTACKED = 12, range(5, 11)
+FRAMES, ATTACKED = 8, range(3, 7)
 WALL = BogusWall(range_m=7.0, lateral_m=-1.5, seed=3)
 LIGHT = "is looked at for light by its own past alone: no other camera sees it"
 
 
 @pytest.fixture(scope="module")
 def drive() -> SyntheticDrive:
-    return make_drive(2, FRAMES, n_cameras=1, width_px=620, height_px=188)
+    return make_drive(2, FRAMES, n_cameras=1, width_px=414, height_px=125)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_inspect_says_what_one_camera_can_and_cannot(
     assert (rig["triples"], rig["max_attacked"], rig["kind"].split(" f=")[0]) == (
         [[0, 1, 1]],
         0,
-        "LiDAR + 1 camera 620x188",
+        "LiDAR + 1 camera 414x125",
     )
     assert [sensor.get("compared_share") for sensor in rig["sensors"]] == [None, 0.0]
     assert "name S_0" in rig["capabilities"][0]
