@@ -20,7 +20,7 @@ LENSES = (Lens("plumb_bob", (-0.3, 0.1, 0.0005, -0.0003)), Lens("equidistant", (
 
 @pytest.fixture(scope="module")
 def drive() -> SyntheticDrive:
-    return make_drive(2, 2, width_px=414, height_px=125)
+    return make_drive(2, 2, width_px=621, height_px=188)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_a_recording_that_is_not_rectified_is_scanned_and_inspected(
     assert run(["inspect", str(bent), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
     assert rig["calibration_warnings"] == []
-    assert rig["rectified_to"]["focal_px"] == pytest.approx(2 * 240.51, abs=0.01)  # enlarged
+    assert rig["rectified_to"]["focal_px"] == pytest.approx(2 * 360.77, abs=0.01)  # enlarged
     assert run(["inspect", str(bent)]) == 0
     assert "not rectified as recorded" in capfd.readouterr().out
     assert run(["scan", str(bent), "--measure-only", "--store", str(tmp_path / "audit")]) == 3

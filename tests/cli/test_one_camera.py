@@ -20,7 +20,7 @@ LIGHT = "is looked at for light by its own past alone: no other camera sees it"
 
 @pytest.fixture(scope="module")
 def drive() -> SyntheticDrive:
-    return make_drive(2, FRAMES, n_cameras=1, width_px=414, height_px=125)
+    return make_drive(2, FRAMES, n_cameras=1, width_px=620, height_px=188)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_inspect_says_what_one_camera_can_and_cannot(
     assert (rig["triples"], rig["max_attacked"], rig["kind"].split(" f=")[0]) == (
         [[0, 1, 1]],
         0,
-        "LiDAR + 1 camera 414x125",
+        "LiDAR + 1 camera 620x188",
     )
     assert [sensor.get("compared_share") for sensor in rig["sensors"]] == [None, 0.0]
     assert "name S_0" in rig["capabilities"][0]

@@ -14,7 +14,7 @@ from auditor.model.frames import PointCloud
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
 
-FRAMES, ATTACKED = 7, range(2, 6)
+FRAMES, ATTACKED = 10, range(3, 9)
 RIG = replace(
     PUBLISHED_RIGS["nuscenes"].smaller(0.4),
     cameras=tuple(PUBLISHED_RIGS["nuscenes"].smaller(0.4).cameras[n] for n in (0, 3, 5)),

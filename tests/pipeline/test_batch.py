@@ -274,15 +274,6 @@ def test_recordings_are_at_most_five_groups(store) -> None:
     assert calibrations_of_others(store, measurements, few, Criteria(R)) == {}
 
 
-def test_several_processes_judge_alike(store, fleet, judged_once, monkeypatch) -> None:
-    _, _, alone = judged_once
-    monkeypatch.setattr(side_by_side, "WORTH_A_PROCESS", 2)
-    together = {one.recording: one for one in judge_store(store, Criteria(R), jobs=2)}
-    assert provenance(together) == provenance(alone)
-    calibration_ids = [{n: one.judgement.calibration_id for n, one in r.items()} for r in (alone, together)]
-    assert calibration_ids[0] == calibration_ids[1]
-
-
 def test_recordings_that_follow_one_another_are_one_drive_and_do_not_judge_each_other(store) -> None:
     for number, name in enumerate(CLEAN):  # 3.6 s apart
         add_drive(store, name, seed=number, day=0)

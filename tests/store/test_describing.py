@@ -7,6 +7,7 @@ from auditor.store.queries import describe, list_queries, list_views
 from auditor.store.sql_files import bind
 from tests.store.store_page import PAGE, written_anew
 
+
 def test_every_column_of_every_view_and_query_has_its_sentence_and_no_other_is_described():
     for file in (*list_queries(), *list_views()):
         description = describe(file.name)
