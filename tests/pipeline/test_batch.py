@@ -13,7 +13,6 @@ from auditor.cli import run
 from auditor.model.calibration import PRIOR
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
-from auditor.pipeline import side_by_side
 from auditor.pipeline.calibrations import batch
 from auditor.pipeline.calibrations.batch import (
     FEWEST_CLEAN,
@@ -22,7 +21,6 @@ from auditor.pipeline.calibrations.batch import (
     drives_of,
     judge_batch,
 )
-from auditor.pipeline.library import judge_store
 from auditor.pipeline.many import Judged, JudgeSettings
 from auditor.store import Store
 from auditor.store.maintenance.verify import verify

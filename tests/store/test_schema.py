@@ -1,5 +1,3 @@
-import pytest
-
 from auditor.resources import resource_folder
 from auditor.store.schema import SCHEMA_VERSION, TABLES, table_schema, version_of
 

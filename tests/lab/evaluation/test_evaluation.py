@@ -1,7 +1,6 @@
 """Attacks in memory: the same counts as measuring the attacked frame, and nothing measured twice."""
 
 import json
-import shutil
 from dataclasses import replace
 from itertools import combinations, islice, pairwise
 

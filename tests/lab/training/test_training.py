@@ -15,8 +15,7 @@ pytest.importorskip("torch")
 from auditor.cli import auditor
 from auditor.errors import RecordingError, SettingError
 from auditor.lab.simulation.drives import make_drive
-from auditor.lab.training import Recorded, SampleFiles, SampleTask, Street, make_samples, training_set
-from auditor.lab.training import checkpoints
+from auditor.lab.training import Recorded, SampleFiles, SampleTask, Street, checkpoints, make_samples, training_set
 from auditor.lab.training.checkpoints import Point
 from auditor.lab.training.samples import dense_sample, lidar_sample, pair_of
 from auditor.measurement.disparity.lidar import lidar_view
