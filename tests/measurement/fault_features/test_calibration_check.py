@@ -79,7 +79,7 @@ def late(frames: list[Frame], sensor: int) -> list[Frame]:
     return shown
 
 
-@pytest.mark.parametrize("sensor", [LIDAR, 3])
+@pytest.mark.parametrize("sensor", [LIDAR, 1, 3])
 def test_a_sensor_that_is_late_in_most_frames_withholds_verdicts(real_data: Path, sensor: int) -> None:
     rig, stream = frames("0009")
     clean = list(islice(stream, 7))
