@@ -181,7 +181,8 @@ def test_odd_stamps_are_audited(odd, audit: Audit, tmp_path: Path):
 
 
 def test_points_of_other_moments_are_said_and_no_attack(audit: Audit, tmp_path: Path):
-    log = write(tmp_path / "log.mcap", [a_clock_of_its_own(sent) for sent in a_log()])
+    longer = record(WAGON, range(MOMENTS + 2), seed=SEED)
+    log = write(tmp_path / "log.mcap", [a_clock_of_its_own(sent) for sent in longer])
     answer = audit.scan(log)
     assert answer.code is Exit.INCOMPLETE
     assert "its stamps are a period early" in answer.err
