@@ -20,7 +20,7 @@ from tests.making.small_drives import write_drive
 
 READING = ("inspect", "convert", "attack", "calibrate", "scan", "evaluate", "train-matcher")
 TOO_MANY = 7
-MANY = {"line": 40, "around": 40, "front": 16}
+MANY = {"line": 28, "around": 28, "front": 12}
 """Cameras of a recording, by how they are placed; all of them in front are compared with all."""
 
 MOST_MB = 300

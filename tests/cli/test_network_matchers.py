@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,8 @@ from click.testing import CliRunner, Result
 torch = pytest.importorskip("torch")
 
 from auditor.cli import auditor  # noqa: E402
+from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, runner  # noqa: E402
+from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
 from auditor.store import Store, run_sql  # noqa: E402
@@ -87,29 +91,24 @@ def test_help_and_import_load_no_torch() -> None:
 
 
 def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_was(
-    weights: Path, tmp_path: Path
+    weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = (
-        "evaluate",
-        write_drive(tmp_path / "pair.mcap", 1, positions_m=(0.6, 0.0), size_px=SMALL),
-        "--store",
-        tmp_path / "evaluation",
-        "--format",
-        "json",
-        "--jobs",
-        1,
+    """Few cases are measured here: the command, which has processes of its own, would measure all."""
+    pair, store = write_drive(tmp_path / "pair.mcap", 1, positions_m=(0.6, 0.0), size_px=SMALL), tmp_path / "evaluation"
+    few = [
+        replace(one, cases=lambda *drawn, cases=one.cases: islice(cases(*drawn), None, None, 9))
+        for one in runner.experiments_of(())
+    ]
+    with monkeypatch.context() as patched:
+        patched.setattr(runner, "experiments_of", lambda _: few)
+        for matcher in ({}, {"matcher": "psmnet", "network": MatcherOptions(weights=weights)}):
+            assert evaluate_source(EvaluateTask(Recorded(pair), store, **matcher), lambda *_: None).fresh
+    again = run(
+        *("evaluate", pair, "--store", store, "--format", "json", "--jobs", 1),
+        *("--matcher", "psmnet", "--weights", weights),
     )
-    sgbm = run(*arguments)
-    assert sgbm.exception is None, sgbm.stderr
-    network = run(*arguments, "--matcher", "psmnet", "--weights", weights)
-    assert network.exception is None, network.stderr
-    rows = json.loads(network.stdout)
-    assert {row["matcher"] for row in rows} == {"sgbm", "psmnet"}
-    assert [row for row in rows if row["matcher"] == "sgbm"] == json.loads(sgbm.stdout)
-    again = run(*arguments, "--matcher", "psmnet", "--weights", weights)
+    assert again.exception is None, again.stderr
     assert "measured before" in again.stderr
-    assert json.loads(again.stdout) == rows
-    found = run_sql(
-        Store.open(tmp_path / "evaluation"), "SELECT DISTINCT matcher, versions FROM evaluations"
-    ).to_pylist()
+    assert {row["matcher"] for row in json.loads(again.stdout)} == {"sgbm", "psmnet"}
+    found = run_sql(Store.open(store), "SELECT DISTINCT matcher, versions FROM evaluations").to_pylist()
     assert {row["matcher"]: "torch" in dict(row["versions"]) for row in found} == {"sgbm": False, "psmnet": True}

@@ -8,6 +8,7 @@ import pytest
 from auditor.cli import run
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
+SCAN = ["scan", "log.mcap", "--jobs", "1", "--pictures", "none"]
 FOREIGN = "this store was not made by you on this machine"
 
 
@@ -16,12 +17,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an attacked log and a store in which somebody has called its incidents known."""
     folder = tmp_path_factory.mktemp("planted")
     log = write_drive(folder / "log.mcap", 8, seed=1, positions_m=THREE_CAMERAS, attacked={2: range(2, 6)})
-    assert run(["scan", str(log), "--store", str(folder / "made"), "--jobs", "1"]) == 1
+    assert run(["scan", str(log), "--store", str(folder / "made"), "--jobs", "1", "--pictures", "none"]) == 1
     shutil.copytree(folder / "made", folder / "audit")
     return folder
 
 
-@pytest.mark.parametrize("verb", [["scan", "log.mcap"], ["query", "incidents"], ["report"], ["judge"], ["refresh"]])
+@pytest.mark.parametrize("verb", [SCAN, ["query", "incidents"], ["report"], ["judge"], ["refresh"]])
 def test_a_store_that_was_planted_beside_the_logs_is_refused_until_it_is_named(
     verb: list[str], logs: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -44,11 +45,11 @@ def test_a_store_that_was_made_here_is_taken_unasked(
 ) -> None:
     shutil.copy(logs / "log.mcap", tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert run(["scan", "log.mcap", "--jobs", "1"]) == 1
-    assert run(["scan", "log.mcap", "--jobs", "1"]) == 1
+    assert run(SCAN) == 1
+    assert run(SCAN) == 1
     (tmp_path / "audit").rename(tmp_path / "old")
     shutil.copytree(tmp_path / "old", tmp_path / "audit")
-    assert run(["scan", "log.mcap", "--jobs", "1"]) == 2, "what took its place is another"
+    assert run(SCAN) == 2, "what took its place is another"
 
 
 def test_where_nothing_can_be_remembered_a_store_has_to_be_named(
@@ -58,4 +59,4 @@ def test_where_nothing_can_be_remembered_a_store_has_to_be_named(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     monkeypatch.chdir(tmp_path)
     log = str(logs / "log.mcap")
-    assert [run(["scan", log, "--jobs", "1", *words]) for words in ([], [], ["--store", "audit"])] == [1, 2, 1]
+    assert [run([*SCAN[:1], log, *SCAN[2:], *words]) for words in ([], [], ["--store", "audit"])] == [1, 2, 1]

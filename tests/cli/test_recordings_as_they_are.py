@@ -9,7 +9,7 @@ from tests.making.audits import ask
 from tests.making.cut_scans import IN_ONE_CHUNK, KINDS, scan_cuts
 from tests.making.small_drives import PERIOD_NS, START_NS, write_drive
 
-FRAMES, PLACES = 10, 3
+FRAMES, PLACES = 8, 2
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -98,7 +98,7 @@ def test_a_clean_scan_exits_with_0_in_every_format(fleet: Path, store: Path, cap
 def test_recordings_are_scanned_side_by_side_with_the_same_result(tmp_path: Path) -> None:
     names = ("one.mcap", "two.bag", "three.db3")
     recordings = [
-        str(write_drive(tmp_path / name, 6, positions_m=THREE_CAMERAS, start_ns=START_NS + number * MINUTE_NS))
+        str(write_drive(tmp_path / name, 4, positions_m=THREE_CAMERAS, start_ns=START_NS + number * MINUTE_NS))
         for number, name in enumerate(names)
     ]
     for jobs in ("1", "2"):

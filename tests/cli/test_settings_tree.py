@@ -126,12 +126,14 @@ def test_the_examples_are_of_all_settings():
 
 
 @pytest.mark.parametrize(("verb", "kind", "name"), CASES, ids=lambda one: getattr(one, "__name__", one))
-@pytest.mark.parametrize("way", [by_command_line, by_variable, by_file, by_keyword])
-def test_a_setting_has_the_same_effect_whichever_way_it_is_given(taken, monkeypatch, way, verb, kind, name):
+def test_a_setting_has_the_same_effect_whichever_way_it_is_given(taken, monkeypatch, verb, kind, name):
     text, value = EXAMPLES[name]
-    way(verb, name, number(name, text) if way is by_keyword else text, monkeypatch)
     assert value != default(settings_of(kind)[name])
-    assert taken[kind] == kind(**{name: value})
+    for way in (by_command_line, by_variable, by_file, by_keyword):
+        taken.clear()
+        with monkeypatch.context() as patched:
+            way(verb, name, number(name, text) if way is by_keyword else text, patched)
+        assert taken[kind] == kind(**{name: value}), way.__name__
 
 
 @pytest.mark.parametrize("kind", [Criteria, MeasureSettings])

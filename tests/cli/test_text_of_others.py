@@ -36,8 +36,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rig = plane_rig(THREE_CAMERAS, True)
     cameras = tuple(replace(c, name=f"{c.name}{EVIL}", topic=f"{c.topic}{EVIL}") for c in rig.cameras)
     evil = replace(rig, cameras=cameras, lidar=replace(rig.lidar, topic=f"{rig.lidar.topic}{EVIL}"))
-    write_mcap(folder / "clean.mcap", evil, drive_frames(evil, 12))
-    write_mcap(folder / NAME, evil, drive_frames(evil, 12, attacked={2: range(4, 8)}))
+    write_mcap(folder / "clean.mcap", evil, drive_frames(evil, 8))
+    write_mcap(folder / NAME, evil, drive_frames(evil, 8, attacked={2: range(2, 6)}))
     return folder
 
 
@@ -58,7 +58,7 @@ def test_every_verb_shows_hostile_names_on_one_line(folder, tmp_path, capfdbinar
         (["calibrate", clean, *of], 0),
         (["inspect", drive], None),
         (["inspect", drive, "--format", "json"], None),
-        (["scan", drive, str(folder / f"none{EVIL.strip(chr(0))}"), *of], None),
+        (["scan", drive, str(folder / f"none{EVIL.strip(chr(0))}"), "--pictures", "none", *of], None),
         (["scan", drive, "-r", "0.01", "--pictures", "none", *of], None),
         (["scan", drive, *of, "--pictures", "none", "--format", "json"], None),
         (["judge", "--store", store], None),

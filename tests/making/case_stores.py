@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +39,9 @@ def place(stamp_ns: int) -> Pose:
     return Pose("gps", 49.0 + seconds * 1e-4, 8.4 + seconds * 1e-4, 115.0)
 
 
+_ANSWERS: dict[tuple[str, tuple[tuple[str, int], ...]], list[dict[str, Any]]] = {}
+
+
 @dataclass(frozen=True)
 class AttackedStore:
     """A store and the recordings that it was made of, by the sensor that is attacked in each."""
@@ -52,12 +54,16 @@ class AttackedStore:
         return Store.open(self.folder)
 
     def ask(self, sql: str) -> list[dict[str, Any]]:
-        files = tuple((path, path.stat().st_mtime_ns) for path in sorted(self.folder.rglob("*.parquet")))
-        return [dict(row) for row in _asked(self.folder, sql, files)]
+        """The rows of an answer: many tests ask of copies of one store what others have asked, with the same files."""
+        found = sorted(self.folder.rglob("*.parquet"))
+        asked = sql, tuple((str(path.relative_to(self.folder)), path.stat().st_mtime_ns) for path in found)
+        if asked not in _ANSWERS:
+            _ANSWERS[asked] = rows_of(run_sql(self.store, sql))
+        return [dict(row) for row in _ANSWERS[asked]]
 
     def row(self, sensor: int) -> dict[str, Any]:
         """The longest incident that names a sensor."""
-        return self.ask(f"FROM incidents WHERE list_contains(attacked, {sensor}) ORDER BY frames DESC")[0]
+        return max((row for row in self.ask("FROM incidents") if sensor in row["attacked"]), key=lambda r: r["frames"])
 
     def incident(self, sensor: int) -> str:
         """The id of the longest incident that names a sensor."""
@@ -71,12 +77,6 @@ class AttackedStore:
     def copied(self, folder: Path) -> "AttackedStore":
         """A copy of the store that a test may change; the recordings are where they were."""
         return AttackedStore(self.recordings, Path(shutil.copytree(self.folder, folder / "audit")))
-
-
-@cache
-def _asked(folder: Path, sql: str, _files: tuple[tuple[Path, int], ...]) -> list[dict[str, Any]]:
-    """The answer as long as the store has these files: many tests ask what others have asked."""
-    return rows_of(run_sql(Store.open(folder), sql))
 
 
 def attacked_store(folder: Path) -> AttackedStore:

@@ -24,7 +24,7 @@ from tests.making.logs_of_strangers import (
 )
 from tests.making.vehicles_of_strangers import LIDAR_FRAME, WAGON, Vehicle
 
-BEGINS, MOMENTS, SEED = 3, 8, 13
+BEGINS, MOMENTS, SEED = 3, 6, 13
 HIT = range(BEGINS, MOMENTS)
 SPOT, WALL = Attack(("right",), moments=HIT), Attack(wall=True, moments=HIT)
 SENSOR_BODIES = (Picture, Cloud)
@@ -266,19 +266,6 @@ def nudged(sent: Sent) -> Sent:
     return replace(sent, body=replace(sent.body, places=places))
 
 
-def longer(by_px: float) -> Callable[[Sent], Sent]:
-    """Focal lengths are a little longer."""
-
-    def change(sent: Sent) -> Sent:
-        if not isinstance(sent.body, Calibration):
-            return sent
-        projection = sent.body.projection.copy()
-        projection[0, 0] += by_px
-        return replace(sent, body=replace(sent.body, projection=projection))
-
-    return change
-
-
 def projected(change: Callable[[np.ndarray], np.ndarray], size: float = 1.0) -> Callable[[Sent], Sent]:
     """Camera infos say another projection, and images of another size."""
 
@@ -333,7 +320,6 @@ WAYS = (
     Way("cut JPEG images", SPOT, from_the_attack_on(cut("jpg"))),
     Way("images of half the width", SPOT, from_the_attack_on(smaller)),
     Way("clouds that lie about their width", WALL, from_the_attack_on(lying)),
-    Way("only clouds that lie about their width", WALL, everywhere(lying)),
     Way("a camera's topic ends", SPOT, from_the_attack_on(without({RIGHT}))),
     Way("a camera's topic is removed", SPOT, everywhere(without({RIGHT}))),
     Way("the LiDAR's topic ends", WALL, from_the_attack_on(without({LIDAR}))),
@@ -349,21 +335,17 @@ WAYS = (
     Way("attacked images beside clean twins", SPOT, beside_clean_twins),
     Way("a spot that is always there", replace(SPOT, moments=ALL_ALONG), list),
     Way("a wall that is always there", replace(WALL, moments=ALL_ALONG), list),
-    Way("a spot that is there from the second moment on", replace(SPOT, moments=range(1, MOMENTS)), list),
     Way("a spot in one moment", replace(SPOT, moments=range(4, 5)), list),
     Way("a wall in one moment", replace(WALL, moments=range(4, 5)), list),
     Way("a spot in two moments", replace(SPOT, moments=range(4, 6)), list),
-    Way("a spot at the very end", replace(SPOT, moments=range(MOMENTS - 2, MOMENTS)), list),
+    Way("a spot at the very end", replace(SPOT, moments=range(MOMENTS - 1, MOMENTS)), list),
     Way("cameras attacked in turn", SPOT, in_turn(*(Attack((one,)) for one in ("right", "left", "inner_left")))),
     Way("a camera and the LiDAR in turn", SPOT, in_turn(Attack(("right",)), Attack(wall=True))),
     Way("an attacked camera whose data stand still", SPOT, frozen({RIGHT})),
     Way("a LiDAR whose data stand still", SPOT, frozen({LIDAR})),
     Way("all data stand still", SPOT, frozen()),
-    Way("all data but the LiDAR's stand still", SPOT, frozen({WAGON.topic(one) for one in WAGON.cameras})),
-    Way("mounts said again within the attack", WALL, again(nudged, [5])),
-    Way("focal lengths said again within the attack", WALL, again(longer(0.01), [5])),
+    Way("mounts said again within the attack", WALL, again(nudged, [4])),
     Way("mounts said again before every moment", SPOT, again(nudged, range(1, MOMENTS))),
-    Way("the LiDAR's type is a maker's own", WALL, everywhere(of_another_type(LIDAR, "makers_msgs/Packets"))),
     Way("the LiDAR's type is called diagnostics", WALL, everywhere(of_another_type(LIDAR, "acme_msgs/Diagnostics"))),
     Way("the LiDAR is called a radar", WALL, everywhere(renamed(LIDAR, "/radar/points"))),
     Way("a camera is called a mask", SPOT, everywhere(renamed(RIGHT, "/segmentation/mask/compressed"))),
@@ -372,7 +354,6 @@ WAYS = (
     Way("camera infos of twice the size", SPOT, everywhere(projected(lambda P: P * [[2], [2], [1]], size=2))),
     Way("focal lengths of half the size", WALL, everywhere(projected(lambda P: P * [[0.5, 1, 1, 0.5]]))),
     Way("points in millimetres", SPOT, everywhere(points(lambda xyz: xyz * 1000))),
-    Way("points in centimetres", SPOT, everywhere(points(lambda xyz: xyz * 100))),
     Way("points that are mirrored", SPOT, everywhere(points(lambda xyz: xyz @ MIRRORED))),
     Way("points with other axes", SPOT, everywhere(points(lambda xyz: xyz[:, [1, 2, 0]]))),
     Way("points that all lie at one place", SPOT, everywhere(points(lambda xyz: xyz * 0 + 1))),

@@ -13,7 +13,6 @@ from auditor.cli import run
 from auditor.model.calibration import PRIOR
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
-from auditor.pipeline import side_by_side
 from auditor.pipeline.calibrations import batch
 from auditor.pipeline.calibrations.batch import (
     FEWEST_CLEAN,
@@ -22,7 +21,6 @@ from auditor.pipeline.calibrations.batch import (
     drives_of,
     judge_batch,
 )
-from auditor.pipeline.library import judge_store
 from auditor.pipeline.many import Judged, JudgeSettings
 from auditor.store import Store
 from auditor.store.maintenance.verify import verify
@@ -272,15 +270,6 @@ def test_recordings_are_at_most_five_groups(store) -> None:
     assert all(store.measurement(known).recording_id not in one.recordings for known, one in calibrations.items())
     few = measurements[: FEWEST_CLEAN - 1]
     assert calibrations_of_others(store, measurements, few, Criteria(R)) == {}
-
-
-def test_several_processes_judge_alike(store, fleet, judged_once, monkeypatch) -> None:
-    _, _, alone = judged_once
-    monkeypatch.setattr(side_by_side, "WORTH_A_PROCESS", 2)
-    together = {one.recording: one for one in judge_store(store, Criteria(R), jobs=2)}
-    assert provenance(together) == provenance(alone)
-    calibration_ids = [{n: one.judgement.calibration_id for n, one in r.items()} for r in (alone, together)]
-    assert calibration_ids[0] == calibration_ids[1]
 
 
 def test_recordings_that_follow_one_another_are_one_drive_and_do_not_judge_each_other(store) -> None:

@@ -45,7 +45,9 @@ def _matched_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def street() -> Street:
-    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (CALIBRATED_ON, TILTED))
+    one, other = (
+        make_drive(seed, FRAMES, vehicle=seed, width_px=828, height_px=250) for seed in (CALIBRATED_ON, TILTED)
+    )
     tilt = other.vehicle.lidar.tilt
     assert np.rad2deg(np.arccos((np.trace(tilt) - 1) / 2)) > 0.1
     return Street(other.rig, list(other.frames()), learn([measured(one.frames(), one.rig)], one.rig))

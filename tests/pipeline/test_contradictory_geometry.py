@@ -30,7 +30,7 @@ Points = Callable[[Matrix], Matrix]
 
 @pytest.fixture(scope="module")
 def drive() -> RenderedDrive:
-    return rendered_drive(2, 4, width_px=621, height_px=188)
+    return rendered_drive(2, 4, width_px=414, height_px=125)
 
 
 def negated(camera: Camera) -> Matrix:
@@ -141,7 +141,7 @@ def test_a_size_that_no_ratio_explains_and_that_does_not_fit_is_withheld(drive: 
     cameras = tuple(replace(camera, width_px=wide.width_px) for camera in scaled(drive.rig, 1.7).cameras)
     write_mcap(tmp_path / "odd.mcap", Rig(drive.rig.lidar, cameras), drive.frames())
     found = found_in(tmp_path / "odd.mcap")
-    assert "declares 1000 x 320 px, and the pictures have 621 x 188 px" in found.withheld
+    assert "declares 1000 x 212 px, and the pictures have 414 x 125 px" in found.withheld
     assert "--rig" in found.withheld
 
 
@@ -223,7 +223,7 @@ def test_points_that_fit_no_image_are_no_attack(drive: RenderedDrive, tmp_path: 
 
 
 def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> None:
-    drive = replace(make_drive(2, 6, width_px=621, height_px=188), speed_m_s=18.0)
+    drive = replace(make_drive(2, 6, width_px=414, height_px=125), speed_m_s=18.0)
     frames = list(drive.frames())
     early = [
         replace(frame, cloud=replace(behind.cloud, stamp_ns=frame.stamp_ns)) if behind.cloud else frame

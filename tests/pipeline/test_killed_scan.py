@@ -15,7 +15,7 @@ from auditor.store.schema import TABLES
 from tests.making.small_drives import START_NS, write_drive
 
 MINUTE_NS = 60 * 10**9
-KILLS = 2
+KILLS = 1
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.thinned_clouds import every_other_ring
 
-FRAMES = 4
+FRAMES = 2
 R = Decimal("0.01")
 
 

@@ -11,7 +11,7 @@ from tests.making.audits import Audit
 from tests.making.logs_of_strangers import DAY_NS, START_NS, record, write
 from tests.making.vehicles_of_strangers import VAN, WAGON
 
-CLEAN_SEEDS, CLEAN_MOMENTS = (11, 14), 10
+CLEAN_SEEDS, CLEAN_MOMENTS = (11, 14), 8
 
 
 @pytest.fixture(scope="session")

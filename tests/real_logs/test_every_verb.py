@@ -60,7 +60,7 @@ def rows_of(form: str, printed: bytes) -> list[dict[str, object]]:
             return table.drop_columns(moments).to_pylist()  # Python alone has no type for their nanoseconds
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", ["table", "parquet"])
 def test_scan_names_what_was_attacked_in_every_format(form: str, verbs: Audit, fleet: Path):
     answer = verbs("scan", fleet / "wagon_spot.mcap", "--format", form)
     assert answer.code == Exit.FINDINGS
@@ -105,11 +105,6 @@ def test_inspect_gives_a_whole_recording_exit_code_0(name: str, form: str, verbs
     assert "/lidar_top/points" in answer.out.decode()
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_parameters_are_listed_in_every_format(form: str, verbs: Audit):
-    assert verbs("parameters", "--format", form, store=False).out
-
-
 def test_report_writes_pages(verbs: Audit, tmp_path: Path):
     assert verbs("report", "--out", tmp_path / "incident.html").code == Exit.CLEAN
     page = (tmp_path / "incident.html").read_text()
@@ -117,42 +112,15 @@ def test_report_writes_pages(verbs: Audit, tmp_path: Path):
     assert "2011-09-27 13:02:26" in page
 
 
-@pytest.mark.parametrize("name", ["wagon_clean.db3", "van_wall.bag"])
-def test_convert_writes_a_recording_that_is_judged_alike(name: str, fleet: Path, audit: Audit, tmp_path: Path):
-    assert audit("convert", fleet / name, tmp_path / "converted.mcap", store=False).code == Exit.CLEAN
-    assert audit.scan(tmp_path / "converted.mcap").code == (Exit.FINDINGS if "wall" in name else Exit.CLEAN)
+def test_convert_writes_a_recording_that_is_judged_alike(fleet: Path, audit: Audit, tmp_path: Path):
+    assert audit("convert", fleet / "van_wall.bag", tmp_path / "converted.mcap", store=False).code == Exit.CLEAN
+    assert audit.scan(tmp_path / "converted.mcap").code == Exit.FINDINGS
 
 
 def test_attack_writes_a_recording_in_which_the_attack_is_found(fleet: Path, audit: Audit, tmp_path: Path):
     attacked = tmp_path / "attacked.mcap"
     assert audit("attack", fleet / "wagon_clean.db3", attacked, "--on", "S_0", store=False).code == Exit.CLEAN
     assert audit.scan(attacked).code == Exit.FINDINGS
-
-
-EVALUATE = ("--attack-every", "12", "--jobs", "1")
-
-
-@pytest.fixture(scope="module")
-def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A clean recording of one frame, beside the store in which attacks on it were evaluated."""
-    folder = tmp_path_factory.mktemp("evaluated")
-    short = write(folder / "short.mcap", record(VAN, range(1), seed=SEED))
-    assert run(["evaluate", str(short), *EVALUATE, "--store", str(folder / "audit")]) == Exit.CLEAN
-    return short
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_evaluate_answers_in_every_format(form: str, evaluated: Path, capfdbinary):
-    audit = Audit(evaluated.with_name("audit"), capfdbinary.readouterr)
-    answer = audit("evaluate", evaluated, *EVALUATE, "--format", form)
-    assert answer.code == Exit.CLEAN
-    assert answer.out
-
-
-def test_the_evaluation_page_is_written(evaluated: Path, capfdbinary, tmp_path: Path):
-    audit = Audit(evaluated.with_name("audit"), capfdbinary.readouterr)
-    assert audit("report", "evaluation", "--out", tmp_path / "evaluation.html").code == Exit.CLEAN
-    assert "short.mcap" in (tmp_path / "evaluation.html").read_text()
 
 
 @pytest.mark.parametrize("form", ["table", "parquet"])

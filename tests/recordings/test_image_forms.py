@@ -19,8 +19,12 @@ RIG = make_rig(3)
 FRAMES = {False: make_frames(RIG, 4), True: make_frames(RIG, 4, colour=True)}
 
 
-@pytest.mark.parametrize(("form", "colour"), [("raw", False), ("raw", True), ("png", True), ("jpeg", False)])
-@pytest.mark.parametrize("container", CONTAINERS, ids=lambda container: container.name)
+PICTURES: tuple[tuple[Form, bool], ...] = (("raw", False), ("raw", True), ("png", True), ("jpeg", False))
+IN_TURN = [(container, *PICTURES[place % len(PICTURES)]) for place, container in enumerate(CONTAINERS)]
+"""Containers hold bytes, whatever these are of: each has one form of pictures, and each form has several containers."""
+
+
+@pytest.mark.parametrize(("container", "form", "colour"), IN_TURN, ids=lambda one: getattr(one, "name", str(one)))
 def test_a_recording_gives_the_frames_that_were_written(
     container: Container, form: Form, colour: bool, tmp_path: Path
 ) -> None:

@@ -7,28 +7,23 @@ from auditor.store.queries import describe, list_queries, list_views
 from auditor.store.sql_files import bind
 from tests.store.store_page import PAGE, written_anew
 
-NAMES = [*(query.name for query in list_queries()), *(view.name for view in list_views())]
+
+def test_every_column_of_every_view_and_query_has_its_sentence_and_no_other_is_described():
+    for file in (*list_queries(), *list_views()):
+        description = describe(file.name)
+        assert description.text.endswith("."), file.name
+        for column in description.columns:
+            assert column.sentence.endswith("."), (file.name, column)
+            assert column.type, (file.name, column)
+        assert set(file.columns) <= {column.name for column in description.columns}, file.name
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_column_of_every_view_and_query_has_its_sentence(name):
-    description = describe(name)
-    assert description.text.endswith(".")
-    for column in description.columns:
-        assert column.sentence.endswith("."), column
-        assert column.type
-
-
-@pytest.mark.parametrize("file", [*list_queries(), *list_views()], ids=lambda file: file.name)
-def test_no_column_is_described_that_is_not_there(file):
-    assert set(file.columns) <= {column.name for column in describe(file.name).columns}
-
-
-@pytest.mark.parametrize("query", list_queries(), ids=lambda query: query.name)
-def test_every_parameter_is_used_and_its_default_is_of_its_type(query):
-    assert set(re.findall(r"\$(\w+)", query.sql)) == {parameter.name for parameter in query.parameters}
-    required = {parameter.name: "0" for parameter in query.parameters if parameter.required}
-    assert bind(query, required).keys() == {parameter.name for parameter in query.parameters}
+def test_every_parameter_is_used_and_its_default_is_of_its_type():
+    for query in list_queries():
+        names = {parameter.name for parameter in query.parameters}
+        assert set(re.findall(r"\$(\w+)", query.sql)) == names, query.name
+        required = {parameter.name: "0" for parameter in query.parameters if parameter.required}
+        assert bind(query, required).keys() == names, query.name
 
 
 def test_what_is_not_there_is_not_described():

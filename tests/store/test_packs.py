@@ -214,7 +214,7 @@ def test_what_ties_rows_to_others_is_looked_at_in_packs_as_in_files(folder):
     assert f"there is no recording_id {'f' * 64} in recordings" in before[0] + before[1]
 
 
-@pytest.mark.parametrize(("function", "seed"), [("replace", 0), ("unlink", 1), ("replace", 2)])
+@pytest.mark.parametrize(("function", "seed"), [("replace", 0), ("unlink", 1)])
 def test_a_packing_that_is_killed_leaves_every_answer_and_the_next_one_completes_it(
     kept, folder, monkeypatch, function, seed
 ):

@@ -1,5 +1,3 @@
-import pytest
-
 from auditor.resources import resource_folder
 from auditor.store.schema import SCHEMA_VERSION, TABLES, table_schema, version_of
 
@@ -8,18 +6,14 @@ def test_there_is_one_file_a_table():
     assert {path.stem for path in resource_folder("schemas").glob("*.toml")} == set(TABLES)
 
 
-@pytest.mark.parametrize("table", TABLES)
-def test_every_table_and_column_has_its_sentence(table):
-    schema = table_schema(table)
-    assert schema.file.startswith(f"{table}/<")
-    for text in (schema.sentence, *(column.sentence for column in schema.columns)):
-        assert text[0].isupper() or text.startswith(("sha256", "present", "clean", "b_{")), text
-        assert text.endswith("."), text
-
-
-@pytest.mark.parametrize("table", TABLES)
-def test_every_file_of_a_table_would_carry_the_schema_version(table):
-    assert version_of(table_schema(table).arrow) == SCHEMA_VERSION
+def test_every_table_and_column_has_its_sentence_and_its_files_carry_the_schema_version():
+    for table in TABLES:
+        schema = table_schema(table)
+        assert schema.file.startswith(f"{table}/<")
+        for text in (schema.sentence, *(column.sentence for column in schema.columns)):
+            assert text[0].isupper() or text.startswith(("sha256", "present", "clean", "b_{")), text
+            assert text.endswith("."), text
+        assert version_of(schema.arrow) == SCHEMA_VERSION, table
 
 
 def test_floats_are_split_stamps_are_differences_and_words_have_a_dictionary():

@@ -1,7 +1,6 @@
 """Attacks in memory: the same counts as measuring the attacked frame, and nothing measured twice."""
 
 import json
-import shutil
 from dataclasses import replace
 from itertools import combinations, islice, pairwise
 
@@ -205,11 +204,12 @@ def shorter(tmp_path_factory):
     return write_drive(tmp_path_factory.mktemp("shorter") / "clean.mcap", SHORTER, positions_m=(0.6, 0.3, 0.0))
 
 
-@pytest.fixture(scope="module")
-def evaluated(shorter, tmp_path_factory):
-    """A store with all cases of all frames, only to be read, and the result of evaluating."""
-    store = tmp_path_factory.mktemp("evaluated")
-    return store, run(shorter, store)
+@pytest.fixture
+def clean_and_patterns(monkeypatch):
+    """Nothing else is tried."""
+    monkeypatch.setattr(
+        runner, "experiments_of", lambda paths: [e for e in experiments_of(paths) if e.name in ("clean", "patterns")]
+    )
 
 
 @pytest.fixture
@@ -217,13 +217,13 @@ def short_chunks(monkeypatch):
     monkeypatch.setattr(runner, "CHUNK_FRAMES", CHUNK)
 
 
-def few_in_short_chunks(patched):
-    """A twelfth of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
+def few_in_short_chunks(patched, each=12):
+    """A share of each experiment's cases in short chunks; intervals end with these, as long ones with long chunks."""
 
     def few(experiment):
         together = min(experiment.together, CHUNK)
         return replace(
-            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, 12)
+            experiment, together=together, cases=lambda *drawn: islice(experiment.cases(*drawn), None, None, each)
         )
 
     chosen = tuple(few(one) for one in experiments_of(()))
@@ -247,8 +247,19 @@ def in_chunks(drive, tmp_path_factory):
     return store, done
 
 
-def test_every_case_of_every_frame_is_measured_and_none_again(shorter, evaluated):
-    store, done = evaluated
+@pytest.fixture
+def nothing_measured(monkeypatch):
+    """Cases without counts: which there are takes no matching."""
+    monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
+    monkeypatch.setattr(AttackedFrame, "statistics", lambda frame, *_: [None] * len(frame.sensor_checks))
+    none = CaseFeatures([], [], {}, [], [])
+    monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
+
+
+@pytest.mark.usefixtures("nothing_measured")
+def test_every_case_of_every_frame_is_measured_and_none_again(shorter, tmp_path):
+    store = tmp_path / "audit"
+    done = run(shorter, store)
     delayed = 3 * sum(max(SHORTER - delay, 0) for delay in (1, 3, 10))
     ladders = 3 * (7 + 7 + 6 + 6 + 4) + 2 * 6 + 4
     once = SHORTER * (1 + 3 * 13 + 5 + 44 + 9 + 2 * 7 + 3 * 5)
@@ -286,15 +297,6 @@ def test_shares_of_a_recording_make_the_whole(drive, in_chunks, tmp_path):
     assert [one.frames for one in done] == [CHUNK + 1, CHUNK]
     assert content(tmp_path / "shared") == content(in_chunks[0])
     assert not run(drive, tmp_path / "shared", attack_every=2, share=1, of=3).fresh
-
-
-@pytest.fixture
-def nothing_measured(monkeypatch):
-    """Cases without counts: which there are takes no matching."""
-    monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
-    monkeypatch.setattr(AttackedFrame, "statistics", lambda frame, *_: [None] * len(frame.sensor_checks))
-    none = CaseFeatures([], [], {}, [], [])
-    monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
 
 
 @pytest.mark.usefixtures("nothing_measured")
@@ -383,8 +385,10 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
     assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
 
 
-def test_the_command_measures_nothing_again_and_prints_the_summary(shorter, evaluated, tmp_path):
-    shutil.copytree(evaluated[0], tmp_path / "audit")
+def test_the_command_measures_nothing_again_and_prints_the_summary(shorter, tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        few_in_short_chunks(patched, each=4)
+        run(shorter, tmp_path / "audit")  # here: the command, which has processes of its own, would try all
     arguments = ["evaluate", str(shorter), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
@@ -447,12 +451,13 @@ def test_an_attack_of_a_second_holds_still_or_moves_and_one_that_lasts_is_the_sa
     assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
 
 
-def test_laser_patterns_are_laid_over_every_camera_and_measured_once(shorter, evaluated, tmp_path):
+@pytest.mark.usefixtures("clean_and_patterns")
+def test_laser_patterns_are_laid_over_every_camera_and_measured_once(shorter, tmp_path):
     picture = tmp_path / "laser.png"
     light = np.zeros((60, 160, 3), dtype=np.uint8)
     light[20:40] = 255
     picture.write_bytes(cv2.imencode(".png", light)[1].tobytes())
-    shutil.copytree(evaluated[0], tmp_path / "audit")
+    run(shorter, tmp_path / "audit")
     added = run(shorter, tmp_path / "audit", patterns=(picture,))
     assert added.cases == SHORTER * 3
     assert not run(shorter, tmp_path / "audit", patterns=(picture,)).fresh

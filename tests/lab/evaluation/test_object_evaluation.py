@@ -1,6 +1,7 @@
 """The object-level baseline over whole recordings: compared once, resumed after a kill, scored by labels."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.evaluation import Recorded, runner
+from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, runner
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
@@ -250,8 +251,12 @@ def test_labels_that_are_not_there_or_score_no_detector_are_refused(tmp_path) ->
         check_detectors(("geometric",), tmp_path)
 
 
-def test_the_command_compares_objects_too_and_the_query_answers(tmp_path) -> None:
+def test_the_command_compares_objects_too_and_the_query_answers(tmp_path, monkeypatch) -> None:
     drive, store = write_drive(tmp_path / "short.mcap", 1, positions_m=(0.6, 0.0)), str(tmp_path / "audit")
+    with monkeypatch.context() as patched:  # all that is no object is measured before, in few cases
+        few = [replace(one, cases=lambda *_: iter(())) for one in runner.experiments_of(())]
+        patched.setattr(runner, "experiments_of", lambda _: few)
+        evaluate_source(EvaluateTask(Recorded(drive), tmp_path / "audit"), lambda *_: None)
     arguments = ["evaluate", str(drive), "--store", store, "--jobs", "1", "--detector", "geometric"]
     done = CliRunner().invoke(auditor, arguments)
     assert done.exit_code == 0, done.stderr

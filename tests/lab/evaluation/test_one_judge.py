@@ -5,9 +5,12 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from auditor.lab.evaluation import experiments_of, runner
+from auditor.model.rig import Rig
 from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames
 from tests.making.attacked_copies import compare, same
@@ -41,12 +44,28 @@ def few_attacks(monkeypatch):
     return chosen
 
 
+def halved(rig, frames):
+    """The rig and frames with half of the rows and columns: attacks are of as many pixels as they are of whole ones."""
+    half = np.array([[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1]])
+    cameras = [
+        replace(one, width_px=one.width_px // 2, height_px=one.height_px // 2, projection=half @ one.projection)
+        for one in rig.cameras
+    ]
+
+    def smaller(number, image):
+        size_px = cameras[number - 1].width_px, cameras[number - 1].height_px
+        return replace(image, pixels=cv2.resize(image.pixels, size_px, interpolation=cv2.INTER_AREA))
+
+    made = (replace(one, images={n: smaller(n, image) for n, image in one.images.items()}) for one in frames)
+    return Rig(rig.lidar, tuple(cameras)), made
+
+
 def test_an_evaluation_and_a_scan_say_the_same_of_every_kind_of_attack(tmp_path, few_attacks):
     paths = []
     for number in ("0009", "0001"):
         rig, stream = frames(number, colour=True)
         paths.append(tmp_path / f"{number}.mcap")
-        write_mcap(paths[-1], rig, islice(stream, FRAMES), image="raw")
+        write_mcap(paths[-1], *halved(rig, islice(stream, FRAMES)), image="raw")
     found = list(compare(tmp_path, *paths, few_attacks, every=1, patterns=()))
     assert [one for one in found if not same(one.evaluated, one.scanned)] == []
     assert {one.experiment for one in found} == {"combinations", "further", "intervals", "patterns"}

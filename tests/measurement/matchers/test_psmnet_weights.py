@@ -35,14 +35,11 @@ def opened(path: Path) -> Matcher:
 
 def training_checkpoint() -> dict[str, object]:
     """What training scripts of 2018 leave: prefixed names, optimiser state, numpy scalars, their arguments."""
-    parameters = [torch.nn.Parameter(STATE[LAST].clone())]
-    optimiser = torch.optim.Adam(parameters)
-    parameters[0].grad = torch.ones_like(parameters[0])
-    optimiser.step()
+    moments = {"step": torch.tensor(1.0), "exp_avg": torch.ones(3), "exp_avg_sq": torch.ones(3)}
     return {
         "epoch": 300,
         "state_dict": PREFIXED,
-        "optimizer": optimiser.state_dict(),
+        "optimizer": {"state": {0: moments}, "param_groups": [{"lr": 0.001, "betas": (0.9, 0.999), "params": [0]}]},
         "train_loss": np.float64(0.5),
         "losses": np.arange(3.0),
         "args": argparse.Namespace(maxdisp=192),
