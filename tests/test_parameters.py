@@ -67,7 +67,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
     "measurement/checks/moving_things.py": ((3,), "cells that touch"),
-    "measurement/checks/parallax_conflict.py": ((10, 9, 256), "nanoseconds; points compared at once, to bound memory"),
+    "measurement/checks/parallax_conflict.py": (
+        (10, 9, 256, 2048),
+        "nanoseconds; points and patches compared at once, to bound memory",
+    ),
     "measurement/checks/free_space_conflict.py": (
         (10, 9, 3, 5, 1e6, 0.5),
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",

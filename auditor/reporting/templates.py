@@ -56,7 +56,9 @@ def first_upper(text: str | Markup) -> str | Markup:
 def with_indices(text: str) -> Markup:
     """Text with sensors as S_1, whose numbers are set as indices."""
     parts = re.split(r"\bS_(\d+)", text)
-    return Markup("").join(Markup("S<sub>{}</sub>").format(one) if n % 2 else escape(one) for n, one in enumerate(parts))
+    return Markup("").join(
+        Markup("S<sub>{}</sub>").format(one) if n % 2 else escape(one) for n, one in enumerate(parts)
+    )
 
 
 FILTERS: Mapping[str, Callable[..., Any]] = {

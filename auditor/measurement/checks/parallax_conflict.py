@@ -39,7 +39,8 @@ _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
 _AT_ONCE = 256
-"""Points that are compared with all others at once, or eight times as many patches: memory stays bounded."""
+"""Points that are compared with all others at once: memory stays bounded."""
+_PATCHES_AT_ONCE = 2048
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
@@ -272,9 +273,11 @@ def _best_elsewhere(
         found[step, tried[step]] = ncc[tried[step]]
         tried[step] = False
     steps, points = np.nonzero(tried)
-    for begin in range(0, steps.size, 8 * _AT_ONCE):
-        step, point = steps[begin : begin + 8 * _AT_ONCE], points[begin : begin + 8 * _AT_ONCE]
-        found[step, point] = _ncc(patches[point], norms[point], before, sought.chosen(point), _OFFSETS[step])
+    for begin in range(0, steps.size, _PATCHES_AT_ONCE):
+        step, point = steps[begin : begin + _PATCHES_AT_ONCE], points[begin : begin + _PATCHES_AT_ONCE]
+        found[step, point] = _ncc(
+            patches[point], norms[point], before, sought.chosen(point), _OFFSETS[step].astype(np.float64)
+        )
     elsewhere = np.where(np.abs(_OFFSETS[:, None]) <= _BESIDE, np.float32(-1), found)
     best = elsewhere.argmax(axis=0)
     at_an_end = (best == 0) | (best == len(_OFFSETS) - 1)
@@ -295,7 +298,7 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: Indices | int) -> Floats32:
+def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
     """(P,) the NCC of patches now with the picture before, `offset` px from where the LiDAR's range puts them.
 
     What came nearer was smaller a moment ago.
