@@ -121,6 +121,9 @@ class Coverage:
 BRIGHTNESS = ("level", "saturated_share", "textureless_share", "blue_level", "red_level", "saturated_px")
 """What causes are told by of each camera: fields of Coverage."""
 
+CASE_BRIGHTNESS = tuple(name for name in BRIGHTNESS if name != "textureless_share")
+"""What cases of evaluations keep of these: none of their attacks blurs a camera."""
+
 
 LIGHT_STEPS = STORED_RESIDUALS.steps
 """Steps of a stored sum of light residuals a unit."""

@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import COLUMNS, rig_sensor_checks
-from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT
+from auditor.model.measurement import BRIGHTNESS, CASE_BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import ComparedTo
 from auditor.store.evaluation_tables import CHUNK_FRAMES
@@ -19,8 +19,9 @@ from auditor.store.store import Store
 _KNOWN_BY = (
     "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size, family"
 )
+_BRIGHTNESS = [name if name in CASE_BRIGHTNESS else f"NULL::DOUBLE[] AS {name}" for name in BRIGHTNESS]
 _MEASURED = ", ".join(
-    ("statistics", "present", "fingerprint", *BRIGHTNESS, "fault_features", "fault_features_after", "returns")
+    ("statistics", "present", "fingerprint", *_BRIGHTNESS, "fault_features", "fault_features_after", "returns")
 )
 _COUNTED = COUNTING_VERSIONS[ComparedTo.CAMERAS]  # a lone camera is not evaluated
 _EARLIER = f"SELECT evaluation_id FROM evaluations WHERE counting_version < {_COUNTED}"  # noqa: S608 - a number

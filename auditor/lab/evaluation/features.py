@@ -8,7 +8,7 @@ from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.lab.evaluation.experiments import Attacks, Case, Experiment
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
-from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Coverage
+from auditor.model.measurement import CASE_BRIGHTNESS, NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
 from auditor.store.evaluation_tables import CaseFeatures
 
@@ -43,7 +43,7 @@ class FeaturesOfCases:
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
-            brightness={name: [getattr(one, name) for one in coverage] for name in BRIGHTNESS},
+            brightness={name: [getattr(one, name) for one in coverage] for name in CASE_BRIGHTNESS},
             fault_features=list(_in_order(attacked_frame, fault_features)),
             fault_features_after=list(_in_order(attacked_frame, features_after)),
             returns=attacked_frame.returns(attacks),

@@ -220,13 +220,9 @@ class _PairSums(NamedTuple):
 
 
 def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, some: Indices | None = None) -> _PairSums:
-    """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row.
-
-    Where one camera saturates as the other predicts there is nothing to be seen: no gain makes them inconsistent.
-    """
+    """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row."""
     summed = partial(sums_of_pair, places) if some is None else partial(sums_of_some, places, some)
-    shown = ~light.clipped
-    [inconsistencies] = summed(seen.comparable & shown, [seen.inconsistent & shown])
+    [inconsistencies] = summed(seen.comparable, [seen.inconsistent])
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)

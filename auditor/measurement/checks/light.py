@@ -65,14 +65,12 @@ class View:
 class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
-    `comparable` (h, w): both cameras see the point, and not both are saturated there. `clipped` (h, w): one of them is,
-    and as the other predicts: it shows nothing more. `coloured` (h, w), of two colour cameras: the residual of light of
-    one colour.
+    `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
+    cameras: the same of light of one colour.
     """
 
     residual: Floats32
     comparable: Mask
-    clipped: Mask
     coloured: Floats32 | None = None
 
 
@@ -91,11 +89,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         classes = warp(source.classes, warped, cv2.INTER_NEAREST) if source.channels else None
         grey = Channel(reference.levels, levels, reference.saturation, source.saturation)
         residual = _of_levels(grey, seen, classes)
-    white, source_white = reference.levels >= reference.saturation, levels >= source.saturation
-    comparable = seen & ~(white & source_white)
+    comparable = seen & ~((reference.levels >= reference.saturation) & (levels >= source.saturation))
     residual = np.clip(residual, -1, 1) * comparable
-    clipped = np.asarray((white & (residual <= 0)) | (source_white & (residual >= 0)))
-    return LightDifference(residual, comparable, clipped, None if coloured is None else coloured * comparable)
+    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
 def view_of(seen: Seen, camera: int) -> View:
@@ -123,19 +119,18 @@ class Channel:
     saturation: int
     other_saturation: int
 
-    def sampled(self, seen: Mask) -> tuple[Image, Image, Mask, Mask]:
+    def sampled(self, seen: Mask) -> tuple[Image, Image, Mask]:
         """(N,) levels of the source and of the reference, every fourth pixel each way, and which of them are usable.
 
-        Those are what both see and neither saturates in; the last are what both see and the reference alone does.
+        Those are what both see and neither saturates in.
         """
         s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (self.other, self.value))
-        known = seen[::_EVERY, ::_EVERY].ravel() & (s < self.other_saturation)
-        saturated = t >= self.saturation
-        return s, t, np.asarray(known & ~saturated), np.asarray(known & saturated)
+        both = seen[::_EVERY, ::_EVERY].ravel()
+        return s, t, np.asarray(both & (s < self.other_saturation) & (t < self.saturation))
 
     def samples(self, seen: Mask) -> tuple[Image, Image]:
         """(M,) levels of the source and of the reference that are usable."""
-        s, t, usable, _ = self.sampled(seen)
+        s, t, usable = self.sampled(seen)
         return s[usable], t[usable]
 
     @property
@@ -175,9 +170,7 @@ def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
 
 def _of_levels(channel: Channel, seen: Mask, classes: Classes | None = None) -> Floats32:
     """The residual of levels; grey ones are predicted from a colour camera's by its classes (h, w) of chroma."""
-    source, target, usable, saturated = channel.sampled(seen)
-    those = None if classes is None else classes[::_EVERY, ::_EVERY].ravel()
-    prediction = predict(source, target, usable, those, saturated)
+    prediction = predict(*channel.sampled(seen), None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
     return channel.residual(prediction.of(channel.other, classes))
 
 

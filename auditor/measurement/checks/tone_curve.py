@@ -22,8 +22,6 @@ _WIDTH = _LEVELS // _BINS
 _OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)
 _CLASSES = len(CHROMA.edges) + 1  # of red over green, and as many of blue
 
-_NONE = np.zeros(0, dtype=np.uint8)
-
 Classes = NDArray[np.uint8]
 """(h, w) the class of chroma of each pixel."""
 
@@ -41,23 +39,21 @@ class Prediction:
         return np.asarray(self.table.take(classes * np.uint16(_LEVELS) + source), dtype=np.uint8)
 
 
-def predict(
-    source: Image, target: Image, usable: Mask, classes: Classes | None = None, saturated: Mask | None = None
-) -> Prediction:
+def predict(source: Image, target: Image, usable: Mask, classes: Classes | None = None) -> Prediction:
     """Fit the target's levels to the source's, (M,) each where `usable`; by class where classes (M,) are given.
 
-    A class of few samples has the curve of all of them. `saturated` (M,) are those in which the target alone saturates.
+    A class of few samples has the curve of all of them.
     """
-    if saturated is None:
-        saturated = np.zeros(source.shape, dtype=np.bool_)
-    common = tone_curve(source[usable], target[usable], source[saturated])
+    source, target = source[usable], target[usable]
+    common = tone_curve(source, target)
     if classes is None:
         return Prediction(common[None])
+    classes = classes[usable]
     tables = np.repeat(common[None], _CLASSES**2, axis=0)
-    counts = np.bincount(classes[usable | saturated], minlength=len(tables))
+    counts = np.bincount(classes, minlength=len(tables))
     for number in np.flatnonzero(counts >= CHROMA.fewest).tolist():
         own = classes == number
-        tables[number] = tone_curve(source[usable & own], target[usable & own], source[saturated & own])
+        tables[number] = tone_curve(source[own], target[own])
     return Prediction(tables)
 
 
@@ -81,13 +77,9 @@ def saturation_level(image: Image) -> int:
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 
-def tone_curve(source: Image, target: Image, saturating: Image = _NONE) -> Image:
-    """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends.
-
-    `saturating` (N,) are levels of the source at which the target saturates, which tell no level: only that a bin of
-    which most saturates is white. So a gain is followed, and light in less than half of a bin is not.
-    """
-    middle, level = _medians(source, target, saturating)
+def tone_curve(source: Image, target: Image) -> Image:
+    """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends."""
+    middle, level = _medians(source, target)
     levels = np.arange(_LEVELS, dtype=np.float64)
     if len(middle) < TONE_CURVE.fewest_bins:
         return levels.astype(np.uint8)
@@ -99,22 +91,15 @@ def tone_curve(source: Image, target: Image, saturating: Image = _NONE) -> Image
     return np.clip(np.rint(curve), 0, _WHITE).astype(np.uint8)
 
 
-def _medians(source: Image, target: Image, saturating: Image) -> tuple[Floats, Floats]:
+def _medians(source: Image, target: Image) -> tuple[Floats, Floats]:
     """By bin with enough samples: the mean of the source's levels, and the median of the target's."""
-    levels, white = (np.bincount(one, minlength=_LEVELS).reshape(_BINS, _WIDTH) for one in (source, saturating))
-    counts, lost = levels.sum(axis=1), white.sum(axis=1)
-    most = lost > counts
-    usual = np.where(most[:, None], white, levels)
-    number = usual.sum(axis=1)
-    enough = number >= TONE_CURVE.fewest
+    levels = np.bincount(source, minlength=_LEVELS).reshape(_BINS, _WIDTH)
+    counts, sums = levels.sum(axis=1), (levels * _OF_BINS).sum(axis=1)
+    used = np.flatnonzero(counts >= TONE_CURVE.fewest)
     ordered = np.sort(source // np.uint8(_WIDTH) * np.uint16(_LEVELS) + target)
-    known = np.flatnonzero(enough & ~most)
-    start = (counts.cumsum() - counts)[known]
-    low, high = (ordered[start + (counts[known] - odd) // 2] % np.uint16(_LEVELS) for odd in (1, 0))
-    median = np.full(_BINS, float(_WHITE))
-    median[known] = (low + high) / 2
-    middle = (usual * _OF_BINS).sum(axis=1)[enough] / number[enough]
-    return np.asarray(middle), np.asarray(median[enough])
+    start = (counts.cumsum() - counts)[used]
+    low, high = (ordered[start + (counts[used] - odd) // 2] % np.uint16(_LEVELS) for odd in (1, 0))
+    return np.asarray(sums[used] / counts[used]), np.asarray((low + high) / 2)
 
 
 def _monotone(levels: Floats) -> Floats:

@@ -20,7 +20,7 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState
-from auditor.model.measurement import BRIGHTNESS
+from auditor.model.measurement import CASE_BRIGHTNESS
 from auditor.model.rig import LIDAR
 from tests.making.scenes import moved
 
@@ -65,7 +65,7 @@ def scanned(drive, attacks, hit):
             (
                 [s in measurement.fingerprints for s in rig.sensors],
                 [measurement.fingerprints.get(s) for s in rig.sensors],
-                [[one and getattr(one, name) for one in coverage] for name in BRIGHTNESS],
+                [[one and getattr(one, name) for one in coverage] for name in CASE_BRIGHTNESS],
                 [coverage[LIDAR].returns],
                 list(chain.from_iterable(pairs)),
             )

@@ -118,32 +118,6 @@ def test_a_facula_of_a_third_of_the_image_does_not_bend_the_curve(greys):
     assert least > -0.1
 
 
-@pytest.mark.parametrize("gain", [2, 4, 8])
-def test_a_gain_that_saturates_most_of_a_picture_is_no_light(greys, gain):
-    reference, source = greys
-    brighter = [np.clip(one.astype(int) * gain, 0, 255).astype(np.uint8) for one in greys]
-    assert strongest(brighter[0], source) == pytest.approx((0, 0), abs=0.1)
-    assert strongest(reference, brighter[1]) == pytest.approx((0, 0), abs=0.1)
-
-
-def test_a_facula_shows_beside_a_gain_that_saturates(greys):
-    reference, source = greys
-    bright = np.clip(facula(reference).astype(int) * 2, 0, 255).astype(np.uint8)
-    assert strongest(bright, source)[0] > 0.8
-
-
-def test_what_saturates_as_the_other_camera_predicts_is_clipped_and_what_a_facula_saturates_is_not(greys):
-    reference, source = greys
-    bright, of_source = (np.clip(one.astype(int) * 4, 0, 255).astype(np.uint8) for one in greys)
-    found = compared(bright, source)
-    white = (View(bright).levels >= View(bright).saturation)[INSIDE]
-    assert white.mean() > 0.5
-    assert found.clipped[INSIDE][white].mean() > 0.9
-    assert not found.clipped[INSIDE][~white].any()
-    assert compared(reference, of_source).clipped[INSIDE].mean() > 0.5
-    assert not compared(facula(reference, 2000), source).clipped[INSIDE].any()
-
-
 @pytest.mark.parametrize("kind", ["greys", "colours"])
 def test_no_light_is_more_than_one(kind, request):
     reference, source = request.getfixturevalue(kind)

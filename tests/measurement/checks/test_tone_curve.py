@@ -79,23 +79,6 @@ def test_samples_that_are_not_usable_do_not_count():
     np.testing.assert_array_equal(fitted(source, target, usable), fitted(source[usable], source[usable]))
 
 
-def test_a_bin_of_which_most_saturates_is_white_whatever_else_lies_in_it():
-    source = samples()
-    target = np.clip(source.astype(int) * 4, 0, 255).astype(np.uint8)
-    target[::10] = source[::10] // 2  # other materials, which alone do not saturate
-    white = target >= 250
-    curve = predict(source, target, ~white, saturated=white).table[0].astype(int)
-    np.testing.assert_array_equal(curve[72:], 255)
-    assert np.abs(curve[16:56] - 4 * LEVELS[16:56].astype(int)).max() <= 8
-
-
-def test_what_saturates_less_than_half_of_a_bin_tells_nothing_of_it():
-    source = samples()
-    white = np.arange(source.size) % 5 < 2
-    curve = predict(source, source, ~white, saturated=white).table[0]
-    np.testing.assert_array_equal(curve, predict(source, source, ~white).table[0])
-
-
 def materials(count=6000, seed=2):
     """Luma, grey level and class of two materials: foliage looks twice as bright to a grey camera as cloth."""
     rng = np.random.default_rng(seed)
