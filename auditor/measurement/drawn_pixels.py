@@ -42,9 +42,11 @@ class _Seen:
 
     def drawn(self) -> Mask | None:
         """(H, W) what was drawn, patches around it included; None where nothing was, or only one picture tells."""
-        if not self.moved or not self.same.any():
+        if not self.moved:
             return None
         found = self.same & (self.last < saturation_level(self.last))
+        if not found.any():
+            return None
         drawn = cv2.morphologyEx(found.view(np.uint8), cv2.MORPH_OPEN, _PATCH)
         return np.asarray(cv2.dilate(drawn, _PATCH), dtype=np.bool_) if drawn.any() else None
 

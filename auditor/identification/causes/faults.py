@@ -108,8 +108,8 @@ def fault_scores(
     if len(seen.cameras) > FEWEST_VOTERS:
         found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
     if len(seen.cameras) > 1:
-        found |= {(Cause.WHITE_BALANCE, camera): one for camera, one in zip(seen.cameras, _warmth(seen), strict=True)}
-        found |= {(Cause.BLURRED, camera): one for camera, one in zip(seen.cameras, _blurred(seen), strict=True)}
+        for cause, of_each in ((Cause.WHITE_BALANCE, _warmth), (Cause.BLURRED, _blurred)):
+            found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each(seen), strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)

@@ -153,7 +153,7 @@ def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
     to_rig = rig.lidar.rig_SE3_lidar.astype(np.float32)
-    eye_m = -np.linalg.inv(camera.projection[:, :3])[1] @ camera.projection[:, 3] - to_rig[1, 3]
+    eye_m = camera.centre_m[1] - to_rig[1, 3]
     below_m = view.point_m @ to_rig[1, :3]
     farther = d0 / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
     on_road = below_m > view.road_m - LOST_RETURNS.above_road_m

@@ -41,6 +41,7 @@ _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 _AT_ONCE = 256
 """Points that are compared with all others at once: memory stays bounded."""
 _PATCHES_AT_ONCE = 2048
+"""Patches that are compared at once, for the same reason."""
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
 
 
