@@ -43,7 +43,11 @@ class OwnPast:
         self._way = _Way()
 
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
-        """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept."""
+        """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept.
+
+        A picture that is white where too many of the LiDAR's points lie has no E: it was not looked at, unless a check
+        finds something.
+        """
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
         found: dict[int, VerifiedConflicts] = {}
@@ -61,7 +65,12 @@ class OwnPast:
             },
             verified_conflicts={(k, k): points for k, points in found.items()},
         )
-        comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
+        blind = {
+            k for of in of_pasts.values() for k, one in of.items() if one.blind_share > STILL_LIGHT.most_blind_share
+        }
+        comparisons = {
+            triple: _comparison(found[triple.k]) for triple in prepared.triples if triple.k not in blind
+        }
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
     def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:

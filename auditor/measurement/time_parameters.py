@@ -117,6 +117,16 @@ class StillLight:
     apart: float = parameter(0.8, unit="sigma between the middles of lights that are tried", source=BY_HAND)
     strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
     unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
+    blind_counts: float = parameter(
+        0.25,
+        unit="of it where its points saturate in both pictures",
+        source="opaque faculas all along and clean frames on drives 0009, 0001 and 04: 0.25, 0.5 and 1 tried",
+    )
+    most_blind_share: float = parameter(
+        0.25,
+        unit="share of the points of two pictures that saturate in both, at most: else nothing was looked at",
+        source="drives 0009, 0001 and 04: 0.07 and, by a gain of 1.4, 0.22; opaque faculas (docs/decisions.md)",
+    )
     saturated_share: float = parameter(
         0.04,
         unit="share of the points that moved into a light that saturate, at least",
