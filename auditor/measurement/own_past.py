@@ -45,8 +45,8 @@ class OwnPast:
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
         """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept.
 
-        A picture that is white where too many of the LiDAR's points lie has no E: it was not looked at, unless a check
-        finds something.
+        A picture that is white where too many of the LiDAR's points lie has no E, and no conflicts are counted in it: it
+        was not looked at, unless light is found.
         """
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
@@ -57,6 +57,8 @@ class OwnPast:
             found[k], said = self._compared(now)
             for check, one in said.items():
                 of_pasts[check][k] = one
+            if any(one.blind_share > STILL_LIGHT.most_blind_share for one in said.values()):
+                found[k] = _none_of(found[k])
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
             of_pasts=of_pasts,
@@ -65,12 +67,7 @@ class OwnPast:
             },
             verified_conflicts={(k, k): points for k, points in found.items()},
         )
-        blind = {
-            k for of in of_pasts.values() for k, one in of.items() if one.blind_share > STILL_LIGHT.most_blind_share
-        }
-        comparisons = {
-            triple: _comparison(found[triple.k]) for triple in prepared.triples if triple.k not in blind
-        }
+        comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
     def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:
@@ -145,6 +142,12 @@ def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, floa
 
 def _glimpse(moment: Moment, placed: tuple[Motion, float]) -> Glimpse:
     return Glimpse.of(moment.stamp_ns, moment.half, moment.camera.intrinsics, moment.point_m, placed)
+
+
+def _none_of(points: VerifiedConflicts) -> VerifiedConflicts:
+    """The same points, of which none was compared."""
+    none = np.zeros_like(points.valid)
+    return replace(points, valid=none, lidar_conflicts=none)
 
 
 def _comparison(points: VerifiedConflicts) -> Comparison:
