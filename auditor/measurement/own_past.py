@@ -45,8 +45,8 @@ class OwnPast:
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
         """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept.
 
-        A picture that is white where too many of the LiDAR's points lie has no E, and no conflicts are counted in it: it
-        was not looked at, unless light is found.
+        In a picture that is white where too many of the LiDAR's points lie nothing is counted: it was not looked at,
+        unless light is found.
         """
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
@@ -57,7 +57,7 @@ class OwnPast:
             found[k], said = self._compared(now)
             for check, one in said.items():
                 of_pasts[check][k] = one
-            if any(one.blind_share > STILL_LIGHT.most_blind_share for one in said.values()):
+            if now.white_share > PARALLAX_CONFLICT.most_white_share:
                 found[k] = _none_of(found[k])
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),

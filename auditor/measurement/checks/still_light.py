@@ -5,9 +5,9 @@ range and from how the camera moved. So after the tone curve of the two pictures
 that was added where it is now, less light that was added where it was then. Round lights are tried all over the
 picture: of each, points that moved into it have to be brighter, and those that moved out of it darker, and some of
 them have to saturate in it. What saturates in both pictures says nothing, and is no evidence against a light: one that
-is opaque shows at its rim alone. Between drops of mud it is brighter too, as the scene itself is there. A light has to have
-shown at the same place a frame before, or to fade at its edge; else it counts for less. What passes near by, as a roof
-that reflects the sky, is another light in each frame, and ends at edges.
+is opaque shows at its rim alone. Between drops of mud it is brighter too, as the scene itself is there. A light has to
+have shown at the same place a frame before, or to fade at its edge; else it counts for less. What passes near by, as a
+roof that reflects the sky, is another light in each frame, and ends at edges.
 """
 
 from collections.abc import Sequence
@@ -120,23 +120,21 @@ def _roundness(patch: Indices, count: int) -> Floats:
 class OfThePast(NamedTuple):
     """The statistic of a frame, 0 to 1, and the share of the camera's picture that was compared for it.
 
-    `blind_share` is the share of the points in both pictures that saturate in both: what is there cannot be told.
     `lights` (L,), 0 to 1, is what each of the lights that are tried shows in this frame alone, in the order of
     `_lights`.
     """
 
     statistic: float
     looked_share: float
-    blind_share: float
     lights: Floats
 
 
 class _Seen(NamedTuple):
     """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
 
-    They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,), and so
-    many `were_saturated` (C,) a moment ago, where they lay `before` (C, 2). `blind` (C, 2) are the middles of cells, and
-    `blind_weight` (C,) their weights, by the points that saturate in both pictures, which are a `blind_share`.
+    They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,), and
+    so many `were_saturated` (C,) a moment ago, where they lay `before` (C, 2). `blind` (C, 2) are the corners of cells,
+    and `blind_weight` (C,) their weights, by the points that saturate in both pictures.
     """
 
     weight: Floats
@@ -149,7 +147,6 @@ class _Seen(NamedTuple):
     before: Floats
     blind: Floats
     blind_weight: Floats
-    blind_share: float
 
 
 def measure_still_light(
@@ -169,8 +166,7 @@ def measure_still_light(
     lights, fading = _shown(now, seen)
     before = np.zeros_like(lights) if last is None else last.lights
     twice = np.sqrt(lights * np.maximum(before, np.maximum(fading, STILL_LIGHT.once_share) * lights))
-    blind_share = min(one.blind_share for one in seen)
-    return OfThePast(float(twice.max()), min(cells / now.levels.size, 1.0), blind_share, lights)
+    return OfThePast(float(twice.max()), min(cells / now.levels.size, 1.0), lights)
 
 
 def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
@@ -252,7 +248,7 @@ def _by_cells(
     blind = saturated & were_saturated
     blind_count = np.bincount(place[blind])
     of_blind = np.flatnonzero(blind_count)
-    middles = (np.stack([of_blind % columns, of_blind // columns], axis=1) + 0.5) * cell_px
+    corners = np.stack([of_blind % columns, of_blind // columns], axis=1) * float(cell_px)
     told = ~blind
     place = place[told]
     count = np.bincount(place)
@@ -272,9 +268,8 @@ def _by_cells(
         total(were_saturated),
         where,
         was,
-        middles,
+        corners,
         _weight(blind_count[of_blind]),
-        float(blind.mean()),
     )
 
 
@@ -296,7 +291,8 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         sides = np.zeros((4, down.size * across.size))
-        points, saturated, fading, blind, bright = np.zeros((5, down.size * across.size))
+        points, blind = np.zeros((2, down.size * across.size))
+        saturated, were_saturated, fading = np.zeros((3, down.size * across.size))
         for one in seen:
             blind += _lit(one.blind, sigma_px, across, down) @ one.blind_weight.astype(np.float32)
             added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
@@ -309,13 +305,13 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
                 sides[2 * place + 1] += np.square(side) @ weight
             points += np.abs(changes) @ one.points.astype(np.float32)
             saturated += inside @ one.saturated.astype(np.float32)
-            bright -= outside @ one.were_saturated.astype(np.float32)
+            were_saturated -= outside @ one.were_saturated.astype(np.float32)
             fading += inside @ one.fading.astype(np.float32)
         into, of_into, out, of_out = sides
         area = 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         nothing = STILL_LIGHT.unseen_share * np.maximum(area - (1 - STILL_LIGHT.blind_counts) * blind, 0)
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
-        outshines = np.minimum((saturated + bright) / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
+        outshines = np.minimum((saturated + were_saturated) / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
         faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
     return np.concatenate(found), np.concatenate(faded)
