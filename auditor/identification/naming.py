@@ -36,7 +36,10 @@ from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
-_STANDS = "the camera saw too little move by its range, as where the vehicle stands: nothing was compared"
+_STANDS = (
+    "the camera saw too little move by its range, as where the vehicle stands or its picture is white: "
+    "nothing was compared"
+)
 _NO_SCAN_BEFORE = "there is no scan of the same place a moment before: nothing was compared"
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
 

@@ -43,7 +43,11 @@ class OwnPast:
         self._way = _Way()
 
     def compare(self, prepared: RectifiedFrame) -> FrameArrays:
-        """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept."""
+        """The arrays of the next frame; one that lacks the camera or the LiDAR is compared with nothing, nor kept.
+
+        In a picture that is white where too many of the LiDAR's points lie nothing is counted: it was not looked at,
+        unless light is found.
+        """
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
         found: dict[int, VerifiedConflicts] = {}
@@ -53,6 +57,8 @@ class OwnPast:
             found[k], said = self._compared(now)
             for check, one in said.items():
                 of_pasts[check][k] = one
+            if now.white_share > PARALLAX_CONFLICT.most_white_share:
+                found[k] = _none_of(found[k])
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
             of_pasts=of_pasts,
@@ -136,6 +142,12 @@ def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, floa
 
 def _glimpse(moment: Moment, placed: tuple[Motion, float]) -> Glimpse:
     return Glimpse.of(moment.stamp_ns, moment.half, moment.camera.intrinsics, moment.point_m, placed)
+
+
+def _none_of(points: VerifiedConflicts) -> VerifiedConflicts:
+    """The same points, of which none was compared."""
+    none = np.zeros_like(points.valid)
+    return replace(points, valid=none, lidar_conflicts=none)
 
 
 def _comparison(points: VerifiedConflicts) -> Comparison:

@@ -69,6 +69,11 @@ class ParallaxConflict:
         source="drives 0009, 0001 and 04 and rendered rings: docs/decisions.md; 0.5 tried",
     )
     agreeing: float = parameter(0.6, unit="NCC at the LiDAR's range above which a point agrees", source=_DRIVES)
+    most_white_share: float = parameter(
+        0.25,
+        unit="share of the LiDAR's points on what saturates, at most: else nothing was looked at",
+        source="drives 0009, 0001 and 04: 0.07 and, by a gain of 1.4, 0.22; opaque faculas (docs/decisions.md)",
+    )
     nearby_px: tuple[int, int] = parameter(
         (3, 5), unit="half px, rows and columns in which the LiDAR's nearest point is taken", source=BY_HAND
     )
@@ -117,6 +122,11 @@ class StillLight:
     apart: float = parameter(0.8, unit="sigma between the middles of lights that are tried", source=BY_HAND)
     strength: float = parameter(4.0, unit="residual in the middle of a light, 1 being the most", source=_FACULAS)
     unseen_share: float = parameter(0.2, unit="share of a light's area that shows nothing", source=_FACULAS)
+    blind_counts: float = parameter(
+        0.25,
+        unit="of it where its points saturate in both pictures",
+        source="opaque faculas all along and clean frames on drives 0009, 0001 and 04: 0.25, 0.5 and 1 tried",
+    )
     saturated_share: float = parameter(
         0.04,
         unit="share of the points that moved into a light that saturate, at least",

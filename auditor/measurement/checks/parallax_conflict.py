@@ -18,6 +18,7 @@ import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.moving_things import FoundElsewhere, moving
+from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import textured
@@ -82,6 +83,12 @@ class Moment:
         rig_m = self.view.point_m.astype(np.float64) @ self.view.rig.lidar.rig_SE3_lidar[:3, :3].T
         rig_m += self.view.rig.lidar.rig_SE3_lidar[:3, 3] - self.camera.centre_m
         return np.asarray(rig_m @ self.camera.rotation.T)
+
+    @property
+    def white_share(self) -> float:
+        """The share of the view's points where the picture saturates; 0 where there is no point."""
+        there = self.half.ravel()[self.view.place(HALF, self.half.shape[1])]
+        return float(np.mean(there >= saturation_level(self.half))) if there.size else 0.0
 
     @cached_property
     def nearest_m(self) -> Floats32:

@@ -4,9 +4,10 @@ A point of the scene has the same radiance now and a moment ago. Where it lies i
 range and from how the camera moved. So after the tone curve of the two pictures the difference of its levels is light
 that was added where it is now, less light that was added where it was then. Round lights are tried all over the
 picture: of each, points that moved into it have to be brighter, and those that moved out of it darker, and some of
-those in it have to saturate. Between drops of mud it is brighter too, as the scene itself is there. A light has to have
-shown at the same place a frame before, or to fade at its edge; else it counts for less. What passes near by, as a roof
-that reflects the sky, is another light in each frame, and ends at edges.
+them have to saturate in it. What saturates in both pictures says nothing, and is no evidence against a light: one that
+is opaque shows at its rim alone. Between drops of mud it is brighter too, as the scene itself is there. A light has to
+have shown at the same place a frame before, or to fade at its edge; else it counts for less. What passes near by, as a
+roof that reflects the sky, is another light in each frame, and ends at edges.
 """
 
 from collections.abc import Sequence
@@ -131,8 +132,9 @@ class OfThePast(NamedTuple):
 class _Seen(NamedTuple):
     """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
 
-    They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,).
-    `before` (C, 2) is where they lay a moment ago.
+    They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,), and
+    so many `were_saturated` (C,) a moment ago, where they lay `before` (C, 2). `blind` (C, 2) are the corners of cells,
+    and `blind_weight` (C,) their weights, by the points that saturate in both pictures.
     """
 
     weight: Floats
@@ -140,8 +142,11 @@ class _Seen(NamedTuple):
     points: Floats
     saturated: Floats
     fading: Floats
+    were_saturated: Floats
     now: Floats
     before: Floats
+    blind: Floats
+    blind_weight: Floats
 
 
 def measure_still_light(
@@ -202,15 +207,15 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
     column, row = np.rint(there).astype(np.intp).T
     hidden = before.nearest_m[row, column] < depth_m * STILL_LIGHT.hidden_share
     here, there = here[~hidden], there[~hidden]
-    residual, usable, saturated = _residual(now, before, here, there)
-    if np.count_nonzero(usable) < STILL_LIGHT.fewest_points:
+    residual, saturated, were_saturated = _residual(now, before, here, there)
+    if np.count_nonzero(~(saturated & were_saturated)) < STILL_LIGHT.fewest_points:
         return None
     fading = saturated & (_at(now.fading, here) > 0)
-    return _by_cells(now, here[usable], there[usable], residual[usable], saturated[usable], fading[usable])
+    return _by_cells(now, here, there, residual, saturated, were_saturated, fading)
 
 
 def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask, Mask]:
-    """(P,) by what share points are brighter than all predicted nearby, or darker; which can be told; which saturate.
+    """(P,) by what share points are brighter than all predicted nearby, or darker; which saturate now, and did before.
 
     What was saturated may be brighter by any amount, and what is saturated is not darker.
     """
@@ -224,7 +229,7 @@ def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tup
     value = level.astype(np.float32)
     nearest = np.minimum(np.maximum(value, lower), np.maximum(upper, lower))
     residual = (value - nearest) / (np.float32(STILL_LIGHT.level) + np.float32(STILL_LIGHT.share) * nearest)
-    return np.clip(residual, -1, 1), ~(saturated & was_saturated), saturated
+    return np.clip(residual, -1, 1), saturated, was_saturated
 
 
 def _at(image: Image, place: Floats) -> Image:
@@ -233,54 +238,80 @@ def _at(image: Image, place: Floats) -> Image:
     return np.asarray(image[row, column], dtype=np.uint8)
 
 
-def _by_cells(now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask, fading: Mask) -> _Seen:
+def _by_cells(
+    now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask, were_saturated: Mask, fading: Mask
+) -> _Seen:
     cell_px = _cell_px(now)
     columns = -(-now.levels.shape[1] // cell_px)
     column, row = (here / cell_px).astype(np.intp).T
     place = row * columns + column
+    blind = saturated & were_saturated
+    blind_count = np.bincount(place[blind])
+    of_blind = np.flatnonzero(blind_count)
+    corners = np.stack([of_blind % columns, of_blind // columns], axis=1) * float(cell_px)
+    told = ~blind
+    place = place[told]
     count = np.bincount(place)
     held = np.flatnonzero(count)
 
-    def mean(values: Floats | Floats32 | Mask) -> Floats:
-        return np.asarray(np.bincount(place, weights=values)[held] / count[held])
+    def total(values: Floats | Floats32 | Mask) -> Floats:
+        return np.asarray(np.bincount(place, weights=values[told])[held])
 
-    weight = np.minimum(count[held] / STILL_LIGHT.full_points, 1.0)
-    where, was = (np.stack([mean(one[:, 0]), mean(one[:, 1])], axis=1) for one in (here, there))
-    of_points = count[held].astype(np.float64)
-    bright, fades = (mean(some) * of_points for some in (saturated, fading))
-    return _Seen(weight, mean(residual), of_points, bright, fades, where, was)
+    points = count[held].astype(np.float64)
+    where, was = (np.stack([total(one[:, 0]), total(one[:, 1])], axis=1) / points[:, None] for one in (here, there))
+    return _Seen(
+        _weight(points),
+        total(residual) / points,
+        points,
+        total(saturated),
+        total(fading),
+        total(were_saturated),
+        where,
+        was,
+        corners,
+        _weight(blind_count[of_blind]),
+    )
+
+
+def _weight(points: Floats | Indices) -> Floats:
+    """(C,) of cells of so many points."""
+    return np.asarray(np.minimum(points / STILL_LIGHT.full_points, 1.0))
 
 
 def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
     """(L,) for each round light the mean of what its two sides show, 0 to 1, and less where too few points saturate.
 
-    Beside it (L,) the share of those of its points that saturate which are of patches that fade.
+    Beside it (L,) the share of the points in it that saturate now which are of patches that fade.
 
     A side is of the points that moved into the light, or out of it: the mean of their residuals, weighed by how much
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
-    which a corner alone is in view needs more.
+    which a corner alone is in view needs more; what saturates in both pictures counts less there.
     """
     found, faded, cell_px = [], [], _cell_px(now)
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
-        nothing = STILL_LIGHT.unseen_share * 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         sides = np.zeros((4, down.size * across.size))
-        points, saturated, fading = np.zeros((3, down.size * across.size))
+        points, blind = np.zeros((2, down.size * across.size))
+        saturated, were_saturated, fading = np.zeros((3, down.size * across.size))
         for one in seen:
+            blind += _lit(one.blind, sigma_px, across, down) @ one.blind_weight.astype(np.float32)
             added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
             shown = (one.weight * one.residual).astype(np.float32)
             weight = one.weight.astype(np.float32)
-            inside = np.maximum(changes, 0)
-            for place, side in enumerate((inside, np.minimum(changes, 0))):
+            inside, outside = np.maximum(changes, 0), np.minimum(changes, 0)
+            for place, side in enumerate((inside, outside)):
                 sides[2 * place] += side @ shown
                 sides[2 * place + 1] += np.square(side) @ weight
-            points += inside @ one.points.astype(np.float32)
+            points += np.abs(changes) @ one.points.astype(np.float32)
             saturated += inside @ one.saturated.astype(np.float32)
+            were_saturated -= outside @ one.were_saturated.astype(np.float32)
             fading += inside @ one.fading.astype(np.float32)
         into, of_into, out, of_out = sides
+        area = 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
+        nothing = STILL_LIGHT.unseen_share * np.maximum(area - (1 - STILL_LIGHT.blind_counts) * blind, 0)
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
-        outshines = np.minimum(saturated / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
+        outshines = np.minimum((saturated + were_saturated) / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
         faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
     return np.concatenate(found), np.concatenate(faded)
@@ -292,7 +323,7 @@ def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats
         np.exp(-np.square(middles[:, None] - at) / (2 * sigma_px**2)).astype(np.float32)
         for middles, at in ((across, place[:, 0]), (down, place[:, 1]))
     )
-    return (rows[:, None] * columns[None]).reshape(-1, len(place))
+    return (rows[:, None] * columns[None]).reshape(across.size * down.size, len(place))
 
 
 @lru_cache(maxsize=8)

@@ -60,6 +60,31 @@ def test_light_that_was_there_all_along_shows_once_the_vehicle_has_moved(clean: 
     assert min(one for one in lit[5:] if one is not None) > 2 * max(one for one in clean if one is not None)
 
 
+def test_an_opaque_light_that_was_there_all_along_shows_where_the_scene_comes_out_of_it(
+    clean: list[float | None],
+) -> None:
+    """Ahead the scene moves outwards: nothing moves into a light in the middle, and all is white in it."""
+    middle = Facula(2000.0, 0.15 * WIDTH, 0.5 * WIDTH, 0.6 * HEIGHT)
+    lit = statistics(middle.apply)
+    assert max(one for one in lit if one is not None) > 3 * max(one for one in clean if one is not None)
+
+
+def test_what_is_white_in_both_pictures_is_not_looked_at() -> None:
+    def white_below(share: float) -> Callable[[CameraImage], CameraImage]:
+        def change(image: CameraImage) -> CameraImage:
+            rows = np.arange(HEIGHT)[:, None] > (1 - share) * HEIGHT
+            return replace(image, pixels=np.where(rows, np.uint8(255), image.pixels))
+
+        return change
+
+    def compared(share: float) -> list[bool]:
+        changed = [replace(one, images={1: white_below(share)(one.images[1])}) for one in drive_frames()]
+        return [counts is not None and counts.valid_px > 0 for one in measured(changed) for counts in one.counts]
+
+    assert compared(0.1)[3:] == [True] * (len(drive_frames()) - 3)
+    assert compared(0.35) == [False] * len(drive_frames())
+
+
 def test_light_that_begins_shows_at_once(clean: list[float | None]) -> None:
     lit = statistics(ASIDE.apply, since=6)
     assert lit[:6] == clean[:6]
