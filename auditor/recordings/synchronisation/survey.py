@@ -34,7 +34,7 @@ from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
 from auditor.recordings.synchronisation.metadata import metadata_of
 from auditor.recordings.synchronisation.mountings import Mountings
-from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
+from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 
 
 class Sample(NamedTuple):
@@ -226,6 +226,8 @@ class _Surveyor:
             return True
         sensors = self._by_kind("image", "cloud")
         if not sensors or any(len(self._samples.get(topic, ())) < FIRST_LOOK.samples for topic in sensors):
+            return self._long_enough()
+        if not all(map(show_whole_sweeps, self._sectors_seen.values())):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
         placed = bool(self._mountings or not fixed) and self._described.keys() == self._descriptions()

@@ -10,7 +10,8 @@ from mcap.writer import Writer
 
 from auditor.errors import DecodingError
 from auditor.model.coverage import TopicState
-from auditor.recordings import open_recording, schemas
+from auditor.model.frames import Frame
+from auditor.recordings import open_recording, schemas, search_rigs, synchronise
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.points.ouster import sensor_of
 from auditor.recordings.decoding.standard_types import known_types
@@ -86,7 +87,7 @@ def test_a_packet_of_another_length_has_no_points(length: int) -> None:
 
 
 def write(folder: Path, *, text: str | None = None, attached: bool = False) -> Path:
-    """Two seconds of packets, those of the LiDAR's IMU, and the metadata behind the first packets, or attached."""
+    """Eight revolutions, packets of the LiDAR's IMU, and the metadata behind the first packets, or attached."""
     with (folder / "a.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2")
@@ -95,7 +96,7 @@ def write(folder: Path, *, text: str | None = None, attached: bool = False) -> P
             topic: writer.register_channel(topic, "cdr", writer.register_schema(schema, "ros2msg", b""))
             for topic, schema in topics.items()
         }
-        for number in range(20):
+        for number in range(8):
             for time_ns, packet in packets(10**18 + number * 10**8):
                 message = packet_message(packet, time_ns)
                 writer.add_message(channels[TOPIC], time_ns, message.data, time_ns)
@@ -135,3 +136,17 @@ def test_packets_without_metadata_are_said_with_what_to_do(tmp_path: Path) -> No
     assert states[TOPIC][0] is TopicState.UNREADABLE
     assert "metadata" in states[TOPIC][1]
     assert states["/ouster/imu_packets"][0] is TopicState.LEFT_OUT
+
+
+def test_frames_hold_the_points_of_whole_revolutions(tmp_path: Path) -> None:
+    with open_recording(write(tmp_path, text=metadata())) as recording:
+        found = survey(recording)
+        [rig] = search_rigs(found).rigs
+        stream = synchronise(recording, rig, found)
+        frames = [frame for frame in stream if isinstance(frame, Frame)]
+    assert len(frames) >= 6
+    whole = np.concatenate([decoder().xyz_m(packet_message(packet)) for _, packet in packets(7)])
+    for frame in frames:
+        assert frame.cloud is not None
+        assert np.array_equal(np.unique(frame.cloud.xyz_m, axis=0), np.unique(whole, axis=0))
+        assert len(frame.cloud.xyz_m) == len(whole)
