@@ -37,6 +37,7 @@ from auditor.recordings.decoding.pictures import decode_picture
 from auditor.recordings.decoding.points.cloudini import of_cloudini
 from auditor.recordings.decoding.points.compressed import of_draco
 from auditor.recordings.decoding.points.ouster import sensor_of
+from auditor.recordings.decoding.points.velodyne import calibration_of
 from auditor.recordings.formats.datasets.argoverse import table_of
 from auditor.recordings.formats.datasets.dgp import points_of_npz
 from auditor.recordings.formats.datasets.pandaset import points_of_pickle
@@ -52,7 +53,7 @@ from tests.making.pickled_tables import LAYOUTS
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
-from tests.making.velodyne import velodyne_scan
+from tests.making.velodyne import packets_of_hdl_64e, scan_of, velodyne_scan
 from tests.making.videos import ENCODERS, VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
@@ -143,6 +144,9 @@ class Seeds:
         self.payloads["ouster"] = (packet_message(next(packets(5))[1]), None, described)
         if find_spec("velodyne_decoder") is not None:
             self.payloads["velodyne"] = (velodyne_scan(4), None, Decoders(lambda _: None))
+            made = packets_of_hdl_64e()
+            calibration = {"/packets": calibration_of(made) or ""}
+            self.payloads["hdl-64e"] = (scan_of(made[:4]), None, Decoders(lambda _: None, metadata=calibration))
 
     def add_parts(self, folder: Path) -> None:
         """Files of data sets and texts of calibrations, each with what reads it and what that may raise."""
@@ -156,6 +160,7 @@ class Seeds:
             **{f"pickle {name}": (pickle, points_of_pickle, ValueError) for name, pickle in LAYOUTS.items()},
             "pickle packed": (gzip.compress(LAYOUTS["2.2.3, joined"]), points_of_pickle, ValueError),
             "camchain": (camchain(make_rig()).encode(), _calibrations, DecodingError),
+            "hdl-64e text": (b"".join(one[-6:] for one in packets_of_hdl_64e()), _of_last_bytes, DecodingError),
             "ouster metadata": (metadata().encode(), _sensor, DecodingError),
             **{f"cloudini {number}": (packed, _cloudini, DecodingError) for number, packed in enumerate(_clouds())},
             "avif file": (file_of(moving_picture(3), "avif"), _picture, DecodingError),
@@ -211,6 +216,10 @@ def _clouds() -> list[bytes]:
 
 def _cloudini(data: bytes) -> object:
     return of_cloudini(data, 10**6, "")
+
+
+def _of_last_bytes(data: bytes) -> object:
+    return calibration_of(data[place : place + 6] for place in range(0, len(data) - 5, 6))
 
 
 def _sensor(data: bytes) -> object:

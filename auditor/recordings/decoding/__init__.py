@@ -109,7 +109,7 @@ class Decoders:
             made = factory(self.types) if factory and encoding in encodings else None
             if isinstance(made, PointCloudDecoder):
                 made.units_m = self._units_m
-            if isinstance(made, OusterDecoder):
+            if isinstance(made, OusterDecoder | VelodyneDecoder):
                 made.metadata = self._metadata
             self._made[key] = made
         return self._made[key]

@@ -79,7 +79,10 @@ _REMEDIES: Mapping[str, str] = {
     schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF, JPEG 2000, AVIF, or a video by auditor[video]",
     schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
     schemas.COMPRESSED_CLOUD: f"install auditor[lidar] where it is Draco; else {_REPUBLISH_CLOUD}",
-    schemas.VELODYNE: f"install auditor[lidar]; of an HDL-64E {_packets('velodyne_pointcloud').remedy}",
+    schemas.VELODYNE: (
+        "install auditor[lidar]; of an HDL-64E S1, or a recording of less than two seconds, "
+        f"{_packets('velodyne_pointcloud').remedy}"
+    ),
     **dict.fromkeys(schemas.OUSTER, _OF_OUSTER),
     **dict.fromkeys(schemas.LIVOX, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2"),
     schemas.POINT_CLOUD: "record a whole sensor_msgs/PointCloud2 with the fields x, y and z",

@@ -1,12 +1,13 @@
-"""The texts that describe the sensors of packets: on a topic beside the packets, or attached to the recording."""
+"""What describes the sensors of packets: on a topic beside them, attached to the recording, or in the packets."""
 
 from collections.abc import Iterator
 
 from auditor.errors import DecodingError
 from auditor.recordings import schemas
 from auditor.recordings.decoding.points.ouster import MAX_METADATA, sensor_of
+from auditor.recordings.decoding.points.velodyne import calibration_of, names_no_model
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.recording import CarriesCalibrations, Recording
+from auditor.recordings.recording import CarriesCalibrations, Recording, Topic
 
 _NAME = "metadata"
 
@@ -15,7 +16,8 @@ def metadata_of(recording: Recording) -> dict[str, str]:
     """By topics of packets the texts that describe their sensors.
 
     The driver publishes a text once, often before anything else: of a topic the first counts, and nothing behind the
-    last of them is read. A text that is attached stands for all topics that have none, where there is only one.
+    last of them is read. A text that is attached stands for all topics that have none, where there is only one. The
+    packets of an HDL-64E have it in them.
     """
     packets = {topic.name for topic in recording.topics() if topic.schema in schemas.OUSTER}
     texts = {topic.name for topic in recording.topics() if topic.schema == schemas.STRING}
@@ -24,7 +26,28 @@ def metadata_of(recording: Recording) -> dict[str, str]:
     attached = set(_attached(recording)) if any(place not in published for place in beside.values()) else set()
     shared = attached.pop() if len(attached) == 1 else None
     found = ((name, published.get(place, shared)) for name, place in beside.items())
-    return {name: text for name, text in sorted(found) if text is not None}
+    known = {name: text for name, text in sorted(found) if text is not None}
+    return known | _gathered(recording)
+
+
+def _gathered(recording: Recording) -> dict[str, str]:
+    """The calibrations that packets of Velodynes hold, of LiDARs whose packets name no model."""
+    found: dict[str, str] = {}
+    for topic in recording.topics():
+        if topic.schema == schemas.VELODYNE and names_no_model(_packets(recording, topic)):
+            text = calibration_of(_packets(recording, topic))
+            found.update({} if text is None else {topic.name: text})
+    return found
+
+
+def _packets(recording: Recording, topic: Topic) -> Iterator[bytes]:
+    types = RosTypes(recording.definition)
+    for message in recording.messages({topic.name}):
+        try:
+            packets = types.decode(message).packets if message.schema == topic.schema else ()
+        except DecodingError:
+            continue
+        yield from (packet.data.tobytes() for packet in packets)
 
 
 def _published(recording: Recording, topics: set[str]) -> dict[str, str]:
