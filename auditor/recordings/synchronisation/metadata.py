@@ -1,6 +1,6 @@
 """What describes the sensors of packets: on a topic beside them, attached to the recording, or in the packets."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from auditor.errors import DecodingError
 from auditor.recordings import schemas
@@ -19,15 +19,25 @@ def metadata_of(recording: Recording) -> dict[str, str]:
     last of them is read. A text that is attached stands for all topics that have none, where there is only one. The
     packets of an HDL-64E have it in them.
     """
-    packets = {topic.name for topic in recording.topics() if topic.schema in schemas.OUSTER}
-    texts = {topic.name for topic in recording.topics() if topic.schema == schemas.STRING}
-    beside = {name: f"{name.rpartition('/')[0]}/{_NAME}" for name in packets}
-    published = _published(recording, texts.intersection(beside.values()))
+    beside = _beside(recording.topics())
+    published = _published(recording, metadata_topics(recording.topics()))
     attached = set(_attached(recording)) if any(place not in published for place in beside.values()) else set()
     shared = attached.pop() if len(attached) == 1 else None
     found = ((name, published.get(place, shared)) for name, place in beside.items())
     known = {name: text for name, text in sorted(found) if text is not None}
     return known | _gathered(recording)
+
+
+def metadata_topics(topics: Sequence[Topic]) -> set[str]:
+    """The topics that describe the sensors of packets."""
+    texts = {topic.name for topic in topics if topic.schema == schemas.STRING}
+    return texts.intersection(_beside(topics).values())
+
+
+def _beside(topics: Sequence[Topic]) -> dict[str, str]:
+    """By topic of packets where its driver publishes the metadata."""
+    packets = {topic.name for topic in topics if topic.schema in schemas.OUSTER}
+    return {name: f"{name.rpartition('/')[0]}/{_NAME}" for name in packets}
 
 
 def _gathered(recording: Recording) -> dict[str, str]:

@@ -18,6 +18,7 @@ from auditor.recordings.decoding.standard_types import known_types
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import Survey, survey
+from auditor.recordings.writers.clip import write_clip
 from tests.making.ouster import METADATA_TOPIC, PACKETS, TOPIC, metadata, packet_message, packets
 
 MADE_BY_THE_MAKER = json.loads(Path(__file__).with_name("ouster_packets.json").read_text())
@@ -150,3 +151,11 @@ def test_frames_hold_the_points_of_whole_revolutions(tmp_path: Path) -> None:
         assert frame.cloud is not None
         assert np.array_equal(np.unique(frame.cloud.xyz_m, axis=0), np.unique(whole, axis=0))
         assert len(frame.cloud.xyz_m) == len(whole)
+
+
+def test_a_clip_has_the_metadata_from_before_its_seconds(tmp_path: Path) -> None:
+    with open_recording(write(tmp_path, text=metadata())) as recording:
+        clip = write_clip(recording, tmp_path / "clip.mcap", 10**18 + 5 * 10**8, 10**18 + 8 * 10**8)
+    assert clip.before == 1
+    with open_recording(tmp_path / "clip.mcap") as recording:
+        assert [cloud.topic.name for cloud in survey(recording).clouds] == [TOPIC]
