@@ -49,6 +49,17 @@ def test_metadata_of_firmware_before_three_are_read() -> None:
     assert (sensor.profile, sensor.beam_mm) == ("LEGACY", (27.67, 0.0))
 
 
+def test_metadata_of_firmware_before_two_are_read_of_an_os_1() -> None:
+    nested = json.loads(metadata())
+    beams = {key: [1.0] * 64 for key in ("beam_azimuth_angles", "beam_altitude_angles")}
+    old = {"lidar_data_format": "error: Command not recognized.", "config_params": {"lidar_mode": "1024x10"}}
+    old |= {"beam_intrinsics": beams, "lidar_intrinsics": nested["lidar_intrinsics"]}
+    sensor = sensor_of(json.dumps(old | {"sensor_info": {"prod_line": "OS-1-64"}}))
+    assert (sensor.columns, sensor.packet_bytes, sensor.beam_mm) == (1024, 12_608, (15.806, 0.0))
+    with pytest.raises(DecodingError):
+        sensor_of(json.dumps(old | {"sensor_info": {"prod_line": "OS-2-64"}}))
+
+
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 def test_a_packet_looks_no_further_than_its_columns_and_its_points_do(encoding: str) -> None:
     _, packet = next(packets(7))

@@ -47,6 +47,9 @@ _PIXEL_BYTES = {
 }
 """Bytes of a pixel by the profile of the packets; each begins with the range."""
 
+_USUAL_MM = 15.806
+"""From the middle of an OS-1 to where its beams begin, which firmware before 2.0 does not say: as ouster-sdk has it."""
+
 _PACKET_HEAD = _PACKET_FOOT = 32
 _STATUS_LEGACY = 0xFFFF_FFFF
 
@@ -77,7 +80,7 @@ class Sensor(NamedTuple):
 
 @lru_cache(maxsize=16)
 def sensor_of(metadata: str) -> Sensor:
-    """The sensor that a text describes, as firmware from 2.0 on and the driver write it. Raises DecodingError."""
+    """The sensor that a text describes, as its firmware or the driver write it. Raises DecodingError."""
     if len(metadata) > MAX_METADATA:
         raise DecodingError(f"metadata of {len(metadata)} characters are not accepted")
     try:
@@ -88,7 +91,8 @@ def sensor_of(metadata: str) -> Sensor:
 
 def _sensor(found: Any) -> Sensor:  # noqa: ANN401  # JSON
     beams = found.get("beam_intrinsics", found)
-    form = found.get("lidar_data_format") or found["data_format"]
+    form = next((found[key] for key in ("lidar_data_format", "data_format") if isinstance(found.get(key), dict)), None)
+    form = form or _form_of_mode(found.get("lidar_mode") or found["config_params"]["lidar_mode"])
     place = found.get("lidar_intrinsics", found)["lidar_to_sensor_transform"]
     profile = form.get("udp_profile_lidar", _LEGACY)
     if profile not in _PIXEL_BYTES:
@@ -106,12 +110,19 @@ def _sensor(found: Any) -> Sensor:  # noqa: ANN401  # JSON
     )
     lens = beams.get("beam_to_lidar_transform")
     if lens is None:
-        beam_mm = (float(_numbers([beams["lidar_origin_to_beam_origin_mm"]], 1)[0]), 0.0)
+        line = str(found.get("sensor_info", found).get("prod_line", ""))
+        usual = {} if not line.startswith("OS-1") else {"lidar_origin_to_beam_origin_mm": _USUAL_MM}
+        beam_mm = (float(_numbers([(usual | beams)["lidar_origin_to_beam_origin_mm"]], 1)[0]), 0.0)
     else:
         matrix = _numbers(lens, 16)
         beam_mm = float(matrix[3]), float(matrix[11])
     sensor_SE3_lidar = _numbers(place, 16).reshape(4, 4)
     return Sensor(profile, columns, _column(profile, height), per_packet, azimuth, altitude, beam_mm, sensor_SE3_lidar)
+
+
+def _form_of_mode(mode: str) -> dict[str, int]:
+    """The form of packets of firmware before 2.0, which does not describe it: `mode` is 1024x10, or another one."""
+    return {"pixels_per_column": 64, "columns_per_frame": int(mode.partition("x")[0]), "columns_per_packet": 16}
 
 
 def _column(profile: str, height: int) -> np.dtype[np.void]:
