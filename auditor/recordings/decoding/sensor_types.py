@@ -111,5 +111,7 @@ def remedy_of(schema: str) -> str:
 
 
 def other_content(reason: str) -> str:
-    """Why pictures that cannot be read are plainly no camera's, by what they hold; empty where they may be."""
+    """Why what cannot be read is plainly no camera's and no LiDAR's, by what it holds; empty where it may be."""
+    if ouster.NO_POINTS in reason:
+        return f"no points of a LiDAR: {reason}"
     return f"no camera picture: {reason}" if _MEASURED_VALUES.search(reason) or DEPTH_PICTURE in reason else ""

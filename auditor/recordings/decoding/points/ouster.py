@@ -26,6 +26,8 @@ FRAME = "os_sensor"
 LEAST_BYTES = 256
 """Packets of the sensor's IMU have 48 bytes, or some more, and the same type."""
 
+NO_POINTS = "holds no points"
+
 MAX_METADATA = 2**17
 """Characters of a sensor's metadata: those of 128 beams have 11,000."""
 
@@ -178,7 +180,7 @@ class OusterDecoder(PointCloudDecoder):
         """A packet, and the sensor that it is from. Raises DecodingError."""
         packet = self._packet(message)
         if len(packet) < LEAST_BYTES:
-            raise DecodingError(f"a packet of {len(packet)} bytes holds no points", where=message.topic)
+            raise DecodingError(f"a packet of {len(packet)} bytes {NO_POINTS}", where=message.topic)
         text = self.metadata.get(message.topic)
         if text is None:
             raise DecodingError("its packets need the sensor's metadata, and the recording has none of them")
