@@ -162,7 +162,7 @@ class CarriesCalibrations(Protocol):
     """A recording that may hold calibrations apart from its messages."""
 
     def calibrations(self) -> Mapping[str, str]:
-        """Texts that may be calibrations, by name; see decoding.calibration_texts."""
+        """Texts that may be calibrations, by name; see decoding.calibration_texts, and decoding.points.ouster."""
 
 
 class Reader(Protocol):

@@ -7,6 +7,7 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 POINT_CLOUD_OLD = "sensor_msgs/msg/PointCloud"
 LIVOX = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
 VELODYNE = "velodyne_msgs/msg/VelodyneScan"
+OUSTER = tuple(f"{package}/msg/PacketMsg" for package in ("ouster_ros", "ouster_msgs", "ouster_sensor_msgs"))
 FFMPEG_PACKET = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket"
 FOXGLOVE_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 COMPRESSED_CLOUD = "point_cloud_interfaces/msg/CompressedPointCloud2"

@@ -7,7 +7,9 @@ with the seed that repeats it (--seed N --iterations 1) and makes the exit code 
 """
 
 import argparse
+import base64
 import gzip
+import json
 import random
 import resource
 import signal
@@ -24,6 +26,7 @@ from pathlib import Path
 from time import perf_counter, process_time
 
 import cv2
+import numpy as np
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
@@ -31,21 +34,26 @@ from auditor.recordings import open_recording, schemas
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.calibration_texts import calibrations_of
 from auditor.recordings.decoding.pictures import decode_picture
+from auditor.recordings.decoding.points.cloudini import of_cloudini
 from auditor.recordings.decoding.points.compressed import of_draco
+from auditor.recordings.decoding.points.ouster import sensor_of
+from auditor.recordings.decoding.points.velodyne import calibration_of
 from auditor.recordings.formats.datasets.argoverse import table_of
 from auditor.recordings.formats.datasets.dgp import points_of_npz
 from auditor.recordings.formats.datasets.pandaset import points_of_pickle
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.camchains import camchain
+from tests.making.cloudini import cloudini
 from tests.making.datasets import write_argoverse, write_dgp
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import FORMS, draco_cloud, drive, file_of
+from tests.making.ouster import TOPIC, metadata, packet_message, packets
 from tests.making.pickled_tables import LAYOUTS
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.scenes import plane_rig
-from tests.making.velodyne import velodyne_scan
+from tests.making.velodyne import packets_of_hdl_64e, scan_of, velodyne_scan
 from tests.making.videos import ENCODERS, VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
@@ -131,9 +139,14 @@ class Seeds:
                 self.payloads[f"{VIDEO} {form} {number}"] = (message, None, Decoders(lambda _: None))
 
     def add_packets(self) -> None:
-        """A scan of a Velodyne, where the extra `lidar` is installed."""
+        """A packet of an Ouster, and a scan of a Velodyne where the extra `lidar` is installed."""
+        described = Decoders(lambda _: None, metadata={TOPIC: metadata()})
+        self.payloads["ouster"] = (packet_message(next(packets(5))[1]), None, described)
         if find_spec("velodyne_decoder") is not None:
             self.payloads["velodyne"] = (velodyne_scan(4), None, Decoders(lambda _: None))
+            made = packets_of_hdl_64e()
+            calibration = {"/packets": calibration_of(made) or ""}
+            self.payloads["hdl-64e"] = (scan_of(made[:4]), None, Decoders(lambda _: None, metadata=calibration))
 
     def add_parts(self, folder: Path) -> None:
         """Files of data sets and texts of calibrations, each with what reads it and what that may raise."""
@@ -147,6 +160,9 @@ class Seeds:
             **{f"pickle {name}": (pickle, points_of_pickle, ValueError) for name, pickle in LAYOUTS.items()},
             "pickle packed": (gzip.compress(LAYOUTS["2.2.3, joined"]), points_of_pickle, ValueError),
             "camchain": (camchain(make_rig()).encode(), _calibrations, DecodingError),
+            "hdl-64e text": (b"".join(one[-6:] for one in packets_of_hdl_64e()), _of_last_bytes, DecodingError),
+            "ouster metadata": (metadata().encode(), _sensor, DecodingError),
+            **{f"cloudini {number}": (packed, _cloudini, DecodingError) for number, packed in enumerate(_clouds())},
             "avif file": (file_of(moving_picture(3), "avif"), _picture, DecodingError),
         }
         if find_spec("DracoPy") is not None:
@@ -190,6 +206,24 @@ class Seeds:
                 decoders = Decoders(lambda _, definition=definition: definition)
                 if decoders.of(message.schema, message.encoding) is not None:
                     self.payloads.setdefault(key, (message, definition, decoders))
+
+
+def _clouds() -> list[bytes]:
+    """Clouds of cloudini in each of its versions and encodings."""
+    made = json.loads((Path(__file__).parents[1] / "recordings/decoding/cloudini_clouds.json").read_text())
+    return [cloudini(np.ones((50, 3), np.float32)), *(base64.b64decode(one["data"]) for one in made)]
+
+
+def _cloudini(data: bytes) -> object:
+    return of_cloudini(data, 10**6, "")
+
+
+def _of_last_bytes(data: bytes) -> object:
+    return calibration_of(data[place : place + 6] for place in range(0, len(data) - 5, 6))
+
+
+def _sensor(data: bytes) -> object:
+    return sensor_of(data.decode("utf-8", "replace"))
 
 
 def _picture(data: bytes) -> object:

@@ -20,6 +20,7 @@ from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers import frames as frames_writer
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
+from tests.making.cloudini import cloudini
 from tests.making.foxglove_messages import FoxgloveMessage, messages_of, transform, write_json, write_protobuf
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud
 from tests.making.videos import ENCODERS, encoded
@@ -330,6 +331,10 @@ def draco_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) 
     return compressed_cloud(maker, xyz_m, stamp_ns, packed, "draco")
 
 
+def cloudini_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
+    return compressed_cloud(maker, xyz_m, stamp_ns, cloudini(xyz_m), "cloudini")
+
+
 def zlib_cloud(maker: MessageMaker, xyz_m: NDArray[np.float32], stamp_ns: int) -> tuple[str, bytes]:
     return compressed_cloud(maker, xyz_m, stamp_ns, gzip.compress(xyz_m.tobytes(), 1), "zlib")
 
@@ -479,6 +484,7 @@ FORMS = (
     MessageForm("ROS 1 livox_ros_driver/CustomMsg", ros("ros1", cloud=livox_cloud)),
     MessageForm("ROS 2 livox_ros_driver2/CustomMsg", ros(cloud=livox_cloud)),
     MessageForm("ROS 2 CompressedPointCloud2 zlib", ros(cloud=zlib_cloud)),
+    MessageForm("ROS 2 CompressedPointCloud2 cloudini", ros(cloud=cloudini_cloud), lossless=False),
     MessageForm("ROS 2 CompressedPointCloud2 draco", ros(cloud=draco_cloud), lossless=False, needs="DracoPy"),
 )
 

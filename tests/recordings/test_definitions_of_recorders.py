@@ -19,6 +19,7 @@ RIG = make_rig(3)
 FRAMES = make_frames(RIG, 4)
 
 Text = Callable[[Definition], bytes]
+NAME = b"<its name>"
 
 
 def rewritten(
@@ -36,7 +37,11 @@ def rewritten(
             if key not in channels:
                 own = recording.definition(message.schema)
                 assert own is not None
-                schema = writer.register_schema(named(message.schema), encoding or own.encoding, texts[key[1]](own))
+                schema = writer.register_schema(
+                    named(message.schema),
+                    encoding or own.encoding,
+                    texts[key[1]](own).replace(NAME, message.schema.encode()),
+                )
                 channels[key] = writer.register_channel(message.topic, message.encoding, schema)
             writer.add_message(channels[key], message.log_time_ns, bytes(message.data), message.log_time_ns)
         writer.finish()
@@ -101,6 +106,10 @@ def written(path: Path, schema: str, data: bytes, encoding: str = "cdr") -> Path
     return path
 
 
+def _name_alone(_: Definition) -> bytes:
+    return NAME
+
+
 def _top_alone(definition: Definition) -> bytes:
     return definition.data.split(b"=" * 80)[0]
 
@@ -119,6 +128,8 @@ def _with_blanks(definition: Definition) -> bytes:
     [
         [lambda _: b""],
         [lambda _: b"\n  \n"],
+        [_name_alone],
+        [_name_alone, lambda own: own.data],
         [_top_alone],
         [lambda _: b"", lambda own: own.data],
         [lambda own: own.data, lambda _: b""],
@@ -130,6 +141,8 @@ def _with_blanks(definition: Definition) -> bytes:
     ids=[
         "no text",
         "blanks",
+        "the name",
+        "first the name",
         "no parts",
         "first blank",
         "later blank",

@@ -17,11 +17,13 @@ from auditor.recordings.decoding.interface import (
     FollowingDecoder,
     Header,
     ImageDecoder,
+    PartDecoder,
     RepairingDecoder,
     Transform,
 )
 from auditor.recordings.decoding.points.compressed import CompressedCloudDecoder
 from auditor.recordings.decoding.points.livox import LivoxDecoder
+from auditor.recordings.decoding.points.ouster import OusterDecoder
 from auditor.recordings.decoding.points.velodyne import VelodyneDecoder
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.decoding.videos.ros import RosVideoDecoder
@@ -37,6 +39,7 @@ __all__ = [
     "FollowingDecoder",
     "Header",
     "ImageDecoder",
+    "PartDecoder",
     "RepairingDecoder",
     "Transform",
     "decoder_table",
@@ -58,6 +61,7 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
     **dict.fromkeys(schemas.LIVOX, (_ROS, LivoxDecoder)),
     schemas.VELODYNE: (_ROS, VelodyneDecoder),
+    **dict.fromkeys(schemas.OUSTER, (_ROS, OusterDecoder)),
     schemas.FFMPEG_PACKET: (_ROS, RosVideoDecoder),
     schemas.FOXGLOVE_VIDEO: (frozenset({"cdr"}), RosVideoDecoder),
     schemas.COMPRESSED_CLOUD: (_ROS, CompressedCloudDecoder),
@@ -83,13 +87,17 @@ def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
 class Decoders:
     """The decoders of one recording, given a function that finds its definitions.
 
-    `units_m` are by topic those of points which are in no metres.
+    `units_m` are by topic those of points which are in no metres, `metadata` what describes the sensors of packets.
     """
 
     def __init__(
-        self, definition: Callable[[str], Definition | None], units_m: Mapping[str, float] | None = None
+        self,
+        definition: Callable[[str], Definition | None],
+        units_m: Mapping[str, float] | None = None,
+        metadata: Mapping[str, str] | None = None,
     ) -> None:
         self._units_m = units_m or {}
+        self._metadata = metadata or {}
         self.types = RosTypes(definition)
         self._made: dict[tuple[str, str], Decoder | None] = {}
 
@@ -101,6 +109,8 @@ class Decoders:
             made = factory(self.types) if factory and encoding in encodings else None
             if isinstance(made, PointCloudDecoder):
                 made.units_m = self._units_m
+            if isinstance(made, OusterDecoder | VelodyneDecoder):
+                made.metadata = self._metadata
             self._made[key] = made
         return self._made[key]
 

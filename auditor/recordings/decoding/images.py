@@ -188,6 +188,16 @@ class PictureDecoder(_Depths, ABC):
         return largest_picture_value(self.picture(message))
 
 
+_AS_CAPTURED = "passthrough"
+_NO_PIXELS = {
+    b"\0\0\0\1": "a video, H.264 or H.265",
+    b"\0\0\1": "a video, H.264 or H.265",
+    b"\xff\xd8\xff": "a JPEG",
+    b"\x89PNG": "a PNG",
+}
+"""What drivers put into images of raw pixels, with no size or with an encoding of their own."""
+
+
 class RawImageDecoder(RawDecoder):
     """sensor_msgs/Image."""
 
@@ -200,15 +210,29 @@ class RawImageDecoder(RawDecoder):
         return read_header(message)
 
     def image(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated
-        """The message, decoded."""
-        return self._types.decode(message)
+        """The message, decoded. Raises DecodingError where it holds no pixels by its first bytes."""
+        image = self._types.decode(message)
+        known = image.encoding == _AS_CAPTURED or _known_encoding(image.encoding) is not None
+        if not (known and image.width * image.height):
+            begins = image.data[:4].tobytes()
+            other = next((what for head, what in _NO_PIXELS.items() if begins.startswith(head)), None)
+            if other is not None:
+                raise DecodingError(
+                    f"its data are no pixels but {other}: convert its messages to sensor_msgs/CompressedImage",
+                    where=message.topic,
+                )
+        return image
+
+
+def _known_encoding(name: str) -> Encoding | None:
+    return ENCODINGS.get(name.lower().replace("_", "").removeprefix("cv"))
 
 
 def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the class is generated
     name = image.encoding
-    if name == "passthrough":
+    if name == _AS_CAPTURED:
         name = _PASSTHROUGH.get(image.step // image.width, name)
-    encoding = ENCODINGS.get(name.lower().replace("_", "").removeprefix("cv"))
+    encoding = _known_encoding(name)
     if not name:
         raise DecodingError("the image does not say its encoding: its field is empty", where=topic)
     if encoding is None:

@@ -109,6 +109,14 @@ class CloudDecoder(Protocol):
 
 
 @runtime_checkable
+class PartDecoder(Protocol):
+    """A cloud decoder whose messages are parts of sweeps, and say where they look, whatever came back from there."""
+
+    def looks(self, message: Message) -> NDArray[np.float32]:
+        """(N, 3) directions into which it looked, in the frame of the points."""
+
+
+@runtime_checkable
 class RepairingDecoder(Protocol):
     """A decoder that reads messages whose header contradicts their data, where the data leave one reading.
 

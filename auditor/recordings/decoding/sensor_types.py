@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 from auditor.recordings import schemas
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
 from auditor.recordings.decoding.images import DEPTH_PICTURE
+from auditor.recordings.decoding.points import ouster
 
 SensorKind = Literal["camera", "LiDAR", "camera or LiDAR"]
 
@@ -23,21 +24,16 @@ KINDS: Mapping[str, SensorKind] = {"image": CAMERA, "cloud": LIDAR}
 
 
 class SensorType(NamedTuple):
-    """The kind of sensor that a message type carries, and how its data become readable.
-
-    Messages of fewer bytes than `least_bytes` are those of another sensor with the same type.
-    """
+    """The kind of sensor that a message type carries, and how its data become readable."""
 
     kind: SensorKind
     remedy: str
-    least_bytes: int = 0
 
 
 def _packets(driver: str) -> SensorType:
     return SensorType(LIDAR, f"play it through {driver} and record its sensor_msgs/PointCloud2")
 
 
-_OUSTER = _packets("ouster_ros (replay)")._replace(least_bytes=256)  # packets of its IMU have 48
 _HESAI = _packets("hesai_ros_driver (source_type 3)")
 _PANDAR = _packets("hesai_lidar (data_type rosbag)")
 _SEYOND = _packets("seyond_ros_driver")
@@ -47,9 +43,6 @@ _REPUBLISH = "republish it as sensor_msgs/Image with image_transport's republish
 _OF_ROS_2 = "record it as MCAP with Foxglove's own schemas, or as sensor_msgs"
 
 UNREAD: Mapping[str, SensorType] = {
-    "ouster_ros/msg/PacketMsg": _OUSTER,
-    "ouster_msgs/msg/PacketMsg": _OUSTER,
-    "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
     "hesai_ros_driver/msg/UdpFrame": _HESAI,
     "hesai_ros_driver/msg/UdpPacket": _HESAI,
     "hesai_lidar/msg/PandarScan": _PANDAR,
@@ -75,17 +68,29 @@ UNREAD: Mapping[str, SensorType] = {
 
 _VIDEO = "install auditor[video] where it is H.264, H.265, AV1, VP9 or VP8; convert other videos to one of them"
 
+_OF_OUSTER = (
+    "record the driver's topic metadata beside it, or attach the sensor's metadata to the MCAP (mcap add attachment "
+    f"FILE.mcap --file METADATA.json); else {_packets('ouster_ros (replay)').remedy}"
+)
+
 _REMEDIES: Mapping[str, str] = {
     **dict.fromkeys((COMPRESSED_VIDEO, schemas.FFMPEG_PACKET, schemas.FOXGLOVE_VIDEO), _VIDEO),
     schemas.IMAGE: "record an encoding of 8 or 16 bits a value, such as mono8, bgr8 or bayer_rggb8",
     schemas.COMPRESSED_IMAGE: "record JPEG, PNG, WebP, BMP, TIFF, JPEG 2000, AVIF, or a video by auditor[video]",
     schemas.POINT_CLOUD_OLD: "record a whole sensor_msgs/PointCloud or PointCloud2",
     schemas.COMPRESSED_CLOUD: f"install auditor[lidar] where it is Draco; else {_REPUBLISH_CLOUD}",
-    schemas.VELODYNE: f"install auditor[lidar]; of an HDL-64E {_packets('velodyne_pointcloud').remedy}",
+    schemas.VELODYNE: (
+        "install auditor[lidar]; of an HDL-64E S1, or a recording of less than two seconds, "
+        f"{_packets('velodyne_pointcloud').remedy}"
+    ),
+    **dict.fromkeys(schemas.OUSTER, _OF_OUSTER),
     **dict.fromkeys(schemas.LIVOX, "record with the driver's xfer_format 0, or convert it to sensor_msgs/PointCloud2"),
     schemas.POINT_CLOUD: "record a whole sensor_msgs/PointCloud2 with the fields x, y and z",
 }
 """What helps where a type can be decoded and its messages cannot."""
+
+LEAST_BYTES: Mapping[str, int] = dict.fromkeys(schemas.OUSTER, ouster.LEAST_BYTES)
+"""Messages of fewer bytes are those of another sensor with the same type, as of the IMU in the LiDAR."""
 
 _OTHER_SCHEMAS_REMEDY = "record or convert it so that its messages can be decoded"
 
@@ -106,5 +111,7 @@ def remedy_of(schema: str) -> str:
 
 
 def other_content(reason: str) -> str:
-    """Why pictures that cannot be read are plainly no camera's, by what they hold; empty where they may be."""
+    """Why what cannot be read is plainly no camera's and no LiDAR's, by what it holds; empty where it may be."""
+    if ouster.NO_POINTS in reason:
+        return f"no points of a LiDAR: {reason}"
     return f"no camera picture: {reason}" if _MEASURED_VALUES.search(reason) or DEPTH_PICTURE in reason else ""

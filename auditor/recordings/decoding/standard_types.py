@@ -28,6 +28,7 @@ _DRIVERS = {
     **dict.fromkeys(schemas.LIVOX, _LIVOX),
     schemas.VELODYNE: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
     "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data\n",
+    **dict.fromkeys(schemas.OUSTER, "uint8[] buf\n"),
     schemas.COMPRESSED_CLOUD: _COMPRESSED_CLOUD,
     schemas.FFMPEG_PACKET: _FFMPEG_PACKET,
     schemas.FOXGLOVE_VIDEO: "builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format\n",

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.recording import Definition, Topic, Traffic
+from auditor.recordings.schemas import schema_name
 
 MAX_TOPICS = 10_000
 MAX_NAME = 4096
@@ -46,8 +47,11 @@ class Names:
     def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
         """Add a definition, noting the damage where it differs from an earlier one, or where there are too many.
 
-        One without text gives way to any other.
+        One without text gives way to any other; a text of no more than the name, as a converter of clouds writes, is
+        none.
         """
+        if len(definition.data) <= MAX_NAME and schema_name(definition.text.strip()) == schema:
+            definition = Definition(definition.encoding, b"")
         known = self.definitions.get(schema)
         if known is None or known.is_blank:
             self._definition_bytes += len(definition.data) + len(schema)

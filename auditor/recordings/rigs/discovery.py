@@ -14,7 +14,7 @@ from auditor.model.rig import LIDAR, Camera, Lidar, Rig
 from auditor.recordings.decoding import decoder_table
 from auditor.recordings.decoding.calibration_texts import Calibrations
 from auditor.recordings.decoding.other_types import is_other
-from auditor.recordings.decoding.sensor_types import UNREAD
+from auditor.recordings.decoding.sensor_types import UNREAD, other_content
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.cameras import View, find_views
@@ -396,5 +396,5 @@ def _unknown(survey: Survey) -> Iterator[str]:
 
 def _unreadable(survey: Survey) -> Iterator[str]:
     """What is there and cannot be read, as far as the recording's beginning shows."""
-    for one in survey.unreadable[:12]:
+    for one in [one for one in survey.unreadable if not other_content(one.reason)][:12]:
         yield f"{one.topic.name} ({one.kind}): {one.reason}; {one.remedy}"

@@ -12,7 +12,7 @@ from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 from auditor.recordings.synchronisation.counts import Counts
-from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey, UnreadableTopic
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
 
 _LATE = "it begins behind the beginning, from which rigs are found, or its name has messages of another type as well"
 REMEDY = (
@@ -74,7 +74,10 @@ def _unlisted(recording: Recording, others: Mapping[Topic, Traffic], held_s: flo
         decoder, listed = decoders.in_any_encoding(topic.schema), sensor_types.UNREAD.get(topic.schema)
         if decoder is not None and decoder.kind in sensor_types.KINDS:
             kind, remedy = sensor_types.KINDS[decoder.kind], sensor_types.remedy_of(topic.schema)
-            yield _outside(topic, kind, TopicState.UNREADABLE, traffic.messages, _LATE, remedy)
+            if other := _other_content(topic, kind, traffic):
+                yield _outside(topic, kind, TopicState.LEFT_OUT, traffic.messages, other)
+            else:
+                yield _outside(topic, kind, TopicState.UNREADABLE, traffic.messages, _LATE, remedy)
         elif listed:
             yield _outside(topic, listed.kind, TopicState.UNREADABLE, traffic.messages, _LATE, listed.remedy)
         elif reason := sensor_types.ONE_ROW.get(topic.schema):
@@ -122,19 +125,17 @@ def _unreadable(survey: Survey, traffic: Mapping[Topic, Traffic]) -> Iterator[To
         found = traffic.get(one.topic, Traffic())
         if not found.messages:
             continue
-        if other := _other_content(one, found):
+        if other := _other_content(one.topic, one.kind, found) or sensor_types.other_content(one.reason):
             yield _outside(one.topic, one.kind, TopicState.LEFT_OUT, found.messages, other)
         else:
             yield _outside(one.topic, one.kind, TopicState.UNREADABLE, found.messages, one.reason, one.remedy)
 
 
-def _other_content(one: UnreadableTopic, traffic: Traffic) -> str:
-    """Why a topic that cannot be read is plainly no camera and no LiDAR, by what it holds; empty where it may be."""
-    listed = sensor_types.UNREAD.get(one.topic.schema)
+def _other_content(topic: Topic, kind: sensor_types.SensorKind, traffic: Traffic) -> str:
+    """Why a topic that cannot be read is plainly no camera and no LiDAR, by its sizes; empty where it may be."""
+    least = sensor_types.LEAST_BYTES.get(topic.schema, 0)
     mean = traffic.size_bytes / traffic.messages
-    if listed and mean < listed.least_bytes:
-        return f"packets of {mean:.0f} bytes are not a {listed.kind}'s, which have {listed.least_bytes} at least"
-    return sensor_types.other_content(one.reason)
+    return f"packets of {mean:.0f} bytes are not a {kind}'s, which have {least} at least" if mean < least else ""
 
 
 def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set[str]) -> Iterator[TopicCoverage]:

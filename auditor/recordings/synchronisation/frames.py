@@ -51,7 +51,7 @@ class FrameStream:
         self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
-        self._decoders = Decoders(recording.definition, rig.units_m)
+        self._decoders = Decoders(recording.definition, rig.units_m, survey.metadata)
         self._shared: Iterator[Message] | None = None
         self.clock_jumps = 0
 
@@ -94,7 +94,7 @@ class FrameStream:
         """What makes the frames of a new read, of which nothing is counted yet."""
         self._counts = counts_of(self._rig.sensors, self.timing)
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
-        self._decoders = Decoders(self._recording.definition, self._rig.units_m)
+        self._decoders = Decoders(self._recording.definition, self._rig.units_m, self._survey.metadata)
         return _FrameMaker(
             self._rig, self._decoders, self._counts, self._time, self._lidar_starts_ns, colour=self._colour
         )

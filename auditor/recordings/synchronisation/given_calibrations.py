@@ -36,6 +36,8 @@ def completed_by_texts(
     texts = recording.calibrations() if isinstance(recording, CarriesCalibrations) else {}
     left, notes = _MOST_CHARACTERS, []
     for name, text in sorted(texts.items()):
+        if name.lower().endswith(".json"):
+            continue  # the metadata of a LiDAR's packets
         left -= len(text)
         if left < 0:
             break

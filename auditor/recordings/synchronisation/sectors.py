@@ -18,6 +18,7 @@ from auditor.model.rig import Sweep
 from auditor.recordings.parameters import SWEEPS
 
 _TURN = 2 * np.pi
+_CUT_AND_WHOLE = 3
 
 
 class Sector(NamedTuple):
@@ -51,6 +52,14 @@ def in_parts(sectors: Sequence[Sector | None]) -> bool:
     if len(known) < SWEEPS.fewest_clouds:
         return False
     return bool(_step(known) > SWEEPS.least_step * median(sector.width_rad for sector in known))
+
+
+def show_whole_sweeps(sectors: Sequence[Sector | None]) -> bool:
+    """Whether parts go on long enough for a whole sweep between two that the edges cut; true where none are parts."""
+    if not in_parts(sectors):
+        return True
+    known = [sector for sector in sectors if sector is not None]
+    return len(known) * _step(known) >= _CUT_AND_WHOLE * _TURN
 
 
 def sweep_of(sectors: Sequence[Sector | None], ahead_rad: float) -> Sweep | None:

@@ -17,6 +17,7 @@ from auditor.recordings.decoding import (
     Decoders,
     DeepImageDecoder,
     ImageDecoder,
+    PartDecoder,
     Transform,
     decoder_table,
     sensor_types,
@@ -31,8 +32,9 @@ from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPT
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
+from auditor.recordings.synchronisation.metadata import metadata_of
 from auditor.recordings.synchronisation.mountings import Mountings
-from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of
+from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 
 
 class Sample(NamedTuple):
@@ -97,7 +99,8 @@ class Survey:
     after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
-    `moving` are the frames, as parent and child, that move against each other.
+    `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
+    describe the sensors of packets.
     """
 
     topics: tuple[Topic, ...]
@@ -111,6 +114,7 @@ class Survey:
     unreadable: tuple[UnreadableTopic, ...] = ()
     conventions: Conventions = STANDARD
     moving: frozenset[tuple[str, str]] = frozenset()
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -134,7 +138,8 @@ def survey(recording: Recording, units_m: Mapping[str, float] | None = None) -> 
 class _Surveyor:
     def __init__(self, recording: Recording, units_m: Mapping[str, float] | None) -> None:
         self._recording = recording
-        self._decoders = Decoders(recording.definition, units_m)
+        self._metadata = metadata_of(recording)
+        self._decoders = Decoders(recording.definition, units_m, self._metadata)
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}
@@ -185,6 +190,7 @@ class _Surveyor:
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
             moving=self._mountings.moving(),
+            metadata=self._metadata,
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -220,6 +226,8 @@ class _Surveyor:
             return True
         sensors = self._by_kind("image", "cloud")
         if not sensors or any(len(self._samples.get(topic, ())) < FIRST_LOOK.samples for topic in sensors):
+            return self._long_enough()
+        if not all(map(show_whole_sweeps, self._sectors_seen.values())):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
         placed = bool(self._mountings or not fixed) and self._described.keys() == self._descriptions()
@@ -280,7 +288,7 @@ class _Surveyor:
         sectors = self._sectors_seen.setdefault(message.topic, [])
         if len(sectors) < SWEEPS.looked_at or in_parts(sectors[: SWEEPS.looked_at]) or not any(sectors):
             xyz_m = decoder.xyz_m(message)
-            sectors.append(sector_of(xyz_m))
+            sectors.append(sector_of(decoder.looks(message) if isinstance(decoder, PartDecoder) else xyz_m))
             self._points.setdefault(message.topic, []).append((message.log_time_ns, len(xyz_m)))
             some = self._some_m.setdefault(message.topic, [])
             if len(some) < SWEEPS.looked_at:
@@ -355,7 +363,7 @@ class _Surveyor:
                     remedy = f"convert its messages to {' or '.join(sorted(decoder_table()[topic.schema][0]))}"
                 yield UnreadableTopic(topic, kind, reason, remedy)
             elif declared is None and topic.schema in sensor_types.UNREAD:
-                kind, remedy, _ = sensor_types.UNREAD[topic.schema]
+                kind, remedy = sensor_types.UNREAD[topic.schema]
                 yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.model.rig import Sweep
-from auditor.recordings.decoding import Decoders
+from auditor.recordings.decoding import Decoders, PartDecoder
 from auditor.recordings.parameters import SWEEPS
 from auditor.recordings.synchronisation.sectors import Sector, SweepStarts, sector_of, timed_part
 from auditor.recordings.synchronisation.window import Waiting
@@ -53,6 +53,8 @@ class SweepAssembly:
         if part.problem or decoder is None:
             return None
         try:
+            if isinstance(decoder, PartDecoder):
+                return sector_of(decoder.looks(part.message))
             return sector_of(decoder.xyz_m(part.message))
         except DecodingError:
             return None  # it is decoded again with its frame, and damaged there

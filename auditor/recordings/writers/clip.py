@@ -10,6 +10,7 @@ from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.recording import Recording, Topic
+from auditor.recordings.synchronisation.metadata import metadata_topics
 from auditor.recordings.writers.mcap_file import mcap_file
 
 CARRIED = frozenset({"cdr", "ros1", "protobuf", "json", "flatbuffer", "cbor", "msgpack"})
@@ -60,13 +61,14 @@ def _within(recording: Recording, from_ns: int, to_ns: int) -> Iterator[Message]
 def _calibrations_before(recording: Recording, from_ns: int, to_ns: int) -> list[Message]:
     """The last messages before, in the order of their times, of topics of calibrations silent between two times."""
     decoders = Decoders(recording.definition)
-    kinds = {
+    kinds: dict[str, str] = {
         topic.name: decoder.kind
         for topic in recording.topics()
         if (decoder := decoders.of(topic.schema, topic.encoding)) and decoder.kind in ("camera_info", "transforms")
     }
+    kinds |= dict.fromkeys(metadata_topics(recording.topics()), "metadata")
     known: dict[str, deque[Message]] = {
-        topic: deque(maxlen=1 if kind == "camera_info" else _MOST_BEFORE) for topic, kind in kinds.items()
+        topic: deque(maxlen=_MOST_BEFORE if kind == "transforms" else 1) for topic, kind in kinds.items()
     }
     for message in recording.messages(kinds.keys()):
         if message.topic not in known:

@@ -136,7 +136,10 @@ def test_a_compressed_cloud_takes_no_more_memory_than_it_may(form: str, declared
     assert most < 130e6 if declared == 10**6 else most < 20e6
 
 
-@pytest.mark.parametrize(("data", "says"), [(b"CLOUDINI_V03", "cloudini"), (b"", "'new'"), (b"?", "'new'")])
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [(b"CLOUDINI_V03", "damaged"), (b"CLOUDINI_V06\n\0", "version 6"), (b"", "'new'"), (b"?", "'new'")],
+)
 def test_other_compressed_points_are_said_by_name(data: bytes, says: str) -> None:
     with pytest.raises(DecodingError, match=says):
         decoder_of(schemas.COMPRESSED_CLOUD, "cdr").xyz_m(compressed("new", data))

@@ -425,6 +425,24 @@ def test_an_image_without_an_encoding_is_said_to_have_none() -> None:
         decoder_of(schemas.IMAGE).pixels(image_message(GREY, ""), colour=True)
 
 
+@pytest.mark.parametrize(("size", "encoding"), [(0, ""), (64, "h264"), (64, "jpeg")])
+@pytest.mark.parametrize(
+    ("begins", "said"), [(b"\0\0\0\1", "a video"), (b"\0\0\1", "a video"), (b"\xff\xd8\xff", "a JPEG")]
+)
+def test_a_file_in_a_raw_image_is_said_by_its_first_bytes(size: int, encoding: str, begins: bytes, said: str) -> None:
+    data = np.frombuffer(begins + bytes(48 * 64 - len(begins)), np.uint8).reshape(48, 64)
+    decoder, message = decoder_of(schemas.IMAGE), image_message(data, encoding, width=size, height=size)
+    for read in (decoder.size_px, lambda one: decoder.pixels(one, colour=True)):
+        with pytest.raises(DecodingError, match=f"no pixels but {said}"):
+            read(message)
+
+
+def test_dark_pixels_are_no_video() -> None:
+    dark = np.zeros((48, 64), np.uint8)
+    dark[0, 3] = 1
+    assert np.array_equal(pixels(image_message(dark, "passthrough")), dark)
+
+
 SMOOTH = cv2.resize(RANDOM.integers(40, 216, (6, 8, 3), np.uint8), (64, 48), interpolation=cv2.INTER_CUBIC)
 VALUES_12 = cv2.resize(RANDOM.integers(0, 4096, (6, 8), np.uint16), (64, 48), interpolation=cv2.INTER_LINEAR)
 

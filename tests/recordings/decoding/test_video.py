@@ -19,6 +19,7 @@ from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.videos.forms import _FORMS, form_of
 from auditor.recordings.decoding.videos.heads import Head
+from auditor.recordings.decoding.videos.tracks import Videos
 from tests.making.foxglove_messages import (
     FoxgloveMessage,
     json_text,
@@ -38,7 +39,7 @@ from tests.making.videos import (
     video_messages,
 )
 
-pytest.importorskip("av", reason="the extra `video` is not installed")
+av = pytest.importorskip("av", reason="the extra `video` is not installed")
 
 RIG = make_rig(3)
 COUNT = 24
@@ -288,3 +289,16 @@ def test_h265_is_told_by_its_first_unit_where_nobody_names_it(unit: int, start: 
 def test_h264_is_not_taken_for_another_video(declared: str) -> None:
     for unit in (0x67, 0x27, 0x09, 0x06, 0x41, 0x65):
         assert form_of(declared, b"\0\0\0\1" + bytes([unit, 1]) + bytes(40)).name == "H.264", unit
+
+
+def test_a_picture_of_colours_that_ffmpeg_cannot_convert_is_damaged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a damaged stream that names another space of colours: what fails is behind the decoder."""
+
+    class Picture:
+        def to_ndarray(self, **_: object) -> None:
+            raise av.error.OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(Videos, "_decode", lambda *_: Picture())
+    [message] = video_messages(encoded([moving_picture(0)]))
+    with pytest.raises(DecodingError, match="colours"):
+        Decoders(lambda _: None).image(VIDEO, "protobuf").pixels(message, colour=True)

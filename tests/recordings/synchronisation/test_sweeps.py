@@ -12,7 +12,7 @@ from auditor.model.arrays import Points
 from auditor.model.frames import Frame, PointCloud, Presence, SensorState
 from auditor.model.rig import Rig, Sweep
 from auditor.recordings import find_rigs, open_recording, read_rig, survey, synchronise, write_mcap, write_rig
-from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, sweep_of
+from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps, sweep_of
 from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_rig, split
 
 RIG = make_rig(3)
@@ -53,6 +53,14 @@ def read(path: Path) -> tuple[Rig, list[Frame], dict[str, int], bool]:
         [balance] = [topic for topic in stream.balance if topic.sensor == 0]
         counts = {"read": balance.read, "used": balance.used, "damaged": balance.damaged, **balance.skipped}
         return rig, frames, counts, balance.adds_up
+
+
+@pytest.mark.parametrize(("count", "whole"), [(3, True), (40, False), (190, False), (194, True)])
+def test_a_sweep_of_64_parts_is_told_from_three_turns(count: int, *, whole: bool) -> None:
+    """A LiDAR alone has given 40 clouds before anything else is known; of three clouds nothing is in parts."""
+    step = TURN / 64
+    assert show_whole_sweeps([Sector(n * step, step) for n in range(count)]) is whole
+    assert show_whole_sweeps([Sector(0.1, TURN)] * count)
 
 
 @pytest.mark.parametrize("direction", [1, -1])

@@ -1,7 +1,7 @@
-"""point_cloud_interfaces/CompressedPointCloud2 of point_cloud_transport, with zlib, zstd, lz4 or Draco inside.
+"""point_cloud_interfaces/CompressedPointCloud2 of point_cloud_transport, of zlib, zstd, lz4, Draco or cloudini.
 
 The form is recognised by its first bytes, since `format` names a transport and not a form. Draco (Draco Bitstream
-Specification, 5 and 6) is decoded by DracoPy, the extra `lidar`; cloudini is named.
+Specification, 5 and 6) is decoded by DracoPy, the extra `lidar`.
 """
 
 import struct
@@ -13,10 +13,13 @@ import lz4.block
 import lz4.frame
 import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.recordings.decoding.points.cloudini import MAGIC, of_cloudini
+from auditor.recordings.decoding.points.layouts import DATATYPES
 from auditor.safety.budget import CHUNKS, MAX_POINTS, OverBudgetError, Spending
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -26,12 +29,10 @@ _ZLIB = 0x78
 _ANY_ZLIB_HEAD = 47
 """zlib's window bits for data with its own head or gzip's: point_cloud_transport writes the latter."""
 
-_NAMED = {b"CLOUDINI": "cloudini"}
 _DRACO = b"DRACO"
 _DRACO_HEAD = struct.Struct("<5xBxBBHi")
 """The major version, what it encodes, how, flags, and the number of points."""
 
-_DRACO_FLOAT_BYTES = 12
 _DRACO_SIZES = (0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8, 1)
 """Bytes of a value by Draco's data types, none of an invalid one."""
 
@@ -45,6 +46,8 @@ class CompressedCloudDecoder(PointCloudDecoder):
         packed = bytes(cloud.compressed_data)
         if packed.startswith(_DRACO):
             return of_draco(packed, cloud.height * cloud.width, message.topic)
+        if packed.startswith(MAGIC):
+            return _cloud_of(of_cloudini(packed, cloud.height * cloud.width, message.topic))
         size = cloud.height * max(cloud.row_step, cloud.width * cloud.point_step)
         try:
             Spending(CHUNKS).allow(len(packed), size)
@@ -78,9 +81,18 @@ def of_draco(packed: bytes, most_points: int, topic: str) -> Any:  # noqa: ANN40
         raise DecodingError(f"its Draco data are damaged ({type(error).__name__})", where=topic) from error
     if xyz.dtype.kind != "f" or xyz.shape != (count, 3):
         raise DecodingError("its Draco data hold no points of x, y and z", where=topic)
-    fields = [SimpleNamespace(name=axis, offset=4 * place, datatype=7, count=1) for place, axis in enumerate("xyz")]
-    rows = {"height": 1, "width": count, "point_step": _DRACO_FLOAT_BYTES, "row_step": _DRACO_FLOAT_BYTES * count}
-    data = np.ascontiguousarray(xyz, "<f4").reshape(-1).view(np.uint8)
+    return _cloud_of(xyz.astype("<f4"))
+
+
+def _cloud_of(xyz: NDArray[np.floating[Any]]) -> Any:  # noqa: ANN401  # like the class that is generated of PointCloud2
+    """A cloud of (N, 3) points of float32 or float64."""
+    size = xyz.itemsize
+    datatype = {code: number for number, code in DATATYPES.items()}[f"f{size}"]
+    fields = [
+        SimpleNamespace(name=axis, offset=size * place, datatype=datatype, count=1) for place, axis in enumerate("xyz")
+    ]
+    rows = {"height": 1, "width": len(xyz), "point_step": 3 * size, "row_step": 3 * size * len(xyz)}
+    data = np.ascontiguousarray(xyz, f"<f{size}").reshape(-1).view(np.uint8)
     return SimpleNamespace(**rows, fields=fields, is_bigendian=False, data=data)
 
 
@@ -113,9 +125,6 @@ def _draco_point_bytes(packed: bytes, *, sequential: bool) -> int:
 
 def _unpacked(packed: bytes, size: int, form: str) -> bytes:
     """At most one byte more than `size`, so that a cloud that holds more is seen."""
-    for magic, name in _NAMED.items():
-        if packed.startswith(magic):
-            raise DecodingError(f"its points are compressed by {name}, which is not read")
     if packed.startswith(_ZSTD):
         with zstandard.ZstdDecompressor(max_window_size=CHUNKS.most_bytes).stream_reader(packed) as reader:
             return bytes(reader.read(size + 1))

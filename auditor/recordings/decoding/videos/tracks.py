@@ -98,7 +98,7 @@ class Videos:
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
-        _av()
+        av = _av()
         track = self._tracks.setdefault(message.topic, _Track())
         if not any(message is other for other in track.pending) and not any(message is m for m, _ in track.done):
             self.follow(message)
@@ -109,7 +109,12 @@ class Videos:
         picture = next((picture for done, picture in track.done if done is message), None)
         if picture is None or isinstance(picture, str):
             raise DecodingError(picture or "the video cannot be decoded here", where=message.topic)
-        pixels: NDArray[np.uint8] = picture.to_ndarray(format="bgr24" if colour else "gray")
+        try:
+            pixels: NDArray[np.uint8] = picture.to_ndarray(format="bgr24" if colour else "gray")
+        except (av.FFmpegError, ValueError, MemoryError) as error:  # as of a space of colours that nobody knows
+            raise DecodingError(
+                "the video picture has colours that cannot be converted", where=message.topic
+            ) from error
         return pixels
 
     def _decode(self, track: _Track, message: Message, size_px: SizePx | None) -> Any:  # noqa: ANN401  # av's frame

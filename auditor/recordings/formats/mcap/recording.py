@@ -64,14 +64,14 @@ class McapRecording(FilesRecording):
         return self._extras[1]
 
     def calibrations(self) -> Mapping[str, str]:
-        """Attachments of YAML, and values of metadata of several lines, that the summaries of its files list."""
+        """Attachments of YAML and JSON, and metadata's values of several lines, that its files' summaries list."""
         found: dict[str, str] = {}
         for source in self._sources:
             for attached in attached_to(source, self._listed.get(source, ())):
                 if isinstance(attached, Metadata):
                     texts = {f"{attached.name} {key}": text for key, text in attached.metadata.items() if "\n" in text}
                     found.update(texts)
-                elif attached.name.lower().endswith((".yaml", ".yml")):
+                elif attached.name.lower().endswith((".yaml", ".yml", ".json")):
                     found[attached.name] = attached.data.decode("utf-8", "replace")
         return found
 
