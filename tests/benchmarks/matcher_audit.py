@@ -22,9 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.matcher_priors import FittedOn
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import thresholds_from
 from auditor.identification.thresholds import threshold
 from auditor.lab.attacks.paper import Facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
@@ -98,14 +100,23 @@ def outcome(attacked: tuple[int, ...], answer: tuple[int, ...], raised: bool) ->
     return "named" if answer and answer == attacked else "others named" if answer else "no name"
 
 
-def judge_alone(rig: Rig, drives: Sequence[Statistics], tested: Statistics) -> list[Verdict]:
+def judge_alone(
+    rig: Rig,
+    drives: Sequence[Statistics],
+    tested: Statistics,
+    fitted_on: FittedOn = FittedOn.SGBM,
+    own: Statistics = (),
+) -> list[Verdict]:
     """The verdicts of the robust method by thresholds from the clean frames of drives, each on one frame by itself.
 
-    Rules over successive frames are left out: causes that are not attacks, and frozen sensors.
+    Rules over successive frames are left out: causes that are not attacks, and frozen sensors. `own` are clean frames
+    of the same drive, whose usual statistics the thresholds know as in a scan.
     """
-    system, F = system_of(rig), len(tested)
+    system, F = system_of(rig, fitted_on), len(tested)
     clean = [_clean_frames(str(number), rig, statistics) for number, statistics in enumerate(drives)]
-    thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, R)
+    thresholds = thresholds_of(clean, system, R)
+    if own:
+        thresholds = for_clean_drive(thresholds, system.sensor_checks, _clean_frames("own", rig, own))
     nothing = np.zeros((F, len(system.sensors)), dtype=np.bool_)
     each = np.arange(F, dtype=np.int64)
     series = FrameSeries(each, each, np.array(tested, dtype=np.float64), present=~nothing, frozen=nothing)

@@ -1,31 +1,49 @@
-"""Measures the same frames by SGBM and by the weights that come with auditor, and fits the prior of the latter.
+"""Measures the same frames by SGBM and by the weights that come with auditor, and fits and tries the latter's prior.
 
-python -m tests.benchmarks.matcher_prior measure FOLDER [--attacked 6 4 4] [--every 1] [--cameras 3]
-python -m tests.benchmarks.matcher_prior measure FOLDER --streets 30 --first 2000
+python -m tests.benchmarks.matcher_prior measure FOLDER [--attacked 6 4 4]
+python -m tests.benchmarks.matcher_prior measure FOLDER --streets 40 [--first 2000]
+python -m tests.benchmarks.matcher_prior fit FOLDER
+python -m tests.benchmarks.matcher_prior audit FOLDER
 
-Clean frames of KITTI's drives 0009, 0001 and odometry 04 (AUDITOR_TEST_DATA), and some of each under the lights and the
-wall of `matcher_audit`; or two frames of each street, half a second apart. What is in FOLDER is not measured again.
+`measure`: clean frames of KITTI's drives 0009, 0001 and odometry 04 (AUDITOR_TEST_DATA), and some of each under the
+lights and the wall of `matcher_audit`; or two frames of each street, half a second apart, with four cameras. What
+FOLDER has is not measured again. `fit`: the declared prior, moved by what lies between the two matchers' values on the
+same frames, its deviations times the ratio of theirs, and never narrower. `audit`: each real drive by that prior,
+fitted without it, and by the one that ships, by the prior alone and by the other two drives, r = 1 %.
 """
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.identification import matcher_priors
+from auditor.identification.matcher_priors import FittedOn
+from auditor.identification.parameters import HIERARCHY
+from auditor.identification.prior import Prior, log_odds, prior_of_check
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.experiments import Attacks
 from auditor.lab.evaluation.sources import Street
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
 from auditor.measurement.disparity.matchers.interface import takes_pairs
+from auditor.model.checks import SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
+from auditor.model.verdict import VerdictKind
 from tests.benchmarks.kinds import spread
-from tests.benchmarks.matcher_audit import attacks_on, open_drive
+from tests.benchmarks.matcher_audit import attacks_on, judge_alone, open_drive, outcome
 
 MATCHERS = ("sgbm", "psmnet")
+REAL = ("04", "0001", "0009")
+SHIPS = dict(matcher_priors.OTHERS[FittedOn.PSMNET])
 STREET_FRAMES = (0, 5)
 
 
@@ -99,9 +117,165 @@ def rows_of(path: Path) -> list[dict]:
     return [json.loads(line) for line in path.read_text().splitlines() if line.endswith("}")]
 
 
+class Values(NamedTuple):
+    """The log odds (F, 2) of one check in the clean frames of a source, by SGBM and by the network."""
+
+    source: str
+    odds: NDArray[np.float64]
+
+
+Priors = dict[str, tuple[float, float, float, float]]
+
+
+def prior_name(check: SensorCheck) -> str:
+    """The name of the prior that a check has."""
+    priors = check.check.kind.priors
+    return priors[min(len(check.others), len(priors)) - 1].name
+
+
+def rig_of(name: str) -> Rig:
+    """The rig of a file's source."""
+    kind, _, seed = name.partition(" ")
+    return Street(int(seed), 1, cameras=4).drive.rig if kind == "street" else open_drive(name)[0]
+
+
+def clean_values(folder: Path) -> tuple[dict[str, list[Values]], dict[str, Prior]]:
+    """The values of each check whose statistics are not the same by both, by the name of its prior; those declared."""
+    found: dict[str, list[Values]] = defaultdict(list)
+    declared: dict[str, Prior] = {}
+    for path in sorted(folder.glob("**/*.jsonl")):
+        clean = [row for row in rows_of(path) if row["case"] == "clean"]
+        for column, check in enumerate(rig_sensor_checks(rig_of(path.stem)) if clean else ()):
+            odds = log_odds(np.array([[row[name][column] for name in MATCHERS] for row in clean], dtype=np.float64))
+            known = odds[~np.isnan(odds).any(axis=1)]
+            if known.size:
+                found[prior_name(check)].append(Values(path.stem, known))
+                declared[prior_name(check)] = prior_of_check(check)
+    differ = {name for name, some in found.items() if any(np.ptp(one.odds, axis=1).max() > 0 for one in some)}
+    return {name: found[name] for name in sorted(differ)}, declared
+
+
+def moments(values: Iterable[Values]) -> NDArray[np.float64]:
+    """(3, 2) mean, and deviations within and between sources, by matcher; each source weighs the same.
+
+    As in the benchmark `prior`: a third of the variance between sources is between drives of one rig kind.
+    """
+    by_source: dict[str, list[NDArray[np.float64]]] = defaultdict(list)
+    for one in values:
+        by_source[one.source].append(one.odds)
+    means = np.array([np.mean([one.mean(axis=0) for one in some], axis=0) for some in by_source.values()])
+    several = [one for some in by_source.values() for one in some if len(one) > 1]
+    within = np.mean([one.var(axis=0, ddof=1) for one in several], axis=0)
+    # What sensors of one source differ by no prior tells apart: it counts as what drives differ by.
+    levels = np.array([one.mean(axis=0) for some in by_source.values() for one in some])
+    between = levels.var(axis=0, ddof=1) / (1 + 1 / HIERARCHY.rig_kind)
+    return np.stack([means.mean(axis=0), np.sqrt(within), np.sqrt(between)])
+
+
+def fitted(values: Mapping[str, Sequence[Values]], declared: Mapping[str, Prior], left_out: str = "") -> Priors:
+    """The network's priors from all sources but one."""
+    found: Priors = {}
+    for name, some in values.items():
+        mean, within, between = moments([one for one in some if one.source != left_out])
+        prior = declared[name]
+        wider = [max(float(psmnet / max(sgbm, _LEAST)), 1.0) for sgbm, psmnet in (within, between)]
+        moved = prior.mean + float(mean[1] - mean[0])
+        found[name] = (moved, prior.within * wider[0], prior.between * wider[1], prior.tail)
+    return found
+
+
+def fit(folder: Path) -> Iterator[str]:
+    """A line for each prior."""
+    values, declared = clean_values(folder)
+    priors = fitted(values, declared)
+    for name, some in values.items():
+        of_each = moments(some).T
+        told = "   ".join(
+            f"{matcher} " + " ".join(f"{one:5.2f}" for one in each)
+            for matcher, each in zip(MATCHERS, of_each, strict=True)
+        )
+        yield f"{name:22} declared {' '.join(f'{one:5.2f}' for one in declared[name])}   {told}   fitted " + " ".join(
+            f"{one:5.2f}" for one in priors[name]
+        )
+
+
+_LEAST = 0.05
+"""Deviation, narrower than which none is told from none."""
+
+
+@contextmanager
+def shipping(priors: Priors) -> Iterator[None]:
+    """The network's priors are these meanwhile."""
+    before = dict(matcher_priors.OTHERS[FittedOn.PSMNET])
+    _put(priors)
+    try:
+        yield
+    finally:
+        _put(before)
+
+
+def _put(priors: Mapping[str, tuple[float, float, float, float]]) -> None:
+    known = matcher_priors.OTHERS[FittedOn.PSMNET]
+    assert isinstance(known, dict)
+    known.clear()
+    known.update(priors)
+    prior_of_check.cache_clear()
+
+
+def audit(folder: Path) -> Iterator[str]:
+    """How the frames of each real drive are judged, by matcher and prior."""
+    values, declared = clean_values(folder)
+    rows = {number: rows_of(folder / f"{number}.jsonl") for number in REAL}
+    ways: dict[str, tuple[str, FittedOn]] = {
+        "sgbm": ("sgbm", FittedOn.SGBM),
+        "psmnet, prior of sgbm": ("psmnet", FittedOn.SGBM),
+        "psmnet, fitted without it": ("psmnet", FittedOn.PSMNET),
+        "psmnet, as it ships": ("psmnet", FittedOn.PSMNET),
+    }
+    for way, (matcher, fitted_on) in ways.items():
+        for number in REAL:
+            priors = fitted(values, declared, number) if "without" in way else SHIPS
+            with shipping(priors):
+                yield from _audited(f"{way:26} {number:5}", number, rows, matcher, fitted_on)
+    for way, (matcher, fitted_on) in ways.items():
+        raised = [one for number in _streets(folder) for one in _raised_on(folder, number, matcher, fitted_on)]
+        if "without" not in way and raised:
+            yield f"{way:26} streets: clean {sum(raised)} of {len(raised)} raised"
+
+
+def _streets(folder: Path) -> list[str]:
+    return [path.stem for path in sorted(folder.glob("street*.jsonl"))]
+
+
+def _raised_on(folder: Path, name: str, matcher: str, fitted_on: FittedOn) -> list[bool]:
+    tested = [row[matcher] for row in rows_of(folder / f"{name}.jsonl")]
+    return [one.kind is not VerdictKind.CLEAN for one in judge_alone(rig_of(name), [], tested, fitted_on)]
+
+
+def _audited(
+    title: str, number: str, rows: Mapping[str, Sequence[dict]], matcher: str, fitted_on: FittedOn
+) -> Iterator[str]:
+    """A line for each way of judging: what became of the drive's clean and attacked frames."""
+    rig, tested = open_drive(number)[0], [row[matcher] for row in rows[number]]
+    clean = {one: [row[matcher] for row in some if row["case"] == "clean"] for one, some in rows.items()}
+    others = [some for one, some in clean.items() if one != number]
+    for by, drives, own in (("prior", [], ()), ("prior, as scanned", [], clean[number]), ("learnt", others, ())):
+        verdicts = judge_alone(rig, drives, tested, fitted_on, own)
+        counts: dict[str, Counter[str]] = defaultdict(Counter)
+        for row, verdict in zip(rows[number], verdicts, strict=True):
+            kind = row["case"].partition(" on ")[0]
+            raised = verdict.kind is not VerdictKind.CLEAN
+            counts[kind][outcome(tuple(row["attacked"]), verdict.attacked, raised)] += 1
+        said = "; ".join(
+            f"{kind}: " + ", ".join(f"{what} {count}" for what, count in sorted(some.items()))
+            for kind, some in counts.items()
+        )
+        yield f"{title} {by:18} {said}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("what", choices=["measure"])
+    parser.add_argument("what", choices=["measure", "fit", "audit"])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--attacked", type=int, nargs=3, default=(6, 4, 4))
     parser.add_argument("--every", type=int, default=1)
@@ -110,11 +284,15 @@ def main() -> None:
     options = parser.parse_args()
     use_one_thread()
     options.folder.mkdir(parents=True, exist_ok=True)
+    if options.what != "measure":
+        for line in (fit if options.what == "fit" else audit)(options.folder):
+            print(line, flush=True)
+        return
     if options.streets:
         for seed in range(options.first, options.first + options.streets):
             measure(street(seed), options.folder)
         return
-    for number, attacked in zip(("04", "0001", "0009"), reversed(options.attacked), strict=True):
+    for number, attacked in zip(REAL, reversed(options.attacked), strict=True):
         measure(real(number, attacked, options.every), options.folder)
 
 
