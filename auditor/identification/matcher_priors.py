@@ -1,7 +1,8 @@
 """The prior of the network that comes with auditor: where the statistics of its disparities are not those of SGBM's.
 
-Checks that are not named here have the prior that is declared with them. Tails are SGBM's: where the network's values
-reach farther, its deviations are wider.
+Checks that are not named here have the prior that is declared with them. The network gives every pixel a disparity, also
+where nothing matches, so that clean images are as inconsistent as attacked ones are by SGBM; and what it gives where it
+sees nothing differs from the LiDAR now and then. Tails are SGBM's.
 """
 
 import json
@@ -29,7 +30,10 @@ class FittedOn(StrEnum):
 class PsmnetPriors:
     """Of the log odds of a statistic, as `check_priors`, by the weights that come with auditor."""
 
-    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29), unit=_UNIT, source=_PSMNET)
+    conflict: tuple[float, ...] = parameter((-1.4, 0.93, 0.33), unit=_UNIT, source=_PSMNET)
+    inconsistency_of_one: tuple[float, ...] = parameter((-0.52, 0.64, 0.4), unit=_UNIT, source=_PSMNET)
+    inconsistency_of_two: tuple[float, ...] = parameter((-0.85, 0.59, 0.31), unit=_UNIT, source=_PSMNET)
+    inconsistency: tuple[float, ...] = parameter((-1.08, 0.61, 0.3), unit=_UNIT, source=_PSMNET)
 
 
 PSMNET_PRIORS = PsmnetPriors()
