@@ -87,8 +87,8 @@ def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
     procedure = group.history.procedure
     if parent is None and not choice.some_named and not has_prior(procedure):
-        remedy = "name clean recordings, with --clean or auditor label --clean"
-        return f"the prior does not hold for {procedure.matcher}: {remedy}"
+        found = f"the prior does not hold for {procedure.matcher}"
+        return f"{found}: name clean recordings, with --clean or auditor label --clean"
     fewest = 1 if parent is not None or choice.some_named else INFLUENCE.fewest_first
     if len(choice.chosen) < fewest:
         return f"{len(choice.chosen)} recordings seem clean, of {fewest} that are needed; or name some clean"
