@@ -14,7 +14,7 @@ from auditor.model.checks import Check
 from auditor.model.measurement import Procedure
 from auditor.model.parameter import parameter
 
-_PSMNET = "benchmark matcher_prior: the same frames of three real drives and 40 streets by both (docs/decisions.md)"
+_PSMNET = "benchmark matcher_prior: three real drives and streets 2000 to 2017, by both matchers (docs/decisions.md)"
 _UNIT = "mean, deviation within and between drives; the tail is that of check_priors"
 _DECLARED = {one.name: one.values for check in Check for one in check.kind.priors}
 
@@ -30,9 +30,9 @@ class FittedOn(StrEnum):
 class PsmnetPriors:
     """Of the log odds of a statistic, as `check_priors`, by the weights that come with auditor."""
 
-    conflict: tuple[float, ...] = parameter((-1.4, 0.93, 0.33), unit=_UNIT, source=_PSMNET)
-    inconsistency_of_one: tuple[float, ...] = parameter((-0.52, 0.64, 0.4), unit=_UNIT, source=_PSMNET)
-    inconsistency_of_two: tuple[float, ...] = parameter((-0.85, 0.59, 0.31), unit=_UNIT, source=_PSMNET)
+    conflict: tuple[float, ...] = parameter((-1.4, 0.71, 0.33), unit=_UNIT, source=_PSMNET)
+    inconsistency_of_one: tuple[float, ...] = parameter((-0.53, 0.66, 0.4), unit=_UNIT, source=_PSMNET)
+    inconsistency_of_two: tuple[float, ...] = parameter((-0.87, 0.65, 0.31), unit=_UNIT, source=_PSMNET)
     inconsistency: tuple[float, ...] = parameter((-1.08, 0.61, 0.3), unit=_UNIT, source=_PSMNET)
 
 
