@@ -1,8 +1,8 @@
 """The prior of the network that comes with auditor: where the statistics of its disparities are not those of SGBM's.
 
-Checks that are not named here have the prior that is declared with them. The network gives every pixel a disparity, also
-where nothing matches, so that clean images are as inconsistent as attacked ones are by SGBM; and what it gives where it
-sees nothing differs from the LiDAR now and then. Tails are SGBM's.
+Checks that are not named here have the prior that is declared with them. The network gives every pixel a disparity,
+also where nothing matches: clean images are as inconsistent by it as attacked ones are by SGBM, and light and conflicts
+with the LiDAR vary more from frame to frame. Tails are SGBM's.
 """
 
 import json
@@ -30,6 +30,11 @@ class FittedOn(StrEnum):
 class PsmnetPriors:
     """Of the log odds of a statistic, as `check_priors`, by the weights that come with auditor."""
 
+    light_of_one: tuple[float, ...] = parameter((-2.1, 0.45, 0.35), unit=_UNIT, source=_PSMNET)
+    light_of_two: tuple[float, ...] = parameter((-2.2, 0.41, 0.33), unit=_UNIT, source=_PSMNET)
+    light: tuple[float, ...] = parameter((-2.92, 0.38, 0.29), unit=_UNIT, source=_PSMNET)
+    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.48, 0.35), unit=_UNIT, source=_PSMNET)
+    darkness: tuple[float, ...] = parameter((-3.15, 0.32, 0.24), unit=_UNIT, source=_PSMNET)
     conflict: tuple[float, ...] = parameter((-1.4, 0.71, 0.33), unit=_UNIT, source=_PSMNET)
     inconsistency_of_one: tuple[float, ...] = parameter((-0.53, 0.66, 0.4), unit=_UNIT, source=_PSMNET)
     inconsistency_of_two: tuple[float, ...] = parameter((-0.87, 0.65, 0.31), unit=_UNIT, source=_PSMNET)
