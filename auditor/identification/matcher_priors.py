@@ -2,7 +2,7 @@
 
 Checks that are not named here have the prior that is declared with them. The network gives every pixel a disparity,
 also where nothing matches: clean images are as inconsistent by it as attacked ones are by SGBM, light by two others and
-conflicts with the LiDAR vary more from frame to frame, and light on a camera may bring false ranges. Tails are SGBM's.
+conflicts with the LiDAR vary more from frame to frame, and false ranges are seen now and then. Tails are SGBM's.
 """
 
 import json
@@ -15,7 +15,7 @@ from auditor.model.measurement import Procedure
 from auditor.model.parameter import parameter
 
 _PSMNET = "benchmark matcher_prior: three real drives and streets 2000 to 2017, by both matchers (docs/decisions.md)"
-_BY_LIGHT = "widened by hand: 0.46 in one frame of drive 0009 with a light on one of four cameras (docs/psmnet.md)"
+_FALSE = "widened by hand: 0.46 in a clean frame of drive 0009 with four cameras (docs/psmnet.md)"
 _UNIT = "mean, deviation within and between drives; the tail is that of check_priors"
 _DECLARED = {one.name: one.values for check in Check for one in check.kind.priors}
 
@@ -36,7 +36,7 @@ class PsmnetPriors:
     inconsistency_of_one: tuple[float, ...] = parameter((-0.53, 0.66, 0.4), unit=_UNIT, source=_PSMNET)
     inconsistency_of_two: tuple[float, ...] = parameter((-0.87, 0.65, 0.31), unit=_UNIT, source=_PSMNET)
     inconsistency: tuple[float, ...] = parameter((-1.08, 0.61, 0.3), unit=_UNIT, source=_PSMNET)
-    false_ranges: tuple[float, ...] = parameter((-3.88, 0.65, 0.15), unit=_UNIT, source=_BY_LIGHT)
+    false_ranges: tuple[float, ...] = parameter((-3.88, 0.65, 0.15), unit=_UNIT, source=_FALSE)
 
 
 PSMNET_PRIORS = PsmnetPriors()

@@ -67,12 +67,12 @@ class Case(NamedTuple):
     E: Errors
 
 
-def open_drive(number: str) -> tuple[Rig, Iterator[Frame]]:
-    """The rig of the LiDAR and three cameras (cam1, cam3, cam2), and the frames of a drive as a scan sees them."""
+def open_drive(number: str, *, four: bool = False) -> tuple[Rig, Iterator[Frame]]:
+    """The rig of the LiDAR and three cameras (cam1, cam3, cam2), or all, and a drive's frames as a scan sees them."""
     recording = open_recording(Path(os.environ["AUDITOR_TEST_DATA"]) / DRIVES[number])
     surveyed = survey(recording)
     whole = find_rigs(surveyed)[0]
-    rig = without(whole, whole.camera(3).name)
+    rig = whole if four else without(whole, whole.camera(3).name)
     stream = synchronise(recording, rig, surveyed, colour=True)
     return rig, (frame for frame in stream if isinstance(frame, Frame))
 

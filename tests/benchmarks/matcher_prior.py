@@ -1,6 +1,7 @@
 """Measures the same frames by SGBM and by the weights that come with auditor, and fits and tries the latter's prior.
 
 python -m tests.benchmarks.matcher_prior measure FOLDER [--attacked 6 4 4]
+python -m tests.benchmarks.matcher_prior measure FOLDER --four --every 4 --attacked 0 0 0
 python -m tests.benchmarks.matcher_prior measure FOLDER --streets 40 [--first 2000]
 python -m tests.benchmarks.matcher_prior fit FOLDER
 python -m tests.benchmarks.matcher_prior audit FOLDER
@@ -68,12 +69,19 @@ class Source(NamedTuple):
     attacked: frozenset[int]
 
 
-def real(number: str, attacked: int, every: int) -> Source:
-    """A drive with the LiDAR and three cameras; each so many frames are measured."""
-    rig, frames = open_drive(number)
+def real(number: str, attacked: int, every: int, *, four: bool) -> Source:
+    """A drive with the LiDAR and three or four cameras; each so many frames are measured."""
+    rig, frames = open_drive(number, four=four)
     listed = list(frames)
     wanted = frozenset(frame.number for frame in listed[::every])
-    return Source(number, number, rig, iter(listed), wanted, frozenset(spread(listed, attacked) if attacked else ()))
+    return Source(
+        f"four {number}" if four else number,
+        number,
+        rig,
+        iter(listed),
+        wanted,
+        frozenset(spread(listed, attacked) if attacked else ()),
+    )
 
 
 def street(seed: int) -> Source:
@@ -146,7 +154,9 @@ def prior_name(check: SensorCheck) -> str:
 def rig_of(name: str) -> Rig:
     """The rig of a file's source."""
     kind, _, seed = name.partition(" ")
-    return Street(int(seed), 1, cameras=4).drive.rig if kind == "street" else open_drive(name)[0]
+    if kind == "street":
+        return Street(int(seed), 1, cameras=4).drive.rig
+    return open_drive(seed or name, four=bool(seed))[0]
 
 
 def clean_values(folder: Path) -> tuple[dict[str, list[Values]], dict[str, Prior]]:
@@ -154,7 +164,7 @@ def clean_values(folder: Path) -> tuple[dict[str, list[Values]], dict[str, Prior
     found: dict[str, list[Values]] = defaultdict(list)
     declared: dict[str, Prior] = {}
     for path in sorted(folder.glob("**/*.jsonl")):
-        clean = [row for row in rows_of(path) if row["case"] == "clean"]
+        clean = [row for row in rows_of(path) if row["case"] == "clean" and not path.stem.startswith("four")]
         for column, check in enumerate(rig_sensor_checks(rig_of(path.stem)) if clean else ()):
             odds = log_odds(np.array([[row[name][column] for name in MATCHERS] for row in clean], dtype=np.float64))
             known = odds[~np.isnan(odds).any(axis=1)]
@@ -251,13 +261,10 @@ def audit(folder: Path) -> Iterator[str]:
             with shipping(priors):
                 yield from _audited(f"{way:26} {number:5}", number, rows, matcher, fitted_on)
     for way, (matcher, fitted_on) in ways.items():
-        raised = [one for number in _streets(folder) for one in _raised_on(folder, number, matcher, fitted_on)]
-        if "without" not in way and raised:
-            yield f"{way:26} streets: clean {sum(raised)} of {len(raised)} raised"
-
-
-def _streets(folder: Path) -> list[str]:
-    return [path.stem for path in sorted(folder.glob("street*.jsonl"))]
+        for kind in ("four", "street") if "without" not in way else ():
+            sources = [path.stem for path in sorted(folder.glob(f"{kind} *.jsonl"))]
+            raised = [one for name in sources for one in _raised_on(folder, name, matcher, fitted_on)]
+            yield f"{way:26} {kind}: clean, by the prior {sum(raised)} of {len(raised)} raised"
 
 
 def _raised_on(folder: Path, name: str, matcher: str, fitted_on: FittedOn) -> list[bool]:
@@ -292,6 +299,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--attacked", type=int, nargs=3, default=(6, 4, 4))
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--four", action="store_true", help="all four cameras: tried, and not fitted to")
     parser.add_argument("--streets", type=int, default=0)
     parser.add_argument("--first", type=int, default=2000)
     options = parser.parse_args()
@@ -306,7 +314,7 @@ def main() -> None:
             measure(street(seed), options.folder)
         return
     for number, attacked in zip(REAL, reversed(options.attacked), strict=True):
-        measure(real(number, attacked, options.every), options.folder)
+        measure(real(number, attacked, options.every, four=options.four), options.folder)
 
 
 if __name__ == "__main__":
