@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from auditor.identification.matcher_priors import FittedOn
 from auditor.identification.parameters import judging_digest
 from auditor.measurement.checks.found import measuring_digest
 from auditor.model.measurement import COUNTING_VERSIONS
@@ -29,6 +30,11 @@ def judging() -> list[str]:
     return [judging_digest()]
 
 
+def judging_psmnet() -> list[str]:
+    """The digest of what judges by the prior of the network that comes with auditor."""
+    return [judging_digest(FittedOn.PSMNET)]
+
+
 def read() -> dict[str, Any]:
     """By what is compared, or "judging", and by version, the digests that were kept."""
     return tomllib.loads(KEPT.read_text())
@@ -39,6 +45,7 @@ def _write() -> None:
     for compared_to, version in COUNTING_VERSIONS.items():
         kept[compared_to][str(version)] = counting(compared_to)
     kept["judging"][str(JUDGING_VERSION)] = judging()
+    kept["judging_psmnet"][str(JUDGING_VERSION)] = judging_psmnet()
     sections = (
         f"[{name}]\n" + "".join(f"{version} = {digests}\n" for version, digests in of_versions.items())
         for name, of_versions in kept.items()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from auditor.identification.matcher_priors import PSMNET_PRIORS
 from auditor.identification.parameters import (
     CAUSE_PRIORS,
     CHECK_PRIORS,
@@ -45,6 +46,7 @@ PARAMETER_FILES = (
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/evidence_parameters.py",
+    "identification/matcher_priors.py",
     "identification/refresh_parameters.py",
     "identification/drift/parameters.py",
 )
@@ -222,7 +224,7 @@ def numbers(path: Path) -> Iterator[tuple[int, float]]:
 
 
 def every_parameter() -> tuple[Parameter, ...]:
-    return list_parameters(*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
+    return list_parameters(*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING, PSMNET_PRIORS)
 
 
 def test_numbers_that_can_change_a_count_or_a_verdict_stand_in_the_parameter_files_alone() -> None:
@@ -250,7 +252,9 @@ def test_measuring_and_synchronising_parameters_change_with_their_counting_versi
 
 def test_judging_parameters_change_with_the_judging_version() -> None:
     kept = digests.read()["judging"].get(str(JUDGING_VERSION))
-    assert kept == digests.judging(), f"raise JUDGING_VERSION: equal measurements may get other verdicts; {WRITTEN_BY}"
+    of_psmnet = digests.read()["judging_psmnet"].get(str(JUDGING_VERSION))
+    found = digests.judging(), digests.judging_psmnet()
+    assert (kept, of_psmnet) == found, f"raise JUDGING_VERSION: there may be other verdicts; {WRITTEN_BY}"
 
 
 def test_a_changed_value_changes_the_digest_and_its_unit_and_source_do_not() -> None:
@@ -332,7 +336,7 @@ def test_documents_that_sources_name_are_there() -> None:
 def test_every_prior_has_a_mean_deviations_above_zero_and_a_tail_of_one_at_least() -> None:
     # Of frames without any conflict half have the least log odds there are: they spread far below, and end soon above.
     bounded = {"parallax_conflict"}
-    for one in list_parameters(CHECK_PRIORS, CAUSE_PRIORS):
+    for one in list_parameters(CHECK_PRIORS, CAUSE_PRIORS, PSMNET_PRIORS):
         assert isinstance(one.value, tuple)
         mean, within, between, *tail = one.value
         assert -10 < mean < 10

@@ -70,7 +70,7 @@ def robust_thresholds(
 
 def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
     """The robust thresholds at r from some drives; the prior's from none."""
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, fitted_on=system.fitted_on)
 
 
 class ThresholdsOfOthers:
@@ -185,7 +185,7 @@ def groups_of(recording_ids: Iterable[str]) -> dict[str, int]:
 def _drives_of(calibration: Calibration, system: System) -> CleanDrives:
     """What all thresholds of a calibration are learnt from: of many recordings it takes long."""
     groups = groups_of(one.recording_id for one in calibration.clean)
-    return CleanDrives.of(calibration.clean, system.sensor_checks, groups=groups)
+    return CleanDrives.of(calibration.clean, system.sensor_checks, groups=groups, fitted_on=system.fitted_on)
 
 
 def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:

@@ -16,6 +16,7 @@ from auditor.identification.evidence_parameters import (
     STRETCHES,
     THROWN_LIGHT,
 )
+from auditor.identification.matcher_priors import PSMNET_PRIORS, FittedOn
 from auditor.model.checks import Check
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
@@ -317,11 +318,16 @@ JUDGING = (
 """All that can change a verdict, given the measurement, the calibration and r."""
 
 
-def judging_settings() -> str:
-    """The values of JUDGING as canonical JSON."""
-    return canonical_json(*JUDGING)
+def judging(fitted_on: FittedOn) -> tuple["DataclassInstance", ...]:
+    """JUDGING, and what a matcher's prior has of its own."""
+    return (*JUDGING, PSMNET_PRIORS) if fitted_on is FittedOn.PSMNET else JUDGING
 
 
-def judging_digest() -> str:
-    """The digest of JUDGING: equal digests judge alike."""
-    return digest(*JUDGING)
+def judging_settings(fitted_on: FittedOn = FittedOn.SGBM) -> str:
+    """The values of `judging` as canonical JSON."""
+    return canonical_json(*judging(fitted_on))
+
+
+def judging_digest(fitted_on: FittedOn = FittedOn.SGBM) -> str:
+    """The digest of `judging`: equal digests judge alike."""
+    return digest(*judging(fitted_on))

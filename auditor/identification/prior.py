@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.matcher_priors import OTHERS, FittedOn
 from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL
 from auditor.identification.statistics import median_of
 from auditor.model.arrays import Flags, Floats, Integers
@@ -72,10 +73,11 @@ class Drives:
 
 
 @cache
-def prior_of_check(check: SensorCheck) -> Prior:
-    """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
+def prior_of_check(check: SensorCheck, fitted_on: FittedOn = FittedOn.SGBM) -> Prior:
+    """The prior of a sensor check: the same for all sensors, by how many cameras take part, and by the matcher."""
     priors = check.check.kind.priors
-    return Prior(*priors[min(len(check.others), len(priors)) - 1].values)
+    declared = priors[min(len(check.others), len(priors)) - 1]
+    return Prior(*OTHERS[fitted_on].get(declared.name, declared.values))
 
 
 def prior_of_cause(cause: CauseIn) -> Prior:

@@ -14,6 +14,7 @@ import numpy as np
 
 from auditor.identification.causes.faults import FAULTS, TONES, faults_of
 from auditor.identification.incidents.sequential import incident_limit
+from auditor.identification.matcher_priors import FittedOn
 from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.parameters import FAULT_SCALE, SCORE_LIMITS, STANDS_OUT
 from auditor.identification.prior import (
@@ -35,7 +36,8 @@ from auditor.model.verdict import Cause, CauseIn
 
 _NONE = np.zeros(0)
 
-_SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
+_Key = tuple[SensorCheck, FittedOn] | CauseIn
+_SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[_Key, DriveValues]] = WeakKeyDictionary()
 """By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
 
 
@@ -45,22 +47,25 @@ def thresholds_from(
     judged_together: int,
     r: Decimal,
     calibration_id: str = "",
+    fitted_on: FittedOn = FittedOn.SGBM,
 ) -> RobustThresholds:
     """Thresholds at r from the clean frames of recordings, each taken for a drive; from none of them the prior.
 
-    `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
-    SettingError for an r outside 0 to 1.
+    `judged_together` is how many checks a frame is judged by at once, `fitted_on` says which prior. The limit of
+    incidents is the usual one. Raises SettingError for an r outside 0 to 1.
     """
-    return CleanDrives.of(clean, sensor_checks, groups={}).thresholds(judged_together, r, calibration_id)
+    drives = CleanDrives.of(clean, sensor_checks, groups={}, fitted_on=fitted_on)
+    return drives.thresholds(judged_together, r, calibration_id)
 
 
 class DriveSums:
     """What thresholds need of drives 0, 1, ..., each looked at once: values summed up, and the largest fault scores.
 
-    So `many` of the scores are kept of each fault, over all drives.
+    So `many` of the scores are kept of each fault, over all drives. `fitted_on` says which prior their checks have.
     """
 
-    def __init__(self, sensor_checks: Sequence[SensorCheck], many: int) -> None:
+    def __init__(self, sensor_checks: Sequence[SensorCheck], many: int, fitted_on: FittedOn = FittedOn.SGBM) -> None:
+        self.fitted_on = fitted_on
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
         self.recordings: list[str] = []
         self._of_checks = {check: array("d") for check in sensor_checks}
@@ -70,7 +75,7 @@ class DriveSums:
     def add(self, drive: CleanFrames) -> None:
         """Take the next drive."""
         for check, sums in self._of_checks.items():
-            sums.extend(_statistics_of(drive, check))
+            sums.extend(_statistics_of(drive, check, self.fitted_on))
         for cause, sums in self._of_causes.items():
             sums.extend(_strengths_of(drive, cause))
         for cause, largest in self._largest.items():
@@ -112,7 +117,7 @@ class CleanDrives:
     """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
 
     def __init__(self, sums: DriveSums) -> None:
-        self._recordings = sums.recordings
+        self._recordings, self._fitted_on = sums.recordings, sums.fitted_on
         self._places: dict[str, list[int]] = {}
         for place, recording in enumerate(self._recordings):
             self._places.setdefault(recording, []).append(place)
@@ -125,6 +130,7 @@ class CleanDrives:
         sensor_checks: Sequence[SensorCheck],
         *,
         groups: Mapping[str, int] | None = None,
+        fitted_on: FittedOn = FittedOn.SGBM,
     ) -> "CleanDrives":
         """The clean frames of some recordings.
 
@@ -134,7 +140,7 @@ class CleanDrives:
         together = Counter[str | int]()
         for one in clean:
             together["" if groups is None else groups.get(one.recording_id, one.recording_id)] += one.frames
-        sums = DriveSums(sensor_checks, largest_asked_for(together))
+        sums = DriveSums(sensor_checks, largest_asked_for(together), fitted_on)
         for one in clean:
             sums.add(one)
         return cls(sums)
@@ -158,7 +164,7 @@ class CleanDrives:
     def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
         """What is expected of the checks, learnt from the recordings that are `used` (D,)."""
         return {
-            check: expected_after(prior_of_check(check), drives.chosen(used))
+            check: expected_after(prior_of_check(check, self._fitted_on), drives.chosen(used))
             for check, drives in self._of_checks.items()
         }
 
@@ -190,11 +196,11 @@ def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
     return replace(found, deviation=max(found.deviation, least))
 
 
-def _statistics_of(one: CleanFrames, check: SensorCheck) -> DriveValues:
-    known = _SUMMED_UP.setdefault(one, {})
-    if check not in known:
-        known[check] = drive_values(log_odds(one.statistics.get(check, _NONE)), prior_of_check(check))
-    return known[check]
+def _statistics_of(one: CleanFrames, check: SensorCheck, fitted_on: FittedOn) -> DriveValues:
+    known, key = _SUMMED_UP.setdefault(one, {}), (check, fitted_on)
+    if key not in known:
+        known[key] = drive_values(log_odds(one.statistics.get(check, _NONE)), prior_of_check(check, fitted_on))
+    return known[key]
 
 
 def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:

@@ -5,6 +5,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from auditor.identification.matcher_priors import FittedOn
 from auditor.model.arrays import Indices
 from auditor.model.checks import ADDED_LATER, CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of
@@ -18,13 +19,15 @@ _RARE = frozenset({*ADDED_LATER})
 class System:
     """The sensor checks, triples and sensors of a rig, in their fixed orders.
 
-    `fallback` is the triple for frames in which none of `triples` was measured.
+    `fallback` is the triple for frames in which none of `triples` was measured. `fitted_on` is the matcher whose prior
+    holds for its statistics.
     """
 
     sensor_checks: tuple[SensorCheck, ...]
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
     fallback: Triple | None = None
+    fitted_on: FittedOn = FittedOn.SGBM
 
     @cached_property
     def by_time(self) -> bool:

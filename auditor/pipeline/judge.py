@@ -15,6 +15,7 @@ from auditor.identification.cross_validation import clean_hours, robust_threshol
 from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.series import FrameSeries, Portion
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, marks_of
+from auditor.identification.matcher_priors import FittedOn, fitted_on, has_prior
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
@@ -49,16 +50,13 @@ from auditor.store import (
 
 Rows = list[tuple[int, int, Verdict]]
 
-PRIOR_MATCHER = "sgbm"
-"""The matcher whose disparities the prior was fitted on: others give other statistics."""
-
 SMALLEST_STRICT_R = Decimal("0.0001")
 """`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
 
 
-def system_of(rig: Rig) -> System:
-    """What the frames of a rig are judged by."""
-    return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
+def system_of(rig: Rig, fitted: FittedOn = FittedOn.SGBM) -> System:
+    """What the frames of a rig are judged by; `fitted` says on which matcher's disparities the prior was."""
+    return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback, fitted)
 
 
 def counted_earlier(store: Store, measurement: str) -> bool:
@@ -106,7 +104,7 @@ def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[C
 def prior_for(store: Store, measurement: str, criteria: Criteria) -> Calibration | None:
     """The prior, by which the robust method judges what no calibration fits; None where it does not hold."""
     stored = store.measurement(measurement)
-    if criteria.method is not Method.ROBUST or stored.procedure.matcher != PRIOR_MATCHER:
+    if criteria.method is not Method.ROBUST or not has_prior(stored.procedure):
         return None
     return prior_calibration(store.rig(stored.rig_id).kind, stored.procedure)
 
@@ -148,7 +146,7 @@ def judge_measurement(
         measurement,
         criteria.method,
         thresholds,
-        todays_rules(),
+        todays_rules(fitted_on(store.measurement(measurement).procedure)),
         _after(before),
         criteria.recount,
         absent_sensors=part.absent if part else (),
@@ -161,10 +159,10 @@ def judge_measurement(
     return store.write_judgement(judgement, rows)
 
 
-def todays_rules() -> JudgingRules:
-    """The rules that this auditor judges by."""
+def todays_rules(fitted: FittedOn = FittedOn.SGBM) -> JudgingRules:
+    """The rules that this auditor judges by, with the prior of a matcher."""
     scores = (SCORE_LIMITS.lowest, SCORE_LIMITS.highest)
-    return JudgingRules(judging_digest(), judging_settings(), __version__, OFFSET, scores)
+    return JudgingRules(judging_digest(fitted), judging_settings(fitted), __version__, OFFSET, scores)
 
 
 def _after(before: StoredJudgement | None) -> datetime:
@@ -213,7 +211,8 @@ def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Cri
 
 def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:
     """What the robust method judges of a measurement."""
-    rig, frames, system = fitted.rig, fitted.frames, system_of(fitted.rig)
+    rig, frames = fitted.rig, fitted.frames
+    system = system_of(rig, fitted_on(store.measurement(fitted.measurement).procedure))
     rate, transferred = criteria.incidents_per_hour, fitted.transferred
     thresholds = _robust(fitted.calibration, system, criteria.r, rate, transferred=transferred)
     if fitted.marks.other_lidar:

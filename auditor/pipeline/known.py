@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from auditor.identification.matcher_priors import fitted_on
 from auditor.identification.parameters import judging_digest
 from auditor.identification.sub_rigs import calibration_for
 from auditor.identification.thresholds import check_calibration
@@ -112,7 +113,7 @@ def is_as_now(
         criteria.method,
         repr(criteria.incidents_per_hour) if robust else criteria.statistic.value,
         criteria.r,
-        judging_digest(),
+        judging_digest(fitted_on(stored.procedure)),
         transferred=similarity is not Similarity.SAME,
         recounted=criteria.recount,
         judged_with=tuple(beside),

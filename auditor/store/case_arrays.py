@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import COLUMNS, rig_sensor_checks
-from auditor.model.measurement import BRIGHTNESS, CASE_BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT
+from auditor.model.measurement import BRIGHTNESS, CASE_BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT, Procedure
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import ComparedTo
 from auditor.store.evaluation_tables import CHUNK_FRAMES
@@ -26,7 +26,9 @@ _MEASURED = ", ".join(
 _COUNTED = COUNTING_VERSIONS[ComparedTo.CAMERAS]  # a lone camera is not evaluated
 _EARLIER = f"SELECT evaluation_id FROM evaluations WHERE counting_version < {_COUNTED}"  # noqa: S608 - a number
 _CASES = f"""
-SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
+SELECT setup, {_KNOWN_BY}, {_MEASURED}, made.matcher, made.settings, made.counting_version
+FROM cases JOIN (SELECT evaluation_id, matcher, settings, counting_version FROM evaluations) AS made
+USING (evaluation_id)
 WHERE statistics IS NOT NULL AND evaluation_id NOT IN ({_EARLIER})
 ORDER BY setup, rig_id, evaluation_id, frame, draw
 """  # noqa: S608 - our own names
@@ -67,7 +69,7 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """N cases of rigs of one kind, of which `rig` is one; NaN where something was not measured.
+    """N cases of rigs of one kind, of which `rig` is one, by one procedure; NaN where something was not measured.
 
     `statistics` are (N, M) by sensor check; by sensor (N, S): `present`, `fingerprints`, and `brightness` by the names
     of BRIGHTNESS; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
@@ -75,6 +77,7 @@ class Cases:
     """
 
     rig: Rig
+    procedure: Procedure
     known: tuple[Known, ...]
     statistics: Floats
     present: NDArray[np.bool_]
@@ -115,6 +118,7 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
     by_pair = N, pairs, len(COLUMNS)
     return Cases(
         rig,
+        Procedure(*(table[name][0].as_py() for name in ("matcher", "settings", "counting_version"))),
         tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
         _floats(table["statistics"]).reshape(N, len(rig_sensor_checks(rig))),
         np.asarray(_values(table["present"]).to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),

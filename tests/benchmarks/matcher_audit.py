@@ -5,7 +5,7 @@ python -m tests.benchmarks.matcher_audit --tables --attacked 10 --clean 40
 
 Frames of KITTI's drive 0009 (AUDITOR_TEST_DATA), spread over it, clean and under attacks on one sensor, with the LiDAR
 and three cameras. By the robust method each frame is judged by itself, r = 1 %, by thresholds from all clean frames of
-drives 0001 and odometry 04, and by the prior, which was fitted on SGBM's disparities. Algorithm 2 has the thresholds at
+drives 0001 and odometry 04, and by the prior, each from the matcher's own prior. Algorithm 2 has the thresholds at
 r = 0 of the same clean frames of 0009: in sample. `--tables` has the paper's Tables I and II in place of all that, by
 triples of the leftmost reference, under the paper's faculas and walls: thresholds of the clean frames, in sample.
 """
@@ -22,9 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.matcher_priors import FittedOn, fitted_on
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import thresholds_from
 from auditor.identification.thresholds import threshold
 from auditor.lab.attacks.paper import Facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
@@ -38,6 +40,7 @@ from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.verdict import Verdict, VerdictKind
 from auditor.pipeline.judge import system_of
+from auditor.pipeline.measured import procedure_by
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from tests.benchmarks.clean_statistics import DRIVES
 from tests.benchmarks.kinds import spread
@@ -64,12 +67,12 @@ class Case(NamedTuple):
     E: Errors
 
 
-def open_drive(number: str) -> tuple[Rig, Iterator[Frame]]:
-    """The rig of the LiDAR and three cameras (cam1, cam3, cam2), and the frames of a drive as a scan sees them."""
+def open_drive(number: str, *, four: bool = False) -> tuple[Rig, Iterator[Frame]]:
+    """The rig of the LiDAR and three cameras (cam1, cam3, cam2), or all, and a drive's frames as a scan sees them."""
     recording = open_recording(Path(os.environ["AUDITOR_TEST_DATA"]) / DRIVES[number])
     surveyed = survey(recording)
     whole = find_rigs(surveyed)[0]
-    rig = without(whole, whole.camera(3).name)
+    rig = whole if four else without(whole, whole.camera(3).name)
     stream = synchronise(recording, rig, surveyed, colour=True)
     return rig, (frame for frame in stream if isinstance(frame, Frame))
 
@@ -98,14 +101,23 @@ def outcome(attacked: tuple[int, ...], answer: tuple[int, ...], raised: bool) ->
     return "named" if answer and answer == attacked else "others named" if answer else "no name"
 
 
-def judge_alone(rig: Rig, drives: Sequence[Statistics], tested: Statistics) -> list[Verdict]:
+def judge_alone(
+    rig: Rig,
+    drives: Sequence[Statistics],
+    tested: Statistics,
+    fitted: FittedOn = FittedOn.SGBM,
+    own: Statistics = (),
+) -> list[Verdict]:
     """The verdicts of the robust method by thresholds from the clean frames of drives, each on one frame by itself.
 
-    Rules over successive frames are left out: causes that are not attacks, and frozen sensors.
+    Rules over successive frames are left out: causes that are not attacks, and frozen sensors. `own` are clean frames
+    of the same drive, whose usual statistics the thresholds know as in a scan.
     """
-    system, F = system_of(rig), len(tested)
+    system, F = system_of(rig, fitted), len(tested)
     clean = [_clean_frames(str(number), rig, statistics) for number, statistics in enumerate(drives)]
-    thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, R)
+    thresholds = thresholds_of(clean, system, R)
+    if own:
+        thresholds = for_clean_drive(thresholds, system.sensor_checks, _clean_frames("own", rig, own))
     nothing = np.zeros((F, len(system.sensors)), dtype=np.bool_)
     each = np.arange(F, dtype=np.int64)
     series = FrameSeries(each, each, np.array(tested, dtype=np.float64), present=~nothing, frozen=nothing)
@@ -118,13 +130,13 @@ def _clean_frames(name: str, rig: Rig, statistics: Statistics) -> CleanFrames:
     return CleanFrames(name, stamps, {}, dict(zip(system_of(rig).sensor_checks, columns, strict=True)), {})
 
 
-def report(rig: Rig, cases: list[Case], drives: dict[str, list[Case]]) -> Iterator[str]:
+def report(rig: Rig, cases: list[Case], drives: dict[str, list[Case]], fitted: FittedOn) -> Iterator[str]:
     """A line for each attack and way of judging."""
     tested = [case.statistics for case in cases]
     learnt = [[case.statistics for case in clean] for clean in drives.values()]
     robust: dict[str, list[Verdict]] = {
-        "learnt": judge_alone(rig, learnt, tested),
-        "prior": judge_alone(rig, [], tested),
+        "learnt": judge_alone(rig, learnt, tested, fitted),
+        "prior": judge_alone(rig, [], tested, fitted),
     }
     theta = maxima([case.E for case in cases if not case.attacked])
     answers = {by: [(one.attacked, one.kind is not VerdictKind.CLEAN) for one in some] for by, some in robust.items()}
@@ -162,7 +174,7 @@ def audit(name: str, attacked: int, clean: int) -> Iterator[str]:
         if frame.number in wanted
         for case in cases_of(frame, rig, matcher, attacked=frame.number in hit)
     ]
-    yield from report(rig, cases, drives)
+    yield from report(rig, cases, drives, fitted_on(procedure_by(matcher, rig.kind.compared_to)))
 
 
 def tables(name: str, attacked: int, clean: int) -> Iterator[str]:

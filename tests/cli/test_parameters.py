@@ -8,6 +8,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.identification.drift.parameters import DRIFTING
+from auditor.identification.matcher_priors import PSMNET_PRIORS
 from auditor.identification.parameters import JUDGING
 from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.checks.found import MEASURING
@@ -24,6 +25,7 @@ GROUPS = (
     MEASURING,
     WARNING,
     JUDGING,
+    (PSMNET_PRIORS,),
     REFRESHING,
     DRIFTING,
 )

@@ -107,7 +107,7 @@ def test_the_paper_s_method_has_no_prior(measured) -> None:
 
 def test_the_prior_holds_for_the_matcher_that_it_was_fitted_on(measured, monkeypatch) -> None:
     store, clean, _ = measured()
-    monkeypatch.setattr("auditor.pipeline.judge.PRIOR_MATCHER", "another")
+    monkeypatch.setattr("auditor.pipeline.judge.has_prior", lambda _: False)
     assert judged(store, clean).judgement is None
 
 

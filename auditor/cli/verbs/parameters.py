@@ -35,6 +35,7 @@ def command(form: str) -> None:
 def _rows() -> Iterator[dict[str, object]]:
     """One row a parameter, those of a group one after the other."""
     from auditor.identification.drift.parameters import DRIFTING  # noqa: PLC0415
+    from auditor.identification.matcher_priors import PSMNET_PRIORS  # noqa: PLC0415
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
     from auditor.identification.refresh_parameters import REFRESHING  # noqa: PLC0415
     from auditor.measurement.checks.found import MEASURING  # noqa: PLC0415 - OpenCV is heavy
@@ -50,7 +51,7 @@ def _rows() -> Iterator[dict[str, object]]:
         ("topics", ACCOUNTING),
         ("counts", MEASURING),
         ("warnings", WARNING),
-        ("verdicts", JUDGING),
+        ("verdicts", (*JUDGING, PSMNET_PRIORS)),
         ("refreshes", REFRESHING),
         ("drift", DRIFTING),
     )

@@ -84,7 +84,7 @@ def shown_by(drive: CleanFrames, system: System, learnt: RobustThresholds) -> Sh
 def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list[Shown]:
     """Each drive judged by drives of other vehicles and days (`Folds`); by the prior where there are none."""
     folds = Folds([drive.source for drive in drives])
-    every = CleanDrives.of([drive.clean for drive in drives], system.sensor_checks)
+    every = CleanDrives.of([drive.clean for drive in drives], system.sensor_checks, fitted_on=system.fitted_on)
     known: dict[tuple[int, int], RobustThresholds] = {}
     found = []
     for place, drive in enumerate(drives):

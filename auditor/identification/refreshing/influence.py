@@ -66,7 +66,7 @@ def influential(drives: Sequence[Drive], new: Sequence[int], system: System, r: 
 
     That is further than a refresh may: what one drive, vehicle or day shows and no other is for a person to look at.
     """
-    every = CleanDrives.of([one.clean for one in drives], system.sensor_checks)
+    every = CleanDrives.of([one.clean for one in drives], system.sensor_checks, fitted_on=system.fitted_on)
     with_all = every.thresholds(system.judged_together, r)
     for what in ("recording_id", "vehicle", "day"):
         found: dict[int, str] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.drive_level import for_drive
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
+from auditor.identification.matcher_priors import fitted_on
 from auditor.identification.robust import judge_frames
 from auditor.identification.systems import System
 from auditor.lab.evaluation.case_series import CaseSeries, CleanSeries
@@ -54,7 +55,7 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
         if around.has(place):
             blocks[one.block].append(place)
     for sensors in systems(cases.rig) if blocks else ():
-        system = _system(cases.rig, sensors)
+        system = _system(cases, sensors)
         thresholds = _thresholds(around.clean(system), system, cases.rig)
         for block, inside in blocks.items():
             chosen = [place for place in inside if _is_judged(cases.known[place], sensors, cases.rig)]
@@ -78,12 +79,13 @@ def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
     return tuple(found)
 
 
-def _system(rig: Rig, sensors: Sequence[int]) -> System:
+def _system(cases: Cases, sensors: Sequence[int]) -> System:
     """The sensor checks and triples by which some of a rig's sensors are judged."""
-    chosen = set(sensors)
+    rig, chosen = cases.rig, set(sensors)
     sensor_checks = tuple(check for check in rig_sensor_checks(rig) if set(check.needed) <= chosen)
     fallback = rig.fallback if rig.fallback and set(rig.fallback) <= chosen else None
-    return System(sensor_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors), fallback)
+    triples = tuple(t for t in rig.triples if set(t) <= chosen)
+    return System(sensor_checks, triples, tuple(sensors), fallback, fitted_on(cases.procedure))
 
 
 def _thresholds(

@@ -25,6 +25,7 @@ from auditor.identification.cross_validation import (
     judge_by_others,
     judge_by_thetas,
 )
+from auditor.identification.matcher_priors import fitted_on
 from auditor.identification.scores import CleanDrives, DriveSums, largest_asked_for
 from auditor.identification.systems import System
 from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames, RobustThresholds, read_later
@@ -101,7 +102,7 @@ class _Sums:
     def __init__(self, asked: Asked) -> None:
         self.contents: list[Content] = []
         self.samples = Counter[tuple[Statistic, Triple]]()
-        self.drives = DriveSums(asked.system.sensor_checks, asked.most_scores)
+        self.drives = DriveSums(asked.system.sensor_checks, asked.most_scores, asked.system.fitted_on)
         self.errors = CleanErrors(Statistic.GATED, asked.most_errors)
 
     def add(self, clean: CleanFrames) -> None:
@@ -249,7 +250,7 @@ def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: ran
         of_groups[groups[one.recording_id]] += one.frames
         of_recordings[one.recording_id] += one.frames
     return Asked(
-        system_of(measurements[0][0].rig(stored[0].rig_id)),
+        system_of(measurements[0][0].rig(stored[0].rig_id), fitted_on(stored[0].procedure)),
         r,
         largest_asked_for(of_groups),
         errors_asked_for(r, of_recordings),

@@ -12,6 +12,7 @@ import numpy as np
 from auditor import __version__
 from auditor.errors import AuditorError, SettingError, ThresholdsError
 from auditor.identification.cross_validation import LeftOut, clean_hours, thresholds_of
+from auditor.identification.matcher_priors import fitted_on
 from auditor.identification.parameters import judging_digest
 from auditor.identification.refreshing.gate import Step, steps
 from auditor.identification.systems import System
@@ -197,7 +198,7 @@ def version_of(
         recounted=recounted,
         auditor_version=__version__,
         judging_version=JUDGING_VERSION,
-        rules=judging_digest(),
+        rules=judging_digest(fitted_on(calibration.procedure)),
         recordings=tuple(used),
         conditions=tuple(conditions),
     )
@@ -305,7 +306,7 @@ def system_of_calibration(calibration: Calibration) -> System:
     sensors = tuple(range(0 if kind.lidar else 1, len(kind.sizes_px) + 1))
     checks = dict.fromkeys(check for one in calibration.clean for check in one.statistics)
     triples = dict.fromkeys(triple for one in calibration.clean for _, triple in one.errors)
-    return System(tuple(checks), tuple(triples), sensors)
+    return System(tuple(checks), tuple(triples), sensors, fitted_on=fitted_on(calibration.procedure))
 
 
 def _resolves(samples: Mapping[tuple[Statistic, Triple], int]) -> float | None:

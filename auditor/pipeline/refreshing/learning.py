@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.matcher_priors import fitted_on, has_prior
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Shown
@@ -22,7 +23,7 @@ from auditor.identification.refreshing.gate import (
 from auditor.identification.sub_rigs import closeness
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration
-from auditor.pipeline.judge import PRIOR_MATCHER, system_of
+from auditor.pipeline.judge import system_of
 from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, considered
 from auditor.pipeline.refreshing.pool import Group
 from auditor.store import Store, make_calibration
@@ -61,7 +62,7 @@ def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decima
     `in_force` are the calibrations in force for all rig kinds.
     """
     history, parent = group.history, known.parent
-    system = system_of(group.rig)
+    system = system_of(group.rig, fitted_on(history.procedure))
     choice = choose(group, known, system, r)
     waiting = _too_few(choice, group, parent)
     if waiting:
@@ -84,9 +85,10 @@ def _lost(store: Store, history: History) -> Iterator[str]:
 
 def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
-    matcher = group.history.procedure.matcher
-    if parent is None and not choice.some_named and matcher != PRIOR_MATCHER:
-        return f"the prior does not hold for {matcher}: name clean recordings, with --clean or auditor label --clean"
+    procedure = group.history.procedure
+    if parent is None and not choice.some_named and not has_prior(procedure):
+        found = f"the prior does not hold for {procedure.matcher}"
+        return f"{found}: name clean recordings, with --clean or auditor label --clean"
     fewest = 1 if parent is not None or choice.some_named else INFLUENCE.fewest_first
     if len(choice.chosen) < fewest:
         return f"{len(choice.chosen)} recordings seem clean, of {fewest} that are needed; or name some clean"

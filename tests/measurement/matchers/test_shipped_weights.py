@@ -1,5 +1,6 @@
 """The weights that come with auditor: they are those that were published with it, and they match."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
+from auditor.identification.matcher_priors import SHIPPED  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
@@ -20,6 +22,7 @@ def test_without_a_file_psmnet_has_the_weights_that_come_with_it() -> None:
     assert matcher.settings == named.settings
     assert load_weights(shipped.SHIPPED).sha256 in matcher.settings
     assert (matcher.range_px, matcher.step, matcher.colour, matcher.align_corners) == (192, 2, False, False)
+    assert json.loads(matcher.settings) == SHIPPED, "the prior holds for what psmnet is unasked"
 
 
 def test_they_find_the_disparity_of_a_shifted_texture() -> None:
