@@ -157,23 +157,20 @@ def cell(n: Tally) -> str:
     return f"{named:6.0f} /{incident:4.0f} /{found:4.0f} ({n['series']})"
 
 
-def report(scenes: Sequence[Scene]) -> None:
-    for cameras in RIGS:
-        for how, prior in (("learnt from other drives", False), ("by the prior", True)):
-            print(f"\nLiDAR and {len(cameras)} cameras, {how}: frames named / incidents / found, % (series)")
-            drives = drives_of(scenes, cameras, R, prior=prior)
-            clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
-            found, raised = (
-                sum(any(one.finding for one in each) for each in clean),
-                sum(one.kind != "clean" for each in clean for one in each),
-            )
-            print(f"clean: {found} of {len(clean)} drives found, {raised} of {sum(map(len, clean))} frames raised")
-            print(f"{'':18}" + "".join(f"{lasts:>24}" for lasts in LASTING))
-            others = 0
-            for what, by_duration in tallies(drives).items():
-                print(f"{what:18}" + "".join(f"{cell(by_duration[lasts]):>24}" for lasts in LASTING), flush=True)
-                others += sum(one["others"] for one in by_duration.values())
-            print(f"series whose finding names others: {others}")
+def report(scenes: Sequence[Scene], cameras: Sequence[int], *, prior: bool) -> Iterator[str]:
+    """A line for the clean drives and one for each attack."""
+    how = "by the prior" if prior else "learnt from other drives"
+    yield f"\nLiDAR and {len(cameras)} cameras, {how}: frames named / incidents / found, % (series)"
+    drives = drives_of(scenes, cameras, R, prior=prior)
+    clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
+    found = sum(any(one.finding for one in each) for each in clean)
+    raised = sum(one.kind != "clean" for each in clean for one in each)
+    yield f"clean: {found} of {len(clean)} drives found, {raised} of {sum(map(len, clean))} frames raised"
+    yield f"{'':18}" + "".join(f"{lasts:>24}" for lasts in LASTING)
+    every = tallies(drives)
+    for what, by_duration in every.items():
+        yield f"{what:18}" + "".join(f"{cell(by_duration[lasts]):>24}" for lasts in LASTING)
+    yield f"series whose finding names others: {sum(one['others'] for of in every.values() for one in of.values())}"
 
 
 def main() -> None:
@@ -187,7 +184,10 @@ def main() -> None:
     for name, family, source in sources_of(Path(os.environ["AUDITOR_TEST_DATA"]), range(0), 0):
         changes = attacks(options.places, options.only, zlib.crc32(name.encode()))
         keep(options.into, name, partial(measured, source, name, family, changes))
-    report(load(options.into))
+    scenes = load(options.into)
+    for cameras in RIGS:
+        for prior in (False, True):
+            print(*report(scenes, cameras, prior=prior), sep="\n", flush=True)
 
 
 if __name__ == "__main__":
