@@ -1,14 +1,14 @@
 """What is found of attacks on the LiDAR that begin in a drive and last, learnt and by the prior.
 
-    python -m tests.benchmarks.cloud_series --into FOLDER [--places 2] [--only ghost jitter]
+    python -m tests.benchmarks.cloud_series --into FOLDER [--places 2] [--only ghost jitter] [--alone 4] [--beams 16]
 
 All frames of the three real drives (AUDITOR_TEST_DATA) are measured clean, and with each attack in their clouds: of
 each kind at some drawn places, the same in all frames. A series is a drive in which the attack lasts one frame, a
 second, the last quarter, the last half, or all of it, from several beginnings on; what conflicts with the last scan is
 measured for each of them. Each is judged by thresholds of the two other drives, and by the prior alone: printed are the
 attacked frames that name the LiDAR alone, the series with an incident that does, and those that are found at all (a
-scan ends in 1). Objects are removed where something stands that looks like a car. What is in the folder is not measured
-again.
+scan ends in 1). Objects are removed where something stands that looks like a car. With --alone 4 camera S_4 and the
+LiDAR are measured; there the frames before an attack are attacked alike. What is in the folder is not measured again.
 """
 
 import argparse
@@ -35,7 +35,7 @@ from auditor.model.arrays import Floats
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import Source, case_of, measure_all, sources_of
+from tests.benchmarks.clean_statistics import Source, alone, case_of, measure_all, sources_of
 from tests.benchmarks.durations import LASTS
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
 from tests.benchmarks.kinds import kinds_of
@@ -53,6 +53,7 @@ KINDS: tuple[tuple[str, float] | tuple[str, float, float], ...] = (
     *(("removed", metres) for metres in (12, 20)),
     ("shift", 1),
 )
+BEAMS, LOWEST_DEG, FIELD_DEG = 64, -24.9, 26.9
 A_SECOND = "a second"
 LASTING = (LASTS[0], A_SECOND, *LASTS[1:])
 FRAMES_OF_A_SECOND, EVERY = 10, 4
@@ -99,15 +100,20 @@ def stretches(frames: int) -> Iterator[tuple[str, range]]:
 
 
 def measured(
-    source: Source, name: str, family: str, changes: Mapping[str, Change], lasts: Sequence[str] = LASTING
+    source: Source,
+    name: str,
+    family: str,
+    changes: Mapping[str, Change],
+    lasts: Sequence[str] = LASTING,
+    camera: int | None = None,
+    beams: int = BEAMS,
 ) -> Scene:
     """All frames of a source clean, and with each change of their clouds, for each stretch that it lasts."""
-    with source.open(colour=True) as [drive]:
-        rig = drive.rig
-        frames = [item for item in drive.frames if isinstance(item, Frame) and item.cloud is not None]
+    rig, frames = frames_of(source, camera, beams)
     lasting = [(how_long, stretch) for how_long, stretch in stretches(len(frames)) if how_long in lasts]
     cases, features, scans = [], FaultFeatures(), OwnScans()
     series: dict[tuple[str, int], OwnScans] = {}
+    alike = {what: _measured_alike(frames, rig, change) for what, change in changes.items()} if camera else {}
     for place, (frame, (clean, arrays)) in enumerate(zip(frames, measure_all(frames, rig), strict=True)):
         case = case_of(replace(clean, fault_features=features.update(arrays)), rig)
         cases.append(case)
@@ -116,7 +122,7 @@ def measured(
             cloud = change(frame.cloud, rig)
             if cloud is None:
                 continue
-            statistics = statistics_of(replace(frame, cloud=cloud), clean, arrays)
+            statistics = alike[what][place] if camera else statistics_of(replace(frame, cloud=cloud), clean, arrays)
             for number, (how_long, stretch) in enumerate(lasting):
                 if place not in stretch:
                     continue
@@ -126,6 +132,32 @@ def measured(
                 cases.append(replace(case, attack=called, attacked=(LIDAR,), statistics=told))
         scans.conflicts(frame.cloud, rig)
     return Scene(name, family, rig, kinds_of(frames[0]), tuple(cases))
+
+
+def frames_of(source: Source, camera: int | None, beams: int) -> tuple[Rig, list[Frame]]:
+    """The frames of a source that have a cloud, of so many beams; of one camera alone."""
+    with source.open(colour=True) as [drive]:
+        every = [item for item in drive.frames if isinstance(item, Frame)]
+    frames = [replace(one, cloud=of_beams(one.cloud, beams)) for one in every if one.cloud is not None]
+    if camera is None:
+        return drive.rig, frames
+    lone = Rig(drive.rig.lidar, (replace(drive.rig.camera(camera), number=1),))
+    return lone, [alone(frame, camera) for frame in frames]
+
+
+def of_beams(cloud: PointCloud, beams: int) -> PointCloud:
+    """The points of every so many of the LiDAR's beams."""
+    x, y, z = cloud.xyz_m.T
+    ring = np.floor((np.rad2deg(np.arctan2(z, np.hypot(x, y))) - LOWEST_DEG) / (FIELD_DEG / BEAMS))
+    return PointCloud(cloud.stamp_ns, cloud.xyz_m[ring % (BEAMS // beams) == 0])
+
+
+def _measured_alike(frames: Sequence[Frame], rig: Rig, change: Change) -> list[Floats]:
+    """The statistics of frames that all are changed where they can be."""
+    assert rig.lidar is not None
+    clouds = [None if one.cloud is None else change(one.cloud, rig) for one in frames]
+    changed = [replace(one, cloud=cloud or one.cloud) for one, cloud in zip(frames, clouds, strict=True)]
+    return [case_of(one, rig).statistics for one, _ in measure_all(changed, rig)]
 
 
 def with_scans(statistics: Floats, points: np.ndarray | None, views: Sequence[int], rig: Rig) -> Floats:
@@ -160,7 +192,7 @@ def cell(n: Tally) -> str:
 def report(scenes: Sequence[Scene], cameras: Sequence[int], *, prior: bool) -> Iterator[str]:
     """A line for the clean drives and one for each attack."""
     how = "by the prior" if prior else "learnt from other drives"
-    yield f"\nLiDAR and {len(cameras)} cameras, {how}: frames named / incidents / found, % (series)"
+    yield f"\nLiDAR and {len(cameras)} camera(s), {how}: frames named / incidents / found, % (series)"
     drives = drives_of(scenes, cameras, R, prior=prior)
     clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
     found = sum(any(one.finding for one in each) for each in clean)
@@ -179,13 +211,16 @@ def main() -> None:
     parser.add_argument("--places", type=int, default=2)
     every = list(dict.fromkeys(kind for kind, *_ in KINDS))
     parser.add_argument("--only", nargs="+", choices=every, default=every, help="these kinds alone")
+    parser.add_argument("--alone", type=int, help="the camera that is measured with the LiDAR alone")
+    parser.add_argument("--beams", type=int, default=BEAMS, help="so many of the LiDAR's beams are left")
     options = parser.parse_args()
     use_one_thread()
     for name, family, source in sources_of(Path(os.environ["AUDITOR_TEST_DATA"]), range(0), 0):
         changes = attacks(options.places, options.only, zlib.crc32(name.encode()))
-        keep(options.into, name, partial(measured, source, name, family, changes))
+        how = {"camera": options.alone, "beams": options.beams}
+        keep(options.into, name, partial(measured, source, name, family, changes, **how))
     scenes = load(options.into)
-    for cameras in RIGS:
+    for cameras in RIGS if options.alone is None else ((1,),):
         for prior in (False, True):
             print(*report(scenes, cameras, prior=prior), sep="\n", flush=True)
 
