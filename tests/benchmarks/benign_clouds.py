@@ -26,6 +26,7 @@ from auditor.measurement import FaultFeatures, use_one_thread
 from auditor.model.arrays import Floats, Mask, Points
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import FINDINGS
 from tests.benchmarks.clean_statistics import case_of, measure_all, sources_of
 from tests.benchmarks.cloud_series import Change, R, measured
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
@@ -178,7 +179,7 @@ def counted(drive: Drive) -> Iterator[tuple[str, int, int, int, int]]:
         yield (
             name.partition(" #")[0].partition("|")[0],
             len(verdicts),
-            sum(one.kind != "clean" for one in verdicts),
+            sum(one.kind in FINDINGS for one in verdicts),
             sum(LIDAR in one.attacked for one in verdicts),
             any(one.finding for one in verdicts),
         )

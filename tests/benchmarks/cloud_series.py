@@ -35,6 +35,7 @@ from auditor.model.arrays import Floats
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import FINDINGS
 from tests.benchmarks.clean_statistics import Source, alone, case_of, measure_all, sources_of
 from tests.benchmarks.durations import LASTS
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
@@ -196,7 +197,7 @@ def report(scenes: Sequence[Scene], cameras: Sequence[int], *, prior: bool) -> I
     drives = drives_of(scenes, cameras, R, prior=prior)
     clean = [drive.judged(drive.series({}, MEASURED_HZ)) for drive in drives]
     found = sum(any(one.finding for one in each) for each in clean)
-    raised = sum(one.kind != "clean" for each in clean for one in each)
+    raised = sum(one.kind in FINDINGS for each in clean for one in each)
     yield f"clean: {found} of {len(clean)} drives found, {raised} of {sum(map(len, clean))} frames raised"
     yield f"{'':18}" + "".join(f"{lasts:>24}" for lasts in LASTING)
     every = tallies(drives)
