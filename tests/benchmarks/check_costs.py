@@ -4,7 +4,7 @@ CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images deco
 under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
 on the same frames; rounds interleaved, medians. Of the clean frames, and of the same with two colour cameras: measuring
 with three matchings, and with two, without the pair of the fallback. Of those in colour what the LATEST checks take.
-With --measuring that of clean frames alone. Needs AUDITOR_TEST_DATA.
+With --measuring that of clean frames alone, with --latest what the LATEST checks take. Needs AUDITOR_TEST_DATA.
 """
 
 import argparse
@@ -27,6 +27,7 @@ from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
 from auditor.measurement.checks import collect, false_ranges, light, lost_returns, point_distribution
 from auditor.measurement.checks.collect import collect_checks
 from auditor.measurement.checks.count_grid import ImageGrid, places_of, sums_of_pair
+from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, View, light_difference
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
@@ -55,6 +56,8 @@ LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
     "light in rows": ((Rows, "of"), (Rows, "above")),
 }
 """The functions of each check, and where they are called from."""
+OF_CLOUDS = ("lost returns", "false ranges", "rough ranges")
+FREE_SPACE = "free-space conflict, a frame"
 MATCHER = find_matcher("sgbm")
 
 Seconds = dict[str, list[float]]
@@ -162,7 +165,16 @@ def of_colours(seconds: Seconds, frame: Frame, rig: Rig) -> None:
             spent["light of one colour"].append(-spent.pop("added light")[0])
     for check in LATEST:
         seconds[f"colour: {check}, a frame"].append(sum(spent[check]))
+    clouds = sum(sum(spent[check]) for check in OF_CLOUDS)
+    seconds["colour: of clouds alone, a frame"].append(clouds + seconds[FREE_SPACE][-1])
     seconds["colour: latest checks, a frame"].append(sum(map(sum, spent.values())))
+
+
+def free_space(seconds: Seconds, frame: Frame, before: Frame, rig: Rig) -> None:
+    """Time what is compared with the last scan."""
+    scans = OwnScans()
+    scans.conflicts(before.cloud, rig)
+    timed(seconds, FREE_SPACE, partial(scans.conflicts, frame.cloud, rig))
 
 
 def _clocked(spent: Seconds, check: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -182,19 +194,26 @@ def _light(
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--measuring", action="store_true", help="measure whole clean frames alone, not the pieces")
+    only = parser.add_mutually_exclusive_group()
+    only.add_argument("--measuring", action="store_true", help="measure whole clean frames alone, not the pieces")
+    only.add_argument("--latest", action="store_true", help="measure the latest checks alone")
     options = parser.parse_args()
     use_one_thread()
     bare = cv2.StereoSGBM.create(0, 128, 5, 200, 800, mode=cv2.STEREO_SGBM_MODE_SGBM)
     seconds: Seconds = defaultdict(list)
     rig, stream = frames("0009")
     kept = list(stream)[::EVERY]
-    coloured = list(frames("0009", colour=True)[1])[::EVERY]
+    every = list(frames("0009", colour=True)[1])
+    coloured = list(zip(every[1::EVERY], every[::EVERY], strict=False))
     watches = {kind: FaultFeatures() for kind in KINDS}
     for _ in range(ROUNDS):
-        for frame, in_colour in zip(kept, coloured, strict=True):
+        for frame, (in_colour, before) in zip(kept, coloured, strict=True):
             left, right = (grey(frame.images[n].pixels) for n in (rig.n, 1))
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
+            free_space(seconds, in_colour, before, rig)
+            if options.latest:
+                of_colours(seconds, in_colour, rig)
+                continue
             measuring(seconds, "clean", frame, rig)
             measuring(seconds, "colour", in_colour, rig)
             if options.measuring:
@@ -205,7 +224,7 @@ def main() -> None:
     scale_of = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
         print(f"{piece:44} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
-    for kind in () if options.measuring else KINDS:
+    for kind in () if options.measuring or options.latest else KINDS:
         whole = ("measure", "fault features", "regions", "statistics")
         total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
         print(f"{kind + ': everything':44} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")

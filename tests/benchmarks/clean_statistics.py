@@ -129,10 +129,14 @@ def measured(
             before.append(frame)
 
 
+def measure_all(frames: Iterable[Frame], rig: Rig) -> Iterator[Measured]:
+    """What is measured of frames that follow one another."""
+    return (one for one in measure_stream(frames, rig, MATCHER) if not isinstance(one, Skipped))
+
+
 def _last(frames: Sequence[Frame], rig: Rig) -> Measured:
     """What is measured of the last of some frames that follow one another."""
-    *_, last = measure_stream(frames, rig, MATCHER)
-    assert not isinstance(last, Skipped)
+    *_, last = measure_all(frames, rig)
     return last
 
 

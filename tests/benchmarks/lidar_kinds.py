@@ -126,7 +126,8 @@ def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays) -> Floa
     checks, rig = arrays.frame_checks, arrays.rig  # once rectified
     views = {k: lidar_view(frame.cloud, rig, k) for k in arrays.lidar}
     scanned = {k: scanned_view(view) for k, view in views.items()}
-    cells, shares, ranges = dict(clean.cells), {}, {}
+    cells, ranges = dict(clean.cells), {}
+    shares = {check: share for check, share in clean.shares.items() if check.sensor != LIDAR}
     for j, k in checks.verified_conflicts:
         half_res = arrays.views[k], arrays.views[j]
         points = verify_conflicts(views[k], arrays.maps[j, k], checks.consistencies[j, k], rig, j, half_res)

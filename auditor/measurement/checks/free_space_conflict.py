@@ -31,6 +31,11 @@ class FreeSpaceConflict:
     ground_cells: int = parameter(4, unit="cells, side of those whose lowest point is the ground's", source=BY_HAND)
     road_quantile: float = parameter(0.95, unit="quantile of how far points lie below the LiDAR", source=BY_HAND)
     sampled: int = parameter(8, unit="points, of which one tells it", source="bounds the work; by hand")
+    slope: float = parameter(
+        0.1,
+        unit="m a metre that the ground beside may lie lower",
+        source="KITTI drive 0009, whose road is cambered by as much (docs/decisions.md)",
+    )
     under_m: float = parameter(1.0, unit="m below it: deeper is an echo of an echo, not the ground", source=_CHOSEN)
     stands_m: float = parameter(0.3, unit="m above the ground from which on a point is an object's", source=BY_HAND)
     clearly_m: float = parameter(0.5, unit="m above the ground from which on one is asked about", source=_CHOSEN)
@@ -58,6 +63,7 @@ NUMBERS = FreeSpaceConflict()
 _REACH_M = NUMBERS.farthest_m + NUMBERS.most_shift_cells * NUMBERS.cell_m
 _SIDE = -(-int(2 * _REACH_M / NUMBERS.cell_m) // NUMBERS.ground_cells) * NUMBERS.ground_cells
 _GROUND_SIDE = _SIDE // NUMBERS.ground_cells
+_LOWER_M = np.float32(NUMBERS.slope * NUMBERS.ground_cells * NUMBERS.cell_m)
 _DOWN, _AROUND = int(np.pi / NUMBERS.beam_rad) + 1, int(2 * np.pi / NUMBERS.beam_rad) + 1
 _BESIDE = np.ones((3, 3), dtype=np.uint8)
 _NOWHERE_M = np.float32(1e6)
@@ -173,14 +179,14 @@ def measure_free_space_conflict(points: Points, rig: Rig, *view: int) -> float:
 
 
 def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
-    """(M,) how far points are above the lowest one in the cells of ground around theirs."""
+    """(M,) how far points are above the lowest one in their cell of ground, or in those around it less a slope."""
     ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
     lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
     some = down_m[:: NUMBERS.sampled]
     deepest = float(np.quantile(some, NUMBERS.road_quantile)) + NUMBERS.under_m if some.size else 0.0
     np.maximum.at(lowest, ground, np.where(down_m < deepest, down_m, -_NOWHERE_M))
     around = np.asarray(cv2.dilate(lowest.reshape(_GROUND_SIDE, _GROUND_SIDE), _BESIDE)).ravel()
-    return np.asarray(around[ground] - down_m)
+    return np.asarray(np.maximum(lowest, around - _LOWER_M)[ground] - down_m)
 
 
 def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:

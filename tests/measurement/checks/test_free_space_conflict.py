@@ -165,3 +165,20 @@ def test_the_statistic_grows_with_the_points_in_view_and_is_a_half_at_forty() ->
     assert measure_free_space_conflict(np.concatenate([there, behind]), drive().rig, 3) == pytest.approx(0.5)
     assert measure_free_space_conflict(behind, drive().rig, 3) == 0
     assert measure_free_space_conflict(there[:0], drive().rig, 3) == 0
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1, -0.1])
+def test_what_appears_on_a_road_that_is_cambered_is_found(slope: float) -> None:
+    """What lies lower beside does not make an object of the road itself."""
+
+    def cambered(number: int, *things: Points) -> PointCloud:
+        cloud = road(number, *things)
+        xyz = cloud.xyz_m.copy()
+        xyz[:, 2] += np.float32(slope) * xyz[:, 1]
+        return replace(cloud, xyz_m=xyz)
+
+    ghost = thing(20, 0.5)
+    _, appears, stays, gone = conflicts([cambered(0), cambered(1, ghost), cambered(2, ghost), cambered(3)])
+    assert appears is not None
+    assert appears == stays > 100
+    assert gone == 0

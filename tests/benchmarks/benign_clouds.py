@@ -1,0 +1,215 @@
+"""How often weather, dirt in the air and mirrors make the LiDAR a finding: `python -m tests.benchmarks.benign_clouds`.
+
+Each happens in all frames of a real drive (AUDITOR_TEST_DATA), in its cloud alone, as the cameras show little of it:
+rain, wet roads, dust, exhaust, multi-path at panes and puddles, the sun, other LiDARs. Of streets cars cut in before
+the vehicle, in clouds and pictures. Real drives are judged by the two others and by the prior, streets by the prior:
+printed are the frames that are raised, those that name the LiDAR, and the drives found.
+
+    python -m tests.benchmarks.benign_clouds --into FOLDER [--streets 6]
+"""
+
+import argparse
+import os
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from auditor.lab.attacks.faults import Rain, lidar_axes
+from auditor.lab.attacks.paper import road_below_m
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement import FaultFeatures, use_one_thread
+from auditor.model.arrays import Floats, Mask, Points
+from auditor.model.frames import Frame, PointCloud
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import FINDINGS
+from tests.benchmarks.clean_statistics import case_of, measure_all, sources_of
+from tests.benchmarks.cloud_series import Change, R, measured
+from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
+from tests.benchmarks.kinds import kinds_of
+from tests.benchmarks.scenes import Case, Scene, keep, load
+
+CUT_IN = "car cuts in"
+_STREET_SCALE, _STREET_FRAMES = 0.5, 10
+_ASIDE_M, _AHEAD_M, _ACROSS_M_S = 3.2, 9.0, 2.0
+
+
+def _ranges(points: Points) -> tuple[Floats, Floats]:
+    """The range and the azimuth to the right, in degrees, of points (N, 3) right, down, ahead."""
+    return np.linalg.norm(points, axis=1), np.rad2deg(np.arctan2(points[:, 0], points[:, 2]))
+
+
+def _returned(points: Points, some: Mask, range_m: Floats) -> Points:
+    """The points, of which some return from elsewhere along their beams."""
+    scale = np.where(some, range_m / np.maximum(np.linalg.norm(points, axis=1), 0.1), 1.0)
+    return np.asarray(points * scale[:, None], dtype=np.float32)
+
+
+def wet_road(points: Points, rng: np.random.Generator, _place: np.random.Generator) -> Points:
+    """The road's returns are lost, the more the farther; of those left one in twenty shows a mirror image below."""
+    range_m, _ = _ranges(points)
+    road = points[:, 1] > road_below_m(points) - 0.15
+    lost = road & (rng.random(len(points)) < np.clip((range_m - 6) / 20, 0, 0.95))
+    mirrored = road & (rng.random(len(points)) < 0.05)
+    return _returned(points, mirrored, range_m + rng.uniform(0.5, 12, len(points)))[~lost]
+
+
+def puddle(points: Points, _rng: np.random.Generator, place: np.random.Generator) -> Points:
+    """A puddle of some metres mirrors what stands behind it: its returns lie below the road, or are lost."""
+    x, z, across, along = place.uniform(-3, 3), place.uniform(6, 14), place.uniform(0.7, 2), place.uniform(1, 3)
+    down_m = road_below_m(points)
+    road = (points[:, 1] > down_m - 0.15) & (((points[:, 0] - x) / across) ** 2 + ((points[:, 2] - z) / along) ** 2 < 1)
+    farther_m = place.uniform(3, 12)
+    kept = ~road | (place.random(len(points)) < 0.6)
+    return np.asarray(_returned(points, road, _ranges(points)[0] + farther_m)[kept])
+
+
+def pane(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
+    """A pane of 2 by 1.5 m beside the road mirrors: half of its beams return from as far again as something else is."""
+    side, ahead = place.choice([-1, 1]), place.uniform(8, 20)
+    range_m, azimuth = _ranges(points)
+    middle = np.rad2deg(np.arctan2(side * place.uniform(4, 8), ahead))
+    above = road_below_m(points) - points[:, 1]
+    on = (np.abs(azimuth - middle) < np.rad2deg(1.0 / ahead)) & (above > 0.6) & (above < 2.1) & (range_m > 5)
+    some = on & (rng.random(len(points)) < 0.5)
+    return _returned(points, some, range_m + place.uniform(3, 15) + rng.normal(0, 0.02, len(points)))
+
+
+def _plume(
+    points: Points, rng: np.random.Generator, middle_m: Sequence[float], size_m: Sequence[float], met: float
+) -> Points:
+    """Beams that pass through a plume of normal density return from anywhere in it, a share `met` in its middle."""
+    centre, size = np.array(middle_m), np.array(size_m)
+    direction = points / np.maximum(np.linalg.norm(points, axis=1), 0.1)[:, None]
+    along = direction @ centre
+    off = (direction * along[:, None] - centre) / size
+    depth = rng.normal(0, size[2], len(points))
+    behind = np.linalg.norm(points, axis=1) > along + depth
+    some = behind & (along > 0) & (rng.random(len(points)) < met * np.exp(-(off[:, 0] ** 2 + off[:, 1] ** 2) / 2))
+    return _returned(points, some, np.maximum(along + depth, 1.0))
+
+
+def dust(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
+    """Dust that a vehicle ahead throws up: some metres wide, a beam in five ends in it."""
+    middle = place.uniform(-2, 2), road_below_m(points) - 0.5, place.uniform(8, 16)
+    return _plume(points, rng, middle, (1.5, 0.5, 1.5), 0.2)
+
+
+def exhaust(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
+    """The exhaust of a cold day: half a metre of steam, in which a third of the beams end, nowhere the same twice."""
+    middle = place.uniform(-2, 2) + rng.normal(0, 0.1), road_below_m(points) - 0.4, place.uniform(6, 14)
+    return _plume(points, rng, middle, (0.35, 0.25, 0.4), 0.35)
+
+
+def sun(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
+    """A low sun: within four degrees two fifths of the far returns are lost, and one beam in fifty returns noise."""
+    range_m, azimuth = _ranges(points)
+    near = np.hypot(azimuth - place.uniform(-25, 25), np.rad2deg(np.arcsin(-points[:, 1] / range_m)) - 3) < 4
+    noise = near & (rng.random(len(points)) < 0.02)
+    lost = near & (range_m > 10) & (rng.random(len(points)) < 0.4)
+    return np.asarray(_returned(points, noise, rng.uniform(1, 100, len(points)))[~lost | noise])
+
+
+def other_lidars(points: Points, rng: np.random.Generator, _place: np.random.Generator) -> Points:
+    """Pulses of other LiDARs: one beam in two thousand anywhere, and thirty in a row of one passing by."""
+    anywhere = rng.random(len(points)) < 0.0005
+    middle = rng.uniform(-40, 40)
+    beside = np.flatnonzero(np.abs(_ranges(points)[1] - middle) < 2)
+    anywhere[rng.choice(beside, min(30, beside.size), replace=False)] = True
+    return _returned(points, anywhere, rng.uniform(2, 80, len(points)))
+
+
+HAPPENINGS = {
+    "wet road": wet_road,
+    "puddle that mirrors": puddle,
+    "pane that mirrors": pane,
+    "dust": dust,
+    "exhaust": exhaust,
+    "low sun": sun,
+    "other LiDARs": other_lidars,
+}
+RAIN_MM_H = (5, 25)
+
+
+def changes(places: int, seed: int) -> Mapping[str, Change]:
+    """What happens to clouds, by name, each at so many places."""
+
+    def happen(what: str, place: int, cloud: PointCloud, rig: Rig) -> PointCloud:
+        rotation = lidar_axes(rig)
+        points = cloud.xyz_m @ rotation.T
+        rng, still = np.random.default_rng([seed, place, cloud.stamp_ns]), np.random.default_rng([seed, place])
+        return PointCloud(cloud.stamp_ns, np.asarray(HAPPENINGS[what](points, rng, still) @ rotation, dtype=np.float32))
+
+    rains = {f"rain {rate} mm/h #0": Rain(rate, seed).apply for rate in RAIN_MM_H}
+    return rains | {f"{what} #{place}": partial(happen, what, place) for what in HAPPENINGS for place in range(places)}
+
+
+def cut_in(seed: int) -> Scene:
+    """A street on which the car ahead comes from beside the vehicle into its way, 9 m ahead."""
+    drive = make_drive(
+        seed, _STREET_FRAMES, n_cameras=4, width_px=round(1242 * _STREET_SCALE), height_px=round(375 * _STREET_SCALE)
+    )
+    ahead = drive.surfaces.speed > 0
+    first_m = drive.surfaces.corner[ahead, 2].min()
+    side = 1 if seed % 2 else -1
+
+    def frames() -> Iterator[Frame]:
+        for number in range(_STREET_FRAMES):
+            corner = drive.surfaces.corner.copy()
+            aside = max(_ASIDE_M - _ACROSS_M_S * number / MEASURED_HZ, 0.0)
+            corner[ahead] += np.array([side * aside, 0, _AHEAD_M - first_m], dtype=np.float32)
+            yield replace(drive, surfaces=replace(drive.surfaces, corner=corner)).frame(number)
+
+    kept = list(frames())
+    features, cases = FaultFeatures(), list[Case]()
+    for measurement, arrays in measure_all(kept, drive.rig):
+        cases.append(case_of(replace(measurement, fault_features=features.update(arrays)), drive.rig))
+    return Scene(f"{CUT_IN} {seed}", f"{CUT_IN} {seed}", drive.rig, kinds_of(kept[0]), tuple(cases))
+
+
+def counted(drive: Drive) -> Iterator[tuple[str, int, int, int, int]]:
+    """What happened in a drive: frames, those raised, those that name the LiDAR, and whether it is found."""
+    every = [(name, of[LIDAR,]) for name, of in drive.attacks.items() if "|all|" in name]
+    for name, cases in every or [(CUT_IN if drive.scene.name.startswith(CUT_IN) else "none|", {})]:
+        verdicts = drive.judged(drive.series(cases, MEASURED_HZ))
+        yield (
+            name.partition(" #")[0].partition("|")[0],
+            len(verdicts),
+            sum(one.kind in FINDINGS for one in verdicts),
+            sum(LIDAR in one.attacked for one in verdicts),
+            any(one.finding for one in verdicts),
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--into", type=Path, required=True)
+    parser.add_argument("--places", type=int, default=4)
+    parser.add_argument("--streets", type=int, default=6, help="on which a car cuts in")
+    options = parser.parse_args()
+    use_one_thread()
+    real, streets = options.into / "real", options.into / "streets"
+    for name, family, source in sources_of(Path(os.environ["AUDITOR_TEST_DATA"]), range(0), 0):
+        happen = changes(options.places, zlib.crc32(name.encode()))
+        keep(real, name, partial(measured, source, name, family, happen, lasts=("all",)))
+    for seed in range(60000, 60000 + options.streets):
+        keep(streets, str(seed), partial(cut_in, seed))
+    for cameras in RIGS:
+        for how, prior in (("learnt from other drives", False), ("by the prior", True)):
+            print(f"\nLiDAR and {len(cameras)} cameras, {how}: frames raised / that name S_0, of; drives found")
+            drives = drives_of(load(real), cameras, R, prior=prior) + drives_of(load(streets), cameras, R, prior=True)
+            total: dict[str, Floats] = defaultdict(lambda: np.zeros(5))
+            for drive in drives:
+                for name, *counts in counted(drive):
+                    total[name] += [*counts, 1]
+            for name, sums in total.items():
+                frames, raised, named, found, series = sums.astype(int).tolist()
+                print(f"{name:22} {raised:4} / {named:4} of {frames:5} frames; {found} of {series} drives", flush=True)
+
+
+if __name__ == "__main__":
+    main()
