@@ -5,7 +5,8 @@ a car and of one range, is tested by itself: that all the cameras can look at is
 that are there have. Of a window that mirrors the street, or of a dark roof, cameras see something else as well; the
 rest of that surface they confirm. What they cannot look at counts a little for it too: of a plain wall only what lies
 before a pattern, at its edge, can be looked at. At such an edge a patch shows what is behind it. So what is narrower or
-lower than a patch, as a pole or the upper edge of a fence, is no cluster.
+lower than a patch, as a pole or the upper edge of a fence, is no cluster. Nor is what lies on no plane: in dust, steam
+and exhaust beams end at any depth, by decimetres to metres.
 
 A delay moves all returns of a sector by the same, and hardly changes a disparity far away. Nearby the median of many
 points is far more precise than one, and the frame's other sectors show what the calibration is off by. Most of
@@ -143,9 +144,19 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            extent = pair.place[:2, some][:, surface].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
-            contradicted[number, cluster] = np.count_nonzero(surface) if extent.min() > pair.patch else 0
+            if surface.any() and _is_surface(pair.place[:, some][:, surface], pair.patch, float(range_m[cluster])):
+                contradicted[number, cluster] = np.count_nonzero(surface)
     return contradicted, against
+
+
+def _is_surface(place: Floats32, patch: float, range_m: float) -> bool:
+    """Whether points (3, N) are wider and higher than a patch, and lie on a plane: no cloud of dust or steam."""
+    off = place - place.mean(axis=1, keepdims=True)
+    across = off[:2] @ off[:2].T
+    if sqrt(across.diagonal().min() / off.shape[1]) * _EVENLY <= patch:
+        return False
+    slope = np.linalg.lstsq(across, off[:2] @ off[2], rcond=None)[0]
+    return float(np.median(np.abs(off[2] - slope @ off[:2]))) * range_m <= FALSE_RANGES.off_plane_m
 
 
 def _ratio(contradicted: Floats, against: Floats) -> float:
