@@ -134,6 +134,7 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
     across, down = (np.float32(size) / range_m for size in FALSE_RANGES.half_size_m)
     over = np.float32(FALSE_RANGES.over_m) / range_m
     contradicted, against = np.zeros((2, len(pairs), middles.shape[1]))
+    shapes: dict[tuple[int, int], Floats32] = {}
     for number, pair in enumerate(pairs):
         first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across, across))
         for cluster, (_, down_at, far) in enumerate(middles.T):
@@ -144,19 +145,23 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            if surface.any() and _is_surface(pair.place[:, some][:, surface], pair.patch, float(range_m[cluster])):
-                contradicted[number, cluster] = np.count_nonzero(surface)
+            shape = pair.place[:, some][:, surface]
+            extent = shape[:2].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
+            if extent.min() > pair.patch:
+                contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
+    # Where no pair's share is above a clean surface's, that of several is not either.
+    above = (contradicted > FALSE_RANGES.clean_share * (contradicted + against)).any(axis=0)
+    for (number, cluster), shape in shapes.items():
+        if above[cluster] and _off_plane(shape) * range_m[cluster] > FALSE_RANGES.off_plane_m:
+            contradicted[number, cluster] = 0
     return contradicted, against
 
 
-def _is_surface(place: Floats32, patch: float, range_m: float) -> bool:
-    """Whether points (3, N) are wider and higher than a patch, and lie on a plane: no cloud of dust or steam."""
+def _off_plane(place: Floats32) -> float:
+    """By how much half of the points (3, N) are off a plane through them at least, as a logarithm of their range."""
     off = place - place.mean(axis=1, keepdims=True)
-    across = off[:2] @ off[:2].T
-    if sqrt(across.diagonal().min() / off.shape[1]) * _EVENLY <= patch:
-        return False
-    slope = np.linalg.lstsq(across, off[:2] @ off[2], rcond=None)[0]
-    return float(np.median(np.abs(off[2] - slope @ off[:2]))) * range_m <= FALSE_RANGES.off_plane_m
+    slope = np.linalg.lstsq(off[:2] @ off[:2].T, off[:2] @ off[2], rcond=None)[0]
+    return float(np.median(np.abs(off[2] - slope @ off[:2])))
 
 
 def _ratio(contradicted: Floats, against: Floats) -> float:
