@@ -150,7 +150,7 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             if extent.min() > pair.patch:
                 contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
     # Where no pair's share is above a clean surface's, that of several is not either.
-    above = (contradicted > FALSE_RANGES.clean_share * (contradicted + against)).any(axis=0)
+    above = np.any(contradicted > FALSE_RANGES.clean_share * (contradicted + against), axis=0).tolist()
     for (number, cluster), shape in shapes.items():
         if above[cluster] and _off_plane(shape) * range_m[cluster] > FALSE_RANGES.off_plane_m:
             contradicted[number, cluster] = 0
