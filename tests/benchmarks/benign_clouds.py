@@ -34,6 +34,8 @@ from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.scenes import Case, Scene, keep, load
 
 CUT_IN = "car cuts in"
+_RAGGED = 0.2
+"""Of a plume's edge, as a logarithm of its size from beam to beam."""
 _STREET_SCALE, _STREET_FRAMES = 0.5, 10
 _ASIDE_M, _AHEAD_M, _ACROSS_M_S = 3.2, 9.0, 2.0
 
@@ -80,29 +82,38 @@ def pane(points: Points, rng: np.random.Generator, place: np.random.Generator) -
 
 
 def _plume(
-    points: Points, rng: np.random.Generator, middle_m: Sequence[float], size_m: Sequence[float], met: float
+    points: Points, rng: np.random.Generator, middle_m: Sequence[float], half_m: Sequence[float], optical_depth: float
 ) -> Points:
-    """Beams that pass through a plume of normal density return from anywhere in it, a share `met` in its middle."""
-    centre, size = np.array(middle_m), np.array(size_m)
-    direction = points / np.maximum(np.linalg.norm(points, axis=1), 0.1)[:, None]
-    along = direction @ centre
-    off = (direction * along[:, None] - centre) / size
-    depth = rng.normal(0, size[2], len(points))
-    behind = np.linalg.norm(points, axis=1) > along + depth
-    some = behind & (along > 0) & (rng.random(len(points)) < met * np.exp(-(off[:, 0] ** 2 + off[:, 1] ** 2) / 2))
-    return _returned(points, some, np.maximum(along + depth, 1.0))
+    """Beams through a plume end in it by Beer and Lambert's law, which is exponential from its near edge on.
+
+    It is an ellipsoid of half the lengths `half_m` right, down and ahead, as dense everywhere, whose edge is ragged. Of
+    the longest way through it ahead the optical depth is `optical_depth`.
+    """
+    centre, half = np.array(middle_m), np.array(half_m) * rng.lognormal(0, _RAGGED, (len(points), 1))
+    range_m = np.maximum(np.linalg.norm(points, axis=1), 0.1)
+    direction = points / range_m[:, None]
+    squared = ((direction / half) ** 2).sum(axis=1)
+    along = (direction * centre / half**2).sum(axis=1) / squared
+    off = (((direction * along[:, None] - centre) / half) ** 2).sum(axis=1)
+    within = np.sqrt(np.maximum(1 - off, 0) / squared)
+    deep = rng.exponential(2 * half_m[2] / optical_depth, len(points))
+    ends = along - within + deep
+    some = (along > 0) & (deep < 2 * within) & (ends < range_m)
+    return _returned(points, some, np.maximum(ends, 1.0))
 
 
 def dust(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
-    """Dust that a vehicle ahead throws up: some metres wide, a beam in five ends in it."""
-    middle = place.uniform(-2, 2), road_below_m(points) - 0.5, place.uniform(8, 16)
-    return _plume(points, rng, middle, (1.5, 0.5, 1.5), 0.2)
+    """Dust that a vehicle ahead throws up: some metres, in whose middle a beam in twenty to nine in twenty ends."""
+    middle = place.uniform(-2, 2), road_below_m(points) - 0.8, place.uniform(8, 18)
+    half = place.uniform(1, 2.5), place.uniform(0.5, 1.2), place.uniform(1, 4)
+    return _plume(points, rng, middle, half, place.uniform(0.05, 0.6))
 
 
 def exhaust(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:
-    """The exhaust of a cold day: half a metre of steam, in which a third of the beams end, nowhere the same twice."""
+    """The steam of an exhaust on a cold day: 1 to 3 m long, of the beams through its middle a quarter or more end."""
     middle = place.uniform(-2, 2) + rng.normal(0, 0.1), road_below_m(points) - 0.4, place.uniform(6, 14)
-    return _plume(points, rng, middle, (0.35, 0.25, 0.4), 0.35)
+    half = place.uniform(0.3, 0.7), place.uniform(0.15, 0.5), place.uniform(0.5, 1.5)
+    return _plume(points, rng, middle, half, place.uniform(0.3, 1.5))
 
 
 def sun(points: Points, rng: np.random.Generator, place: np.random.Generator) -> Points:

@@ -5,7 +5,8 @@ a car and of one range, is tested by itself: that all the cameras can look at is
 that are there have. Of a window that mirrors the street, or of a dark roof, cameras see something else as well; the
 rest of that surface they confirm. What they cannot look at counts a little for it too: of a plain wall only what lies
 before a pattern, at its edge, can be looked at. At such an edge a patch shows what is behind it. So what is narrower or
-lower than a patch, as a pole or the upper edge of a fence, is no cluster.
+lower than a patch, as a pole or the upper edge of a fence, is no cluster. Nor is what lies on no plane: in dust, steam
+and exhaust beams end at any depth, by decimetres to metres.
 
 A delay moves all returns of a sector by the same, and hardly changes a disparity far away. Nearby the median of many
 points is far more precise than one, and the frame's other sectors show what the calibration is off by. Most of
@@ -133,6 +134,7 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
     across, down = (np.float32(size) / range_m for size in FALSE_RANGES.half_size_m)
     over = np.float32(FALSE_RANGES.over_m) / range_m
     contradicted, against = np.zeros((2, len(pairs), middles.shape[1]))
+    shapes: dict[tuple[int, int], Floats32] = {}
     for number, pair in enumerate(pairs):
         first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across, across))
         for cluster, (_, down_at, far) in enumerate(middles.T):
@@ -143,9 +145,23 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            extent = pair.place[:2, some][:, surface].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
-            contradicted[number, cluster] = np.count_nonzero(surface) if extent.min() > pair.patch else 0
+            shape = pair.place[:, some][:, surface]
+            extent = shape[:2].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
+            if extent.min() > pair.patch:
+                contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
+    # Where no pair's share is above a clean surface's, that of several is not either.
+    above = np.any(contradicted > FALSE_RANGES.clean_share * (contradicted + against), axis=0).tolist()
+    for (number, cluster), shape in shapes.items():
+        if above[cluster] and _off_plane(shape) * range_m[cluster] > FALSE_RANGES.off_plane_m:
+            contradicted[number, cluster] = 0
     return contradicted, against
+
+
+def _off_plane(place: Floats32) -> float:
+    """By how much half of the points (3, N) are off a plane through them at least, as a logarithm of their range."""
+    off = place - place.mean(axis=1, keepdims=True)
+    slope = np.linalg.lstsq(off[:2] @ off[:2].T, off[:2] @ off[2], rcond=None)[0]
+    return float(np.median(np.abs(off[2] - slope @ off[:2])))
 
 
 def _ratio(contradicted: Floats, against: Floats) -> float:

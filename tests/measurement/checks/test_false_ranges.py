@@ -71,6 +71,23 @@ def test_points_spread_over_ranges_are_no_cluster():
     assert said(PointCloud(0, xyz)) < 0.1 + together / 2
 
 
+@pytest.mark.parametrize(("noise_m", "is_false"), [(0.05, True), (0.4, False)])
+def test_what_ends_at_any_depth_is_dust_and_no_cluster(noise_m, is_false):
+    chosen = np.random.default_rng(0).choice(near_the_middle(plane()), 120, replace=False)
+    cloud = some_nearer(chosen)
+    cloud.xyz_m[chosen] *= 1 + np.random.default_rng(1).normal(0, noise_m / NEAR_M, (120, 1)).astype(np.float32)
+    assert (said(cloud) > 0.4) is is_false
+    assert said(cloud) == pytest.approx(0, abs=0.02) or is_false
+
+
+def test_a_cluster_on_an_oblique_surface_is_false():
+    chosen = near_the_middle(plane(), half_width_m=2.0)
+    xyz = plane().xyz_m.copy()
+    # A plane that recedes by a metre for each to the left.
+    xyz[chosen] *= (NEAR_M / (DEPTH_M - xyz[chosen, 1]))[:, None].astype(np.float32)
+    assert said(PointCloud(0, xyz)) > 0.4
+
+
 def test_a_facula_on_a_camera_makes_no_range_false():
     pixels = plane_frame(RIG, DEPTH_M).images[1].pixels.copy()
     pixels[20:100, 100:220] = 255
