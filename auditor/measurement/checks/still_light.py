@@ -291,7 +291,7 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         sides = np.zeros((4, down.size * across.size))
-        points, blind = np.zeros((2, down.size * across.size))
+        of_inside, of_outside, blind = np.zeros((3, down.size * across.size))
         saturated, were_saturated, fading = np.zeros((3, down.size * across.size))
         for one in seen:
             blind += _lit(one.blind, sigma_px, across, down) @ one.blind_weight.astype(np.float32)
@@ -303,7 +303,8 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
             for place, side in enumerate((inside, outside)):
                 sides[2 * place] += side @ shown
                 sides[2 * place + 1] += np.square(side) @ weight
-            points += np.abs(changes) @ one.points.astype(np.float32)
+            of_inside += inside @ one.points.astype(np.float32)
+            of_outside -= outside @ one.points.astype(np.float32)
             saturated += inside @ one.saturated.astype(np.float32)
             were_saturated -= outside @ one.were_saturated.astype(np.float32)
             fading += inside @ one.fading.astype(np.float32)
@@ -311,7 +312,10 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
         area = 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         nothing = STILL_LIGHT.unseen_share * np.maximum(area - (1 - STILL_LIGHT.blind_counts) * blind, 0)
         shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
-        outshines = np.minimum((saturated + were_saturated) / np.maximum(points, 1) / STILL_LIGHT.saturated_share, 1)
+        came, left = saturated / np.maximum(of_inside, 1), were_saturated / np.maximum(of_outside, 1)
+        # What left a light that is not there any more says nothing of now.
+        bright = np.maximum(came, np.minimum(left, blind / area))
+        outshines = np.minimum(bright / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
         faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
     return np.concatenate(found), np.concatenate(faded)

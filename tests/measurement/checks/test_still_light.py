@@ -91,6 +91,15 @@ def test_light_that_begins_shows_at_once(clean: list[float | None]) -> None:
     assert min(one for one in lit[6:] if one is not None) > 2 * max(one for one in clean if one is not None)
 
 
+def test_light_that_ended_shows_no_more() -> None:
+    """It is still in the earlier pictures, and what it lit there is darker now."""
+    opaque = Facula(2000.0, 0.12 * WIDTH, 0.7 * WIDTH, 0.7 * HEIGHT)
+    ends_ns = drive_frames()[6].stamp_ns
+    lit = statistics(lambda image: opaque.apply(image) if image.stamp_ns < ends_ns else image)
+    assert min(one for one in lit[2:6] if one is not None) > 0.3
+    assert max(one for one in lit[6:] if one is not None) < 0.05
+
+
 def disc(u_px: float) -> Callable[[CameraImage], CameraImage]:
     """What makes a round patch white, with a sharp edge."""
     down, across = np.ogrid[:HEIGHT, :WIDTH]
