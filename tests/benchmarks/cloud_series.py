@@ -36,8 +36,9 @@ from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
-from tests.benchmarks.clean_statistics import Source, alone, case_of, measure_all, sources_of
-from tests.benchmarks.durations import LASTS
+from tests.benchmarks import lone_cameras
+from tests.benchmarks.clean_statistics import Source, case_of, measure_all, sources_of
+from tests.benchmarks.durations import LASTS, SHARES, cell
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
 from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.lidar_kinds import statistics_of
@@ -96,7 +97,7 @@ def stretches(frames: int) -> Iterator[tuple[str, range]]:
     last = max(frames - FRAMES_OF_A_SECOND, 1)
     for start in sorted({*range(1, last, EVERY), last}) if frames > FRAMES_OF_A_SECOND else [1]:
         yield A_SECOND, range(start, min(start + FRAMES_OF_A_SECOND, frames))
-    for name, share in zip(LASTS[1:], (0.25, 0.5, 1.0), strict=True):
+    for name, share in SHARES.items():
         yield name, range(frames - round(share * frames), frames)
 
 
@@ -137,13 +138,12 @@ def measured(
 
 def frames_of(source: Source, camera: int | None, beams: int) -> tuple[Rig, list[Frame]]:
     """The frames of a source that have a cloud, of so many beams; of one camera alone."""
-    with source.open(colour=True) as [drive]:
-        every = [item for item in drive.frames if isinstance(item, Frame)]
-    frames = [replace(one, cloud=of_beams(one.cloud, beams)) for one in every if one.cloud is not None]
     if camera is None:
-        return drive.rig, frames
-    lone = Rig(drive.rig.lidar, (replace(drive.rig.camera(camera), number=1),))
-    return lone, [alone(frame, camera) for frame in frames]
+        with source.open(colour=True) as [drive]:
+            rig, frames = drive.rig, [item for item in drive.frames if isinstance(item, Frame)]
+    else:
+        rig, frames = lone_cameras.frames_of(source, camera)
+    return rig, [replace(one, cloud=of_beams(one.cloud, beams)) for one in frames if one.cloud is not None]
 
 
 def of_beams(cloud: PointCloud, beams: int) -> PointCloud:
@@ -181,13 +181,10 @@ def tallies(drives: Sequence[Drive]) -> dict[str, dict[str, Tally]]:
     return found
 
 
-def cell(n: Tally) -> str:
-    """Series of one attack and one duration."""
-    if not n["series"]:
-        return f"{'-':>24}"
-    shares = (("named", "frames"), ("by incident", "series"), ("found", "series"))
-    named, incident, found = (100 * n[hits] / n[of] for hits, of in shares)
-    return f"{named:6.0f} /{incident:4.0f} /{found:4.0f} ({n['series']})"
+def counted(n: Tally) -> str:
+    """The cell of series of one attack and one duration, and how many they are."""
+    shown = cell(n, "by incident").rstrip()
+    return f"{shown} ({n['series']})" if n["series"] else shown
 
 
 def report(scenes: Sequence[Scene], cameras: Sequence[int], *, prior: bool) -> Iterator[str]:
@@ -199,10 +196,10 @@ def report(scenes: Sequence[Scene], cameras: Sequence[int], *, prior: bool) -> I
     found = sum(any(one.finding for one in each) for each in clean)
     raised = sum(one.kind in FINDINGS for each in clean for one in each)
     yield f"clean: {found} of {len(clean)} drives found, {raised} of {sum(map(len, clean))} frames raised"
-    yield f"{'':18}" + "".join(f"{lasts:>24}" for lasts in LASTING)
+    yield f"{'':18}" + "".join(f"{lasts:>28}" for lasts in LASTING)
     every = tallies(drives)
     for what, by_duration in every.items():
-        yield f"{what:18}" + "".join(f"{cell(by_duration[lasts]):>24}" for lasts in LASTING)
+        yield f"{what:18}" + "".join(f"{counted(by_duration[lasts]):>28}" for lasts in LASTING)
     yield f"series whose finding names others: {sum(one['others'] for of in every.values() for one in of.values())}"
 
 

@@ -20,23 +20,24 @@ from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, dr
 from tests.benchmarks.scenes import Case, Scene, load
 
 R = Decimal("0.01")
-LASTS = ("one frame", "a quarter", "a half", "all")
+SHARES = {"a quarter": 0.25, "a half": 0.5, "all": 1.0}
+LASTS = ("one frame", *SHARES)
 
 
-def cell(n: Tally) -> str:
-    """Series of one attack and one duration."""
+def cell(n: Tally, incident: str = "incident") -> str:
+    """Series of one attack and one duration, and which of their incidents count."""
     if not n["series"]:
         return f"{'-':>22}"
-    shares = (("named", "frames"), ("incident", "series"), ("found", "series"))
-    named, incident, found = (100 * n[hits] / n[of] for hits, of in shares)
-    return f"{named:6.0f} /{incident:5.0f} /{found:5.0f}  "
+    shares = (("named", "frames"), (incident, "series"), ("found", "series"))
+    named, incidents, found = (100 * n[hits] / n[of] for hits, of in shares)
+    return f"{named:6.0f} /{incidents:5.0f} /{found:5.0f}  "
 
 
 def series_of(cases: Mapping[int, Case], frames: int) -> Iterator[tuple[str, dict[int, Case]]]:
     """The attacked places of each series, by how long the attack lasts."""
     for place, case in cases.items():
         yield LASTS[0], {place: case}
-    for lasts, share in zip(LASTS[1:], (0.25, 0.5, 1.0), strict=True):
+    for lasts, share in SHARES.items():
         chosen = {place: case for place, case in cases.items() if place >= frames - round(share * frames)}
         if chosen:
             yield lasts, chosen
