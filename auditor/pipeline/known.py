@@ -1,10 +1,12 @@
 """What is known already: files that were read before, and verdicts that would be the same now."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from auditor.identification.matcher_priors import fitted_on
@@ -19,7 +21,9 @@ from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.model.verdict import Method
 from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedures_by
+from auditor.pipeline.remote.finding import parts_of, together
 from auditor.recordings import Location, Origin, located
+from auditor.recordings.location import StoredObject
 from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement
 from auditor.store.records import content_id, judgement_id
 
@@ -65,6 +69,36 @@ class KnownFiles:
                 for known in (one.path, *([one.stamp] if one.stamp else ())):
                     self._seen.setdefault(known, []).append((record, one))
 
+    def apart(self, task: MeasureTask) -> Iterator[MeasureTask]:
+        """The recordings that a task is, as far as the store knows: objects that by their names may be parts of a drive
+        are one task, until copies of them are looked into.
+
+        What is not known may go on with the recording before it, or with the one behind it: these are read with it.
+        """
+        remote = task.location.remote
+        parts = parts_of(remote) if remote is not None and self._seen and self.measured(task) is None else ()
+        pieces = list(self._pieces(task, parts))
+        known = [True, *(self._knows(task, piece) for piece in pieces), True]
+        stays = [all(known[place : place + 3]) for place in range(len(pieces))]
+        if not any(stays):
+            yield task
+            return
+        for apart, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
+            found = [piece for _, piece in run]
+            yield from (_of(task, piece) for piece in (found if apart else [[one for piece in found for one in piece]]))
+
+    def _pieces(self, task: MeasureTask, parts: Sequence[StoredObject]) -> Iterator[Sequence[StoredObject]]:
+        """Parts, in their order: those that are known as one recording together, as many as there are, else each."""
+        first = 0
+        while first < len(parts):
+            ends = range(len(parts), first, -1)
+            end = next((end for end in ends if self._knows(task, parts[first:end])), first + 1)
+            yield parts[first:end]
+            first = end
+
+    def _knows(self, task: MeasureTask, parts: Sequence[StoredObject]) -> bool:
+        return self.measured(_of(task, parts)) is not None
+
     def measured(self, task: MeasureTask) -> Measured | None:
         """What the store has of a recording whose files are as they were when it read them; None where they are not."""
         if not self._seen:
@@ -83,6 +117,11 @@ class KnownFiles:
                 known = [self._store.measurement(measurement) for measurement in one.measurements]
                 return measured_of(location.path if location.remote is None else location, record.recording_id, known)
         return None
+
+
+def _of(task: MeasureTask, parts: Sequence[StoredObject]) -> MeasureTask:
+    """The task of some of its objects."""
+    return replace(task, recording=together(parts))
 
 
 def _tells_more(origin: Origin, record: RecordingRecord) -> bool:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
@@ -173,7 +174,7 @@ def measure_all(
     """
     settings, unknown = batch.settings, []
     known = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
-    for task in batch.tasks:
+    for task in chain.from_iterable(map(known.apart, batch.tasks)):
         found = known.measured(task)
         if found is None:
             unknown.append(task)

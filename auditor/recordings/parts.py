@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auditor.recordings.file_summary import FileSummary
-from auditor.recordings.formats.part_names import file_kind, part_name, stem_of
+from auditor.recordings.formats.part_names import common_name, file_kind, part_name
 from auditor.recordings.formats.topics import Span
 from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS
@@ -180,12 +180,4 @@ def _located(drives: Sequence[_Drive]) -> Location:
     streams = tuple(sorted(drive.files for drive in drives))
     if len(streams) == 1 and len(streams[0]) == 1:
         return Location(streams[0][0])
-    return Location(streams[0][0].with_name("+".join(map(_common_name, streams))), streams)
-
-
-def _common_name(files: Sequence[Path]) -> str:
-    """`drive` for drive_0.mcap and drive_1.mcap; where part 0 and part 1 are not among them `drive_4`."""
-    name = part_name(files[0])
-    if len(files) == 1 or name is None or name.number > 1:
-        return stem_of(files[0])
-    return name.stem or files[0].parent.name
+    return Location(streams[0][0].with_name("+".join(map(common_name, streams))), streams)

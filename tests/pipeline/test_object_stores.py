@@ -15,7 +15,7 @@ from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.finding import find_remote
 from auditor.pipeline.remote.spool import Spool
 from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
-from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
+from tests.making.small_drives import DAY_NS, PERIOD_NS, START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 3
 
@@ -90,6 +90,35 @@ def test_recordings_of_an_object_store_are_measured_as_those_on_disk_and_read_on
     bucket.forget()
     assert scan(f"s3://{BUCKET}/fleet", "--store", tmp_path / "remote", "--spool", spool) in {0, 3}
     assert bucket.given_bytes == 0, "what is known is not read again"
+
+
+def test_drives_that_are_named_as_parts_are_known_each_and_what_is_new_is_read_with_what_lies_beside_it(
+    bucket: Proxy, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sizes = []
+
+    def driven(number: int, start_ns: int) -> None:
+        drive = write_drive(
+            tmp_path / f"night_{number}.mcap", FRAMES, positions_m=THREE_CAMERAS, seed=number, start_ns=start_ns
+        )
+        bucket.put(f"nights/{drive.name}", drive)
+        sizes.append(drive.stat().st_size)
+
+    def read() -> float:
+        bucket.forget()
+        assert scan(f"s3://{BUCKET}/nights", "--store", tmp_path / "audit", "--spool", tmp_path) in {0, 3}
+        return bucket.given_bytes
+
+    for number in range(3):
+        driven(number, START_NS + number * DAY_NS)
+    assert read() >= sum(sizes)
+    assert read() == 0
+    driven(3, START_NS + 2 * DAY_NS + FRAMES * PERIOD_NS)
+    capfd.readouterr()
+    assert sizes[2] + sizes[3] <= read() <= 1.05 * (sizes[2] + sizes[3])
+    assert f"s3://{BUCKET}/nights/night_2: {2 * FRAMES} frames measured" in capfd.readouterr().err
+    assert read() == 0
+    assert f"night_2: {2 * FRAMES} frames measured before" in capfd.readouterr().err
 
 
 def test_nothing_is_lost_where_requests_fail_and_answers_are_cut(

@@ -9,7 +9,7 @@ from auditor.errors import RecordingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import Found, find_recordings
-from auditor.recordings.formats.part_names import DB3, file_kind, part_name
+from auditor.recordings.formats.part_names import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.store import RecordingRecord
 
@@ -62,6 +62,22 @@ def remote_of(record: RecordingRecord) -> Location:
         raise (*found.errors, *beside.errors)[0]
     objects = tuple(one for location in beside.recordings if location.remote for one in location.remote.objects)
     return _located(Remote(record.path, objects))
+
+
+def parts_of(remote: Remote) -> Sequence[StoredObject]:
+    """The files of a recording that by their names may be the parts of a drive, in their order; none where it is one.
+
+    Of a file with a journal beside it, and of a folder of rosbag2, nobody knows by names what belongs together.
+    """
+    named = [(name, one) for one in remote.objects if (name := part_name(Path(one.address))) is not None]
+    if len(named) < len(remote.objects) or len({name.key for name, _ in named}) > 1:
+        return ()
+    return [one for _, one in sorted(named, key=lambda part: part[0].number)]
+
+
+def together(objects: Sequence[StoredObject]) -> Location:
+    """Some parts of a drive, in their order, as one recording that is not copied yet."""
+    return _located(Remote(_address_of_all(objects), tuple(objects)))
 
 
 def _located(remote: Remote) -> Location:
@@ -151,10 +167,9 @@ def _are_parts(files: Sequence[StoredObject]) -> bool:
 
 
 def _address_of_all(files: Sequence[StoredObject]) -> str:
-    """The address of a file; of several that of what their names have in common."""
+    """The address of a file; of several that of what their names have in common, as copies of them are named."""
     first = files[0].address
     if len(files) == 1:
         return first
-    name, folder = part_name(Path(first)), first.rpartition("/")[0]
-    assert name is not None, "what has no part name is alone"
-    return f"{folder}/{name.stem or PurePosixPath(folder).name}"
+    folder = first.rpartition("/")[0]
+    return f"{folder}/{common_name([Path(file.address) for file in files])}"

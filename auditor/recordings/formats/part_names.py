@@ -53,6 +53,14 @@ def part_name(file: Path) -> PartName | None:
     return PartName(file.parent, series, kind, int(found[2]), found[1])
 
 
+def common_name(files: Sequence[Path]) -> str:
+    """`drive` for drive_0.mcap and drive_1.mcap; where part 0 and part 1 are not among them `drive_4`."""
+    name = part_name(files[0])
+    if len(files) == 1 or name is None or name.number > 1:
+        return stem_of(files[0])
+    return name.stem or files[0].parent.name
+
+
 def missing_parts(files: Sequence[Path]) -> Iterator[str]:
     """A sentence for each hole in the numbers of the parts of one drive."""
     named = [part_name(file) for file in files]
