@@ -111,7 +111,7 @@ class KnownFiles:
             seen = self._seen.get(storable(location.place), ())
             stamp = stamp_of(location, self._procedures, task.rig) if seen else None
         for record, one in seen:
-            if one.stamp is None or one.stamp != stamp or _tells_more(task.origin, record):
+            if one.stamp is None or one.stamp != stamp or _tells_more(task.declared(), record):
                 continue
             if one.measurements and all(map(self._store.has_measurement, one.measurements)):
                 known = [self._store.measurement(measurement) for measurement in one.measurements]

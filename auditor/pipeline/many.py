@@ -70,13 +70,6 @@ def network_of(settings: MeasureSettings) -> MatcherOptions:
     return MatcherOptions(**{name: getattr(settings, name) for name in told})
 
 
-def _origin(settings: MeasureSettings, path: Path) -> Origin:
-    """Where the recording at a path comes from: as given, else as its path says."""
-    given = Origin(settings.vehicle, drive=settings.drive, weather=settings.weather)
-    pattern = settings.path_pattern
-    return given.over(Origin.of_path(path, pattern)) if pattern else given
-
-
 @dataclass(frozen=True)
 class Batch:
     """Recordings to be measured into a store, None where there are none, and an error for each path that holds none.
@@ -141,13 +134,16 @@ def find_batch(
             settings.matcher,
             network,
             settings.rig,
-            _origin(settings, location.first),
+            Origin(settings.vehicle, drive=settings.drive, weather=settings.weather),
+            settings.path_pattern,
             again=settings.measure_again,
             pictures=settings.pictures,
             cells=settings.cells,
         )
         for location in recordings
     )
+    for task in tasks:
+        task.declared()  # what it raises is an error of the whole command
     return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes, spool_of(settings))
 
 

@@ -337,7 +337,7 @@ def _recording_record(
     measurements: Sequence[StoredMeasurement],
     stamp: str | None,
 ) -> RecordingRecord:
-    origin = task.origin.over(Origin.of_metadata(recording.metadata()))
+    origin = task.declared().over(Origin.of_metadata(recording.metadata()))
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
     ids = [one.measurement_id for one in measurements]

@@ -20,11 +20,11 @@ _UNKNOWN = Origin()
 class MeasureTask:
     """One recording to be measured into a store.
 
-    `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
-    as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
-    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts; so does `cells`.
-    `given` is the task of the batch, where this is one of a copy of its recording.
+    `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows of its vehicle, day, drive and
+    weather goes before what its path says by `path_pattern`, and that before what the recording says. `again` measures
+    also what the store has, and replaces it, as it does what was counted in an earlier way. `pictures` says of which
+    frames a picture may be kept: those of incidents are frames in which a statistic is unusually large, since measuring
+    knows no verdicts; so does `cells`. `given` is the task of the batch, where this is one of a copy of its recording.
     """
 
     recording: Path | Location
@@ -33,6 +33,7 @@ class MeasureTask:
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin: Origin = _UNKNOWN
+    path_pattern: str | None = None
     again: bool = False
     pictures: Pictures = Pictures.ALL
     cells: Cells = Cells.INCIDENTS
@@ -45,6 +46,11 @@ class MeasureTask:
     def location(self) -> Location:
         """Where its recording lies."""
         return located(self.recording)
+
+    def declared(self) -> Origin:
+        """What is given and what its path says of its origin. Raises SettingError where the path says no date."""
+        pattern = self.path_pattern
+        return self.origin.over(Origin.of_path(self.location.given, pattern)) if pattern else self.origin
 
     def at(self, location: Location) -> "MeasureTask":
         """The same of a copy of its recording."""

@@ -38,7 +38,7 @@ def as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[
 def unresolved(judgement: StoredJudgement, calibration: Calibration, criteria: Criteria, by: JudgedBy) -> Iterator[str]:
     """What the clean frames were too few for."""
     if by is JudgedBy.BATCH:
-        others = f"{len(calibration.recordings)} other recordings of this batch"
+        others = f"{len(calibration.recordings)} other recordings of its rig kind"
         yield f"judged by {others} that show nothing: provisional; calibrate on clean drives"
     if judgement.drives == 0:
         yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"

@@ -37,6 +37,13 @@ class Remote:
         return self.address.rpartition("/")[0] + "/"
 
     @property
+    def first(self) -> str:
+        """The address of its file or folder, or of the first of several files, which lie beside its own address."""
+        addresses = sorted(one.address for one in self.objects)
+        whole = any(one == self.address or one.startswith(f"{self.address}/") for one in addresses)
+        return self.address if whole else addresses[0]
+
+    @property
     def size_bytes(self) -> int:
         """The size of all its objects."""
         return sum(one.size_bytes for one in self.objects)
@@ -78,6 +85,11 @@ class Location:
     def first(self) -> Path:
         """The file or folder, or the first of several files."""
         return self.streams[0][0] if self.streams else self.path
+
+    @property
+    def given(self) -> Path:
+        """What `first` is where it was given, also of a copy of what lies on an object store: names tell of origins."""
+        return self.first if self.remote is None else Path(self.remote.first)
 
     @property
     def size_bytes(self) -> int:

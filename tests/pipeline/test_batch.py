@@ -36,7 +36,7 @@ SCANNING = replace(BY_DEFAULT, only_stale=True)
 ATTACKED = {"quay": (2,), "harbour": (0,)}
 CLEAN = ("alder", "birch", "cedar", "elm")
 ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
-BY_BATCH = "judged by {} other recordings of this batch that show nothing: provisional; calibrate on clean drives"
+BY_BATCH = "judged by {} other recordings of its rig kind that show nothing: provisional; calibrate on clean drives"
 
 
 def drives(store: Store, names: tuple[str, ...], **how: object) -> dict[str, str]:
@@ -110,6 +110,32 @@ def test_recordings_are_judged_by_the_others_that_show_nothing(judged_once) -> N
         assert ALONE not in one.warnings
         assert (one.complete, one.gaps) == (True, ())
     assert store.current_judgements()[fleet["alder"]] == results["alder"].judgement
+
+
+def test_what_a_batch_found_is_found_where_it_is_judged_alone_and_others_of_the_store_keep_their_verdicts(
+    store, fleet, judged_fleet
+) -> None:
+    before = {known: one for known, one in store.current_judgements().items() if known != fleet["quay"]}
+    [alone] = judge_batch(store, [fleet["quay"]], BY_DEFAULT)
+    assert (alone.by, alone.found) == (JudgedBy.BATCH, True)
+    assert len(taught_by(store, alone)) == len(CLEAN)
+    assert {known: one for known, one in store.current_judgements().items() if known != fleet["quay"]} == before
+
+
+def test_a_new_recording_is_judged_by_the_latest_others_of_the_store_that_show_nothing(
+    store, fleet, judged_fleet, monkeypatch
+) -> None:
+    monkeypatch.setattr(batch, "MOST_OF_STORE", 4)
+    rowan = add_drive(store, "rowan", seed=41, day=-1)
+    [one] = judge_batch(store, [rowan], SCANNING)
+    assert (one.by, one.found) == (JudgedBy.PRIOR, False), "of the three latest two were attacked"
+    monkeypatch.setattr(batch, "MOST_OF_STORE", 7)
+    [one] = judge_batch(store, [rowan], SCANNING)
+    assert (one.by, one.found) == (JudgedBy.BATCH, False)
+    taught = taught_by(store, one)
+    assert len(taught) == len(CLEAN)
+    assert not set(taught) & {store.measurement(fleet[name]).recording_id for name in ATTACKED}
+    assert BY_BATCH.format(len(taught)) in one.warnings
 
 
 def test_what_the_others_find_teaches_no_more(store, fleet, monkeypatch) -> None:

@@ -14,6 +14,7 @@ from auditor.pipeline.remote import object_store as objects
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.finding import find_remote
 from auditor.pipeline.remote.spool import Spool
+from auditor.store import Store
 from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
 from tests.making.small_drives import DAY_NS, PERIOD_NS, START_NS, THREE_CAMERAS, write_drive
 
@@ -119,6 +120,23 @@ def test_drives_that_are_named_as_parts_are_known_each_and_what_is_new_is_read_w
     assert f"s3://{BUCKET}/nights/night_2: {2 * FRAMES} frames measured" in capfd.readouterr().err
     assert read() == 0
     assert f"night_2: {2 * FRAMES} frames measured before" in capfd.readouterr().err
+
+
+def test_a_path_pattern_reads_the_address_of_each_drive_that_is_named_as_a_part(bucket: Proxy, tmp_path: Path) -> None:
+    for vehicle in ("alder", "birch"):
+        for number in range(2):
+            drive = write_drive(
+                tmp_path / f"{number}.mcap",
+                FRAMES,
+                positions_m=THREE_CAMERAS,
+                seed=10 * ord(vehicle[0]) + number,
+                start_ns=START_NS + number * DAY_NS,
+            )
+            bucket.put(f"days/{vehicle}/log_{number}.mcap", drive)
+    pattern = ("--path-pattern", "{vehicle}/{drive}.mcap")
+    assert scan(f"s3://{BUCKET}/days", "--store", tmp_path / "audit", "--spool", tmp_path, *pattern) == 0
+    told = {(one.vehicle, one.drive) for one in Store.open(tmp_path / "audit").recordings()}
+    assert told == {(vehicle, f"log_{number}") for vehicle in ("alder", "birch") for number in range(2)}
 
 
 def test_nothing_is_lost_where_requests_fail_and_answers_are_cut(

@@ -1,19 +1,21 @@
-"""Recordings of a batch that no calibration fits, judged by each other.
+"""Recordings of a batch that no calibration fits, judged by each other and by others of the store.
 
 All are judged by the prior first. Those that show nothing are provisionally clean drives: calibrations are made of
 them, and each recording is judged again by one that holds no frame of it. What shows something then teaches no more,
-and all are judged once more without it.
+and all are judged once more without it. Others of the store teach where their verdicts show nothing, and keep these:
+what a large batch found is not lost when one of its recordings is scanned again alone.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 from auditor.errors import ThresholdsError
 from auditor.model.calibration import PRIOR, Calibration
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
-from auditor.pipeline.calibrations.making import by_kind, make
+from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
 from auditor.pipeline.known import FEW, is_as_now
 from auditor.pipeline.many import Judged, JudgeSettings
@@ -29,6 +31,9 @@ FEWEST_RECORDINGS = 4
 
 FEWEST_CLEAN = 3
 """Of these so many must show nothing, so that each of them is judged by two others at least."""
+
+MOST_OF_STORE = 20
+"""Measurements of a rig kind up to which the store's latest others are added to those of a batch."""
 
 MOST_PASSES = 3
 """Times that the recordings are judged by each other; each is without those that earlier ones found."""
@@ -63,39 +68,49 @@ def judge_batch(
     StoreError
         Where the store does not have a measurement.
     """
-    kinds = kinds_without_calibration(store, measurements, settings)
+    alone = settings.calibration is not None or settings.criteria.method is not Method.ROBUST
+    if alone or settings.criteria.strict:
+        return judge_side_by_side(store, measurements, settings, jobs)
+    kinds = kinds_without_calibration(store, measurements, settings.criteria)
     if not kinds:
         return judge_side_by_side(store, measurements, settings, jobs)
     return _judge_by_each_other(store, measurements, settings, kinds, jobs)
 
 
-def kinds_without_calibration(
-    store: Store, measurements: Sequence[str], settings: JudgeSettings
-) -> list[tuple[str, ...]]:
+def kinds_without_calibration(store: Store, measurements: Sequence[str], criteria: Criteria) -> list[tuple[str, ...]]:
     """Return the measurements that no calibration fits, by rig kind and procedure: those with enough recordings.
 
-    What is withheld, was counted earlier, or is not for the prior is none of them.
+    The latest others of the store come behind those of a kind that has fewer than MOST_OF_STORE. What is withheld, was
+    counted earlier, or is not for the prior is none of them.
     """
-    criteria = settings.criteria
-    alone = settings.calibration is not None or criteria.method is not Method.ROBUST or criteria.strict
-    if alone or len(measurements) < FEWEST_RECORDINGS:
-        return []
     if len(measurements) > FEW:
         store.measurements()  # at once: one by one takes far longer
     in_force = calibrations_in_force(store)
-    unfitted = tuple(
-        (store, measurement)
-        for measurement in dict.fromkeys(measurements)
-        if not store.measurement(measurement).withheld
-        and not counted_earlier(store, measurement)
-        and prior_for(store, measurement, criteria) is not None
-        and fitting_calibration(store, measurement, in_force) is None
-    )
-    kinds = [tuple(measurement for _, measurement in kind.chosen) for kind in by_kind(CleanMeasurements(unfitted, ()))]
-    if not any(len(kind) >= FEWEST_RECORDINGS for kind in kinds):
-        return []
+
+    def fits_none(measurement: str) -> bool:
+        return (
+            not store.measurement(measurement).withheld
+            and not counted_earlier(store, measurement)
+            and prior_for(store, measurement, criteria) is not None
+            and fitting_calibration(store, measurement, in_force) is None
+        )
+
+    given = tuple((store, measurement) for measurement in dict.fromkeys(measurements) if fits_none(measurement))
+    kinds = [[measurement for _, measurement in kind.chosen] for kind in by_kind(CleanMeasurements(given, ()))]
+    others = _judged_others(store, measurements) if any(len(kind) < MOST_OF_STORE for kind in kinds) else []
+    for kind in kinds:
+        alike = (one for one in others if is_of_kind(store, one, kind[0]) and fits_none(one))
+        kind.extend(islice(alike, max(0, MOST_OF_STORE - len(kind))))
     drives = drives_of(store, [measurement for kind in kinds for measurement in kind])
-    return [kind for kind in kinds if len({drives[measurement] for measurement in kind}) >= FEWEST_RECORDINGS]
+    return [tuple(kind) for kind in kinds if len({drives[measurement] for measurement in kind}) >= FEWEST_RECORDINGS]
+
+
+def _judged_others(store: Store, measurements: Sequence[str]) -> list[str]:
+    """Return what a store has judged by the robust method beside some measurements, what was recorded last first."""
+    judged = {known for known, verdict in store.current_judgements().items() if verdict.method == Method.ROBUST}
+    others = [one for one in store.measurements() if one.measurement_id in judged - set(measurements)]
+    others.sort(key=lambda one: (one.last_stamp_ns or 0, one.measurement_id), reverse=True)
+    return [one.measurement_id for one in others]
 
 
 def drives_of(store: Store, measurements: Collection[str]) -> dict[str, str]:
@@ -117,7 +132,7 @@ def _whole(store: Store, measurement: str) -> str:
 
 
 def calibrations_of_others(
-    store: Store, measurements: Sequence[str], clean: Collection[str], criteria: Criteria, jobs: int = 1
+    store: Store, measurements: Sequence[str], teachers: Sequence[str], criteria: Criteria, jobs: int = 1
 ) -> dict[str, Calibration]:
     """Make the calibrations by which recordings of one rig kind and procedure judge each other.
 
@@ -127,8 +142,8 @@ def calibrations_of_others(
         Holds the measurements.
     measurements : sequence of str
         The ids of those that are to be judged.
-    clean : collection of str
-        Those of them whose recordings are provisionally clean, and teach.
+    teachers : sequence of str
+        Those of them, and others, whose recordings are provisionally clean.
     criteria : Criteria
         Its r and `recount` are those of the calibrations.
     jobs : int
@@ -140,22 +155,21 @@ def calibrations_of_others(
         By measurement a calibration of the other groups, or of all where it is not in a group; none where fewer than
         FEWEST_CLEAN recordings are clean, and where what the others measured gives no calibration that fits.
     """
-    drives = drives_of(store, measurements)
-    teachers = [measurement for measurement in measurements if measurement in clean]
+    drives = drives_of(store, {*measurements, *teachers})
     clean_drives = list(dict.fromkeys(drives[teacher] for teacher in teachers))
     if len(clean_drives) < FEWEST_CLEAN:
         return {}
     count = min(MOST_GROUPS, len(clean_drives))
     groups = {drive: place * count // len(clean_drives) for place, drive in enumerate(clean_drives)}
     calibrations: dict[int | None, Calibration] = {}
-    for group in dict.fromkeys(groups.get(drive) for drive in drives.values()):
+    for group in dict.fromkeys(groups.get(drives[measurement]) for measurement in measurements):
         others = tuple((store, teacher) for teacher in teachers if groups[drives[teacher]] != group)
         try:
             made = make(CleanMeasurements(others, ()), criteria.r, recount=criteria.recount, jobs=jobs)
         except ThresholdsError:  # nothing was measured, or the teachers' kinds differ more than from the first one's
             continue
         calibrations[group] = made.calibration
-    by_measurement = ((measurement, calibrations.get(groups.get(drive))) for measurement, drive in drives.items())
+    by_measurement = ((known, calibrations.get(groups.get(drives[known]))) for known in measurements)
     return {
         measurement: calibration
         for measurement, calibration in by_measurement
@@ -172,17 +186,19 @@ def _judge_by_each_other(
 ) -> Iterator[Judged]:
     """Judge all by what is learnt or the prior, then those of some kinds by each other until none more is found."""
     with logged(store.folder):
-        by_prior = _kept_by_prior(store, kinds, settings) if settings.only_stale else {}
         distinct = list(dict.fromkeys(measurements))
+        others = {known for kind in kinds for known in kind} - set(distinct)
+        by_others = {known: verdict for known, verdict in store.current_judgements().items() if known in others}
+        by_prior = _kept_by_prior(store, distinct, kinds, settings) if settings.only_stale else {}
         first = [measurement for measurement in distinct if measurement not in by_prior]
         judged = {result.measurement_id: result for result in judge_side_by_side(store, first, settings, jobs)}
         found: set[str] = set()
         by_batch: dict[str, str] = {}
         for number in range(MOST_PASSES):
             verdicts = {each: result.judgement for each, result in judged.items() if result.judgement is not None}
-            verdicts = {**by_prior, **verdicts}
+            verdicts = {**by_others, **by_prior, **verdicts}
             found |= {store.measurement(each).recording_id for each, verdict in verdicts.items() if verdict.found}
-            now = _batch_calibrations(store, kinds, verdicts, found, settings.criteria, jobs or 1)
+            now = _batch_calibrations(store, distinct, kinds, verdicts, found, settings.criteria, jobs or 1)
             if number and now in ({}, by_batch):
                 break
             by_batch = now
@@ -192,9 +208,11 @@ def _judge_by_each_other(
         yield from (judged[measurement] for measurement in measurements)
 
 
-def _kept_by_prior(store: Store, kinds: Sequence[Sequence[str]], settings: JudgeSettings) -> dict[str, StoredJudgement]:
+def _kept_by_prior(
+    store: Store, measurements: Collection[str], kinds: Sequence[Sequence[str]], settings: JudgeSettings
+) -> dict[str, StoredJudgement]:
     """Return the judgements by the prior that the store has, and that judging again would give, by measurement."""
-    asked = {measurement for kind in kinds for measurement in kind}
+    asked = {measurement for kind in kinds for measurement in kind} & set(measurements)
     stored: dict[str, StoredJudgement] = {}
     for judgement in store.judgements():
         measurement = judgement.measurement_id
@@ -210,13 +228,14 @@ def _kept_by_prior(store: Store, kinds: Sequence[Sequence[str]], settings: Judge
 
 def _batch_calibrations(
     store: Store,
+    measurements: Collection[str],
     kinds: Sequence[Sequence[str]],
     verdicts: Mapping[str, StoredJudgement],
     found: Collection[str],
     criteria: Criteria,
     jobs: int,
 ) -> dict[str, str]:
-    """Keep the calibrations that the recordings of each kind are judged by; return their ids by measurement.
+    """Keep the calibrations that some measurements of each kind are judged by; return their ids by measurement.
 
     Recordings that were `found` teach nothing.
     """
@@ -224,13 +243,14 @@ def _batch_calibrations(
     for kind in kinds:
         judged = [measurement for measurement in kind if measurement in verdicts]
         recordings = {store.measurement(measurement).recording_id for measurement in judged}
-        clean = {
+        asked = [measurement for measurement in judged if measurement in measurements]
+        teachers = [
             measurement
             for measurement in judged
             if store.measurement(measurement).recording_id not in found
             and _may_teach(store, verdicts[measurement], recordings, criteria)
-        }
-        for measurement, calibration in calibrations_of_others(store, judged, clean, criteria, jobs).items():
+        ]
+        for measurement, calibration in calibrations_of_others(store, asked, teachers, criteria, jobs).items():
             store.keep_calibration(calibration)
             by_batch[measurement] = calibration.calibration_id
     return by_batch

@@ -215,6 +215,12 @@ def by_kind(clean: CleanMeasurements) -> list[CleanMeasurements]:
     return [replace(found, out=tuple(_out_of(clean, *of))) for of, found in groups] or [clean]
 
 
+def is_of_kind(store: Store, measurement: str, other: str) -> bool:
+    """Whether two measurements are of one rig kind and procedure."""
+    (kind, procedure), (other_kind, other_procedure) = (_kind_and_procedure(store, one) for one in (measurement, other))
+    return procedure == other_procedure and kind.matches(other_kind)
+
+
 def _out_of(clean: CleanMeasurements, kind: RigKind, procedure: Procedure) -> Iterator[tuple[Store, str, str]]:
     for store, known, reason in clean.out:
         its_kind, its_procedure = _kind_and_procedure(store, known)
