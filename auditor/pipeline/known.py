@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import groupby
+from itertools import chain, groupby
 from operator import itemgetter
 from pathlib import Path
 
@@ -83,9 +83,9 @@ class KnownFiles:
         if not any(stays):
             yield task
             return
-        for apart, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
+        for alone, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
             found = [piece for _, piece in run]
-            yield from (_of(task, piece) for piece in (found if apart else [[one for piece in found for one in piece]]))
+            yield from (_of(task, piece) for piece in (found if alone else [list(chain.from_iterable(found))]))
 
     def _pieces(self, task: MeasureTask, parts: Sequence[StoredObject]) -> Iterator[Sequence[StoredObject]]:
         """Parts, in their order: those that are known as one recording together, as many as there are, else each."""

@@ -217,6 +217,8 @@ def test_a_calibration_in_force_wins(store, fleet) -> None:
     results = judged(store)
     assert set(provenance(results).values()) == {JudgedBy.LEARNT}
     assert {one.judgement.calibration_id for one in results.values()} == {learnt.calibration_id}
+    [alone] = judge_batch(store, [fleet["quay"]], BY_DEFAULT)
+    assert (alone.by, alone.judgement.calibration_id) == (JudgedBy.LEARNT, learnt.calibration_id)
 
 
 def test_another_rig_kind_is_not_mixed_in(store, fleet) -> None:

@@ -96,6 +96,8 @@ def kinds_without_calibration(store: Store, measurements: Sequence[str], criteri
         )
 
     given = tuple((store, measurement) for measurement in dict.fromkeys(measurements) if fits_none(measurement))
+    if not given:
+        return []
     kinds = [[measurement for _, measurement in kind.chosen] for kind in by_kind(CleanMeasurements(given, ()))]
     others = _judged_others(store, measurements) if any(len(kind) < MOST_OF_STORE for kind in kinds) else []
     for kind in kinds:
@@ -108,7 +110,8 @@ def kinds_without_calibration(store: Store, measurements: Sequence[str], criteri
 def _judged_others(store: Store, measurements: Sequence[str]) -> list[str]:
     """Return what a store has judged by the robust method beside some measurements, what was recorded last first."""
     judged = {known for known, verdict in store.current_judgements().items() if verdict.method == Method.ROBUST}
-    others = [one for one in store.measurements() if one.measurement_id in judged - set(measurements)]
+    judged -= set(measurements)
+    others = [one for one in store.measurements() if one.measurement_id in judged]
     others.sort(key=lambda one: (one.last_stamp_ns or 0, one.measurement_id), reverse=True)
     return [one.measurement_id for one in others]
 
