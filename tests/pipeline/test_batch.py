@@ -38,6 +38,8 @@ CLEAN = ("alder", "birch", "cedar", "elm")
 ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
 BY_BATCH = "judged by {} other recordings of its rig kind that show nothing: provisional; calibrate on clean drives"
 
+EARLIER = "earlier recordings of its rig kind were judged by the prior alone: auditor judge judges all by each other"
+
 
 def drives(store: Store, names: tuple[str, ...], **how: object) -> dict[str, str]:
     """The measurements of drives of these names, a day apart."""
@@ -136,6 +138,19 @@ def test_a_new_recording_is_judged_by_the_latest_others_of_the_store_that_show_n
     assert len(taught) == len(CLEAN)
     assert not set(taught) & {store.measurement(fleet[name]).recording_id for name in ATTACKED}
     assert BY_BATCH.format(len(taught)) in one.warnings
+
+
+def test_recordings_that_came_before_there_were_enough_are_said_to_be_judged_by_the_prior(store, capfd) -> None:
+    added = drives(store, CLEAN)
+    for name in CLEAN[:3]:
+        [one] = judge_batch(store, [added[name]], SCANNING)
+        assert one.by is JudgedBy.PRIOR
+    [fourth] = judge_batch(store, [added["elm"]], SCANNING)
+    assert (fourth.by, fourth.warnings[-1]) == (JudgedBy.BATCH, EARLIER)
+    assert run(["judge", "--store", str(store.folder)]) in {0, 3}
+    assert EARLIER not in capfd.readouterr().err
+    verdicts = Store.open(store.folder).current_judgements().values()
+    assert all(one.drives for one in verdicts), "the command it names judges them by each other"
 
 
 def test_what_the_others_find_teaches_no_more(store, fleet, monkeypatch) -> None:

@@ -13,7 +13,7 @@ from itertools import islice
 from auditor.errors import ThresholdsError
 from auditor.model.calibration import PRIOR, Calibration
 from auditor.model.settings import Criteria
-from auditor.model.verdict import Method
+from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
@@ -34,6 +34,8 @@ FEWEST_CLEAN = 3
 
 MOST_OF_STORE = 20
 """Measurements of a rig kind up to which the store's latest others are added to those of a batch."""
+
+_EARLIER = "earlier recordings of its rig kind were judged by the prior alone: auditor judge judges all by each other"
 
 MOST_PASSES = 3
 """Times that the recordings are judged by each other; each is without those that earlier ones found."""
@@ -208,7 +210,10 @@ def _judge_by_each_other(
             again = [measurement for measurement in distinct if measurement in by_prior or measurement in by_batch]
             another = replace(settings, by_batch=by_batch)
             judged.update((result.measurement_id, result) for result in judge_side_by_side(store, again, another, jobs))
-        yield from (judged[measurement] for measurement in measurements)
+        told = (_EARLIER,) if by_batch and any(verdict.drives == 0 for verdict in by_others.values()) else ()
+        for measurement in measurements:
+            one = judged[measurement]
+            yield replace(one, warnings=(*one.warnings, *told)) if one.by is JudgedBy.BATCH else one
 
 
 def _kept_by_prior(
