@@ -139,6 +139,25 @@ def test_a_path_pattern_reads_the_address_of_each_drive_that_is_named_as_a_part(
     assert told == {(vehicle, f"log_{number}") for vehicle in ("alder", "birch") for number in range(2)}
 
 
+def test_of_drives_that_were_copied_together_one_is_not_copied_again(bucket: Proxy, tmp_path: Path) -> None:
+    for number in range(2):
+        drive = write_drive(
+            tmp_path / f"day_{number}.mcap", 1, positions_m=THREE_CAMERAS, start_ns=START_NS + number * DAY_NS
+        )
+        bucket.put(f"again/{drive.name}", drive)
+    [both] = find_remote([Address(f"s3://{BUCKET}", "again")]).recordings
+    spool = Spool(tmp_path)
+    with spool.copied(both) as copies:
+        assert [one.name for one in copies] == ["day_0.mcap", "day_1.mcap"]
+    bucket.forget()
+    with spool.copied(copies[1]) as [again]:
+        assert again == copies[1]
+    with spool.copied(both) as once_more:
+        assert once_more == copies
+    assert bucket.given_bytes == 0
+    spool.close()
+
+
 def test_nothing_is_lost_where_requests_fail_and_answers_are_cut(
     fleet: list[Path], bucket: Proxy, tmp_path: Path
 ) -> None:

@@ -106,7 +106,8 @@ class Spool:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def _reserve(self, known: str, remote: Remote) -> tuple[Location, ...] | None:
-        """The copies that there are; without any wait until there is room for one, and keep it.
+        """The copies that there are, also where they were copied with others; without any wait until there is room for
+        one, and keep it.
 
         Raises RecordingError where there will be none.
         """
@@ -121,10 +122,12 @@ class Spool:
             while True:
                 if self.stopped.is_set():
                     raise RecordingError("its copying was interrupted", where=remote.address)
-                if known in self._copies:
-                    located = self._copies[known][1]
-                    self._in_use[known] += len(located)
-                    return located
+                whole = self._of_parts.get(known, known)
+                if whole in self._copies:
+                    every = self._copies[whole][1]
+                    located = tuple(one for one in every if one.remote is not None and one.remote.identity == known)
+                    self._in_use[whole] += len(located or every)
+                    return located or every
                 if known not in self._sizes and sum(self._sizes.values()) + size <= self.room_bytes:
                     self._sizes[known] = size
                     return None
