@@ -159,7 +159,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    ranked = sorted((*causes, *of_lens(seen or {})), key=lambda one: (not is_finding(one), -one.score))
+    ranked = sorted((*causes, *of_lens(seen or {}), *_of_aerosol(verdict)), key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):
@@ -358,6 +358,12 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
     """Whether it is dirt, drops or glare of one camera's lens."""
     return hypothesis.cause in (Cause.SOILED, Cause.GLARE)
+
+
+def _of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
+    """Dust, steam or exhaust, where all that fired says that returns scatter."""
+    scatters = [Check(one.check_name).kind.of_aerosol for one in verdict.evidence]
+    return (FaultHypothesis(Cause.AEROSOL, LIDAR),) if scatters and all(scatters) else ()
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
