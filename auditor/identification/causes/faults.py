@@ -361,9 +361,10 @@ def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
 
 
 def _of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """Dust, steam or exhaust, where all that fired says that returns scatter."""
-    scatters = [Check(one.check_name).kind.of_aerosol for one in verdict.evidence]
-    return (FaultHypothesis(Cause.AEROSOL, LIDAR),) if scatters and all(scatters) else ()
+    """Dust, steam or exhaust, where the strongest of what fired is that returns scatter."""
+    strongest = max(verdict.evidence, key=lambda one: one.score, default=None)
+    scatters = strongest is not None and Check(strongest.check_name).kind.of_aerosol
+    return (FaultHypothesis(Cause.AEROSOL, LIDAR),) if scatters else ()
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
