@@ -137,16 +137,18 @@ def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], Rang
     found: dict[tuple[int, ...], RangesFound] = {}
     for cameras in several:
         some = [place for place, pair in enumerate(pairs) if set(pair) <= set(cameras)]
-        together, scattering = (
-            _ratio(one[some].mean(axis=0), clusters.against[some].mean(axis=0))
-            for one in (clusters.together, clusters.scattering)
-        )
         shift = _shift([pair.farther_m for place, pair in enumerate(pairs.values()) if place in some])
-        found[cameras] = RangesFound(max(_half_at_ratio(together), shift / (shift + FALSE_RANGES.half_m)), _half_at_ratio(scattering))
+        against = clusters.against[some].mean(axis=0)
+        false, scattered = (
+            _surely(lot[some].mean(axis=0), against) for lot in (clusters.together, clusters.scattering)
+        )
+        found[cameras] = RangesFound(max(false, shift / (shift + FALSE_RANGES.half_m)), scattered)
     return found
 
 
-def _half_at_ratio(ratio: float) -> float:
+def _surely(contradicted: Floats, against: Floats) -> float:
+    """The statistic, 0 to 1, of (clusters,)."""
+    ratio = _ratio(contradicted, against)
     return ratio / (ratio + FALSE_RANGES.half_ratio)
 
 

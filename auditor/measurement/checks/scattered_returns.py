@@ -36,9 +36,9 @@ _OF_A_PLANE = 3
 
 
 def scatter(place: Floats32) -> float:
-    """By how much points (3, N) are off planes through their neighbours: to the right, down, and the log of their range.
+    """By how much points (3, N) are off planes through their neighbours: the median, as a logarithm of their range.
 
-    The median of the deviations from these planes, as a logarithm of the range; 0 of too few points.
+    They are to the right and down, in radians, and the logarithm of the range. 0 of too few points.
     """
     if place.shape[1] <= _OF_A_PLANE:
         return 0.0
@@ -50,8 +50,9 @@ def scatter(place: Floats32) -> float:
     rr, rd, dd = (right * right).sum(axis=1), (right * down).sum(axis=1), (down * down).sum(axis=1)
     rf, df, ff = (right * far).sum(axis=1), (down * far).sum(axis=1), (far * far).sum(axis=1)
     spread = rr * dd - rd * rd
-    # Where all lie on one line, as on one beam, no plane but the level one is told from others.
-    explained = np.where(spread > 0, dd * rf * rf - 2 * rd * rf * df + rr * df * df, 0) / np.where(spread > 0, spread, 1)
+    of_plane = (dd * rf * rf - 2 * rd * rf * df + rr * df * df) / np.where(spread > 0, spread, np.inf)
+    # Points of one beam lie on a line, through which any plane goes.
+    explained = np.where(spread > 0, of_plane, rf * rf / np.where(rr > 0, rr, np.inf))
     return float(np.median(np.sqrt(np.maximum(ff - explained, 0) / near)))
 
 
