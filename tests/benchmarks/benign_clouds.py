@@ -1,10 +1,10 @@
 """How often weather, dirt in the air and mirrors make the LiDAR a finding: `python -m tests.benchmarks.benign_clouds`.
 
 Each happens in all frames of a real drive (AUDITOR_TEST_DATA), or from its middle on, in its cloud alone, as the
-cameras show little of it: rain, wet roads, dust, exhaust, multi-path at panes and puddles, the sun, other LiDARs. Of streets cars cut in before
-the vehicle, in clouds and pictures. Real drives are judged by the two others and by the prior, streets by the prior:
-printed are the frames that are raised, those that name the LiDAR, and the drives found. With --alone 4 camera S_4 and
-the LiDAR are measured.
+cameras show little of it: rain, wet roads, dust, exhaust, multi-path at panes and puddles, the sun, other LiDARs. Of
+streets cars cut in before the vehicle, in clouds and pictures. Real drives are judged by the two others and by the
+prior, streets by the prior: printed are the frames that are raised, those that name the LiDAR, and the drives found.
+With --alone 4 camera S_4 and the LiDAR are measured.
 
     python -m tests.benchmarks.benign_clouds --into FOLDER [--streets 6] [--only dust exhaust] [--alone 4]
 """
@@ -35,7 +35,7 @@ from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.scenes import Case, Scene, keep, load
 
 CUT_IN = "car cuts in"
-LASTED = ("all", "the last half")
+LASTED = ("all", "a half")
 _RAGGED = 0.2
 """Of a plume's edge, as a logarithm of its size from beam to beam."""
 _STREET_SCALE, _STREET_FRAMES = 0.5, 10

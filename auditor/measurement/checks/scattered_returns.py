@@ -92,4 +92,5 @@ def _things(from_above_m: Floats32) -> Indices:
     row, column = cell - cell.min(axis=1, keepdims=True)
     grid = np.zeros((row.max() + 1, column.max() + 1), dtype=np.uint8)
     grid[row, column] = 1
-    return np.asarray(cv2.connectedComponents(grid)[1], dtype=np.intp)[row, column]
+    numbers = np.asarray(cv2.connectedComponents(grid)[1], dtype=np.intp)
+    return np.asarray(numbers[row, column])
