@@ -51,7 +51,7 @@ class IsolatedPoints:
     together_m: float = parameter(4.0, unit="m around one of those beyond, in which a plume's lie", source=_PLUMES)
     together_share: float = parameter(0.5, unit="of those beyond that lie there: more are a plume's", source=_PLUMES)
     together_fewest: int = parameter(
-        16, unit="points there that count all the same: clean frames have up to 12", source=_PLUMES
+        16, unit="points there that count all the same: clean frames have up to 18", source=_PLUMES
     )
     together_asked: int = parameter(500, unit="points beyond that are asked", source="bounds the work; by hand")
 
