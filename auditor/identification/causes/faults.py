@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auditor.identification.causes.aerosols import of_aerosol
 from auditor.identification.causes.light_causes import ENOUGH, Seen, by_tone, of_lens
 from auditor.identification.parameters import (
     FAULT_SCALE,
@@ -159,7 +160,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    known = (*causes, *of_lens(seen or {}), *_of_aerosol(verdict))
+    known = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
     ranked = sorted(known, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
@@ -359,13 +360,6 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
     """Whether it is dirt, drops or glare of one camera's lens."""
     return hypothesis.cause in (Cause.SOILED, Cause.GLARE)
-
-
-def _of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """Dust, steam or exhaust, where the strongest of what fired is that returns scatter."""
-    strongest = max(verdict.evidence, key=lambda one: one.score, default=None)
-    scatters = strongest is not None and Check(strongest.check_name).kind.of_aerosol
-    return (FaultHypothesis(Cause.AEROSOL, LIDAR),) if scatters else ()
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
