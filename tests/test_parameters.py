@@ -73,6 +73,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (10, 9, 256, 2048),
         "nanoseconds; points and patches compared at once, to bound memory",
     ),
+    "measurement/checks/scattered_returns.py": ((3,), "the points that any plane goes through"),
     "measurement/checks/free_space_conflict.py": (
         (10, 9, 3, 5, 1e6, 0.5),
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",

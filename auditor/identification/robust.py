@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from auditor.identification.algorithm2 import FEWEST_SENSORS, sensors_where
+from auditor.identification.causes.aerosols import name_beside_aerosols
 from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
@@ -44,7 +45,7 @@ from auditor.identification.incidents.stretches import (
     thresholds_of,
     windows_of,
 )
-from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
+from auditor.identification.naming import attack_scores, sensor_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS
@@ -267,7 +268,7 @@ class _Judge:
 
     def _judged(self, places: Sequence[int]) -> list[Verdict]:
         series, system, limit = self._series, self._system, self.thresholds.limit
-        named = name_attacked(self._z[places], system, [self._unused[place] for place in places], limit)
+        named = name_beside_aerosols(self._z[places], system, [self._unused[place] for place in places], limit)
 
         def weighed(place: int, verdict: Verdict) -> Verdict:
             if place in series.repeated:

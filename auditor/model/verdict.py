@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 28
+JUDGING_VERSION = 29
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -78,6 +78,7 @@ class Cause(StrEnum):
     less detail than the others, out of focus or behind something that scatters light. EXPOSURE: a camera's
     exposure, gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not.
     DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
+    AEROSOL: it has returns that scatter as those of dust, steam and exhaust.
     """
 
     FROZEN = "frozen"
@@ -90,6 +91,7 @@ class Cause(StrEnum):
     DARK = "dark"
     GLARE = "glare"
     RAIN = "rain"
+    AEROSOL = "aerosol"
 
 
 CauseIn = tuple[Cause, int | None]

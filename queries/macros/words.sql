@@ -66,6 +66,7 @@ CREATE MACRO cause_in_words(cause, sensor) AS
         WHEN 'dark' THEN 'all cameras are dark'
         WHEN 'glare' THEN 'all cameras are dazzled'
         WHEN 'rain' THEN 'S_' || sensor || ' sees drops all around, as in rain'
+        WHEN 'aerosol' THEN 'S_' || sensor || ' has returns that scatter, as in dust, steam or exhaust'
     END;
 
 -- What else than an attack may lie behind one verdict or several, each cause once with its best score, the likeliest

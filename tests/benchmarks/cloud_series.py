@@ -30,9 +30,11 @@ from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.kinds import Drawing
 from auditor.lab.attacks.spoofing import find_object
 from auditor.measurement import FaultFeatures, use_one_thread
-from auditor.measurement.checks.free_space_conflict import OwnScans, measure_free_space_conflict
+from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.model.arrays import Floats
-from auditor.model.checks import Check, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.checks.kind import Of
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
@@ -165,8 +167,8 @@ def with_scans(statistics: Floats, points: np.ndarray | None, views: Sequence[in
     """The statistics of a frame with those of what conflicts with the last scan, (K, 3) points; None: no scan."""
     told = statistics.copy()
     for column, check in enumerate(rig_sensor_checks(rig)):
-        if check.check is Check.FREE_SPACE_CONFLICT and check.others[0] in views and points is not None:
-            told[column] = measure_free_space_conflict(points, rig, *check.others)
+        if check.check.kind.of is Of.OWN_SCANS and check.others[0] in views and points is not None:
+            told[column] = measuring(check.check)(points, rig, *check.others)
     return told
 
 

@@ -52,7 +52,7 @@ MATCHERS = ("sgbm", "psmnet")
 REAL = ("04", "0001", "0009")
 MOVED = ("conflict", "inconsistency_of_one", "inconsistency_of_two", "inconsistency")
 WIDENED = ("light_of_two",)
-BY_HAND = {"false_ranges": (-3.88, 0.65, 0.15, 1.7)}
+BY_HAND = dict.fromkeys(("false_ranges", "scattered_ranges"), (-3.88, 0.65, 0.15, 1.7))
 """The priors that are not SGBM's: of light those by which it raises clean frames."""
 SHIPS = dict(matcher_priors.OTHERS[FittedOn.PSMNET])
 STREET_FRAMES = (0, 5)

@@ -546,6 +546,19 @@ def test_a_sensor_with_a_fault_explains_only_checks_that_it_can_make_fire():
     assert weigh(CLEAN, rotated, LIMIT).kind is VerdictKind.SUSPECT
 
 
+@pytest.mark.parametrize(("by", "kind"), [(0.1, VerdictKind.SUSPECT), (-0.1, VerdictKind.ATTACKED)])
+def test_what_scatters_is_dust_where_nothing_stronger_fired(by, kind):
+    found = (
+        Evidence("scattered_returns", 0, None, None, LIMIT + 2.0 + by),
+        Evidence("false_ranges", 0, None, None, LIMIT + 2.0),
+    )
+    weighed = weigh(replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=found), (), LIMIT)
+    assert weighed.kind is kind
+    dust = kind is VerdictKind.SUSPECT
+    assert weighed.causes == ((FaultHypothesis(Cause.AEROSOL, 0),) if dust else ())
+    assert weighed.attacked == (() if dust else (0,))
+
+
 RAIN = (FaultHypothesis(Cause.RAIN, 0, 1.0),)
 
 

@@ -16,7 +16,7 @@ PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in
 OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT)
 """The checks of a camera by other cameras."""
 
-OF_PAIRS = (Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.FALSE_RANGES)
+OF_PAIRS = (Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.FALSE_RANGES, Check.SCATTERED_RANGES)
 """The checks of the LiDAR by pairs of cameras."""
 
 
@@ -45,6 +45,7 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
         (Check.ISOLATED_POINTS, 0, (4,)),
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
+        (Check.SCATTERED_RETURNS, 0, (4,)),
     }
     assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
         "and the six pairs; light of one colour or in rows, lost returns, false and rough ranges do not count"
@@ -59,6 +60,7 @@ def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
         (Check.ISOLATED_POINTS, 0, (4,)),
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
+        (Check.SCATTERED_RETURNS, 0, (4,)),
     }
 
 
@@ -71,6 +73,7 @@ def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
         (Check.ISOLATED_POINTS, 0, (4,)),
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
+        (Check.SCATTERED_RETURNS, 0, (4,)),
     }
     assert {check.nameable for check in found if check.check in CAMERA_CHECKS} == {(3, 4), (4, 3)}
 

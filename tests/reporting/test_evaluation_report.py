@@ -157,8 +157,8 @@ def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
     how = {"names": ("a.mcap",), "frames": 4}
     assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), seen=1.0, **how)).setups[0].unseen == ()
     blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), seen=0.2, **how)).setups[0].unseen
-    assert any(s.startswith("A bogus wall, 0.5 m wide, on the LiDAR was detected in") for s in blind)
-    assert any(s.startswith("Scenario 1: attacks with opaque faculas on S_0") for s in blind)
+    assert any(s.startswith("A bogus wall, 1 m wide, on the LiDAR was detected in") for s in blind)
+    assert any(s.startswith("Scenario 1: attacks with strong faculas on S_0") for s in blind)
 
 
 @pytest.mark.parametrize(("n", "lidar"), [(2, True), (3, False), (4, False)])

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auditor.identification.causes.aerosols import of_aerosol
 from auditor.identification.causes.light_causes import ENOUGH, Seen, by_tone, of_lens
 from auditor.identification.parameters import (
     FAULT_SCALE,
@@ -159,7 +160,8 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    ranked = sorted((*causes, *of_lens(seen or {})), key=lambda one: (not is_finding(one), -one.score))
+    known = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
+    ranked = sorted(known, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):

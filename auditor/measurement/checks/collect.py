@@ -125,8 +125,12 @@ class FrameChecks:
 
 
 def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, float]:
-    """The statistics of false ranges, by what pairs say of the LiDAR's ranges."""
-    return {SensorCheck(Check.FALSE_RANGES, LIDAR, them): share for them, share in false_ranges(ranges).items()}
+    """The statistics of false and of scattered ranges, by what pairs say of the LiDAR's ranges."""
+    return {
+        SensorCheck(check, LIDAR, cameras): share
+        for cameras, found in false_ranges(ranges).items()
+        for check, share in zip((Check.FALSE_RANGES, Check.SCATTERED_RANGES), found, strict=True)
+    }
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:

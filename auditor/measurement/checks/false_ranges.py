@@ -5,8 +5,8 @@ a car and of one range, is tested by itself: that all the cameras can look at is
 that are there have. Of a window that mirrors the street, or of a dark roof, cameras see something else as well; the
 rest of that surface they confirm. What they cannot look at counts a little for it too: of a plain wall only what lies
 before a pattern, at its edge, can be looked at. At such an edge a patch shows what is behind it. So what is narrower or
-lower than a patch, as a pole or the upper edge of a fence, is no cluster. Nor is what lies on no plane: in dust, steam
-and exhaust beams end at any depth, by decimetres to metres.
+lower than a patch, as a pole or the upper edge of a fence, is no cluster. What scatters, as in dust, is a check of its
+own.
 
 A delay moves all returns of a sector by the same, and hardly changes a disparity far away. Nearby the median of many
 points is far more precise than one, and the frame's other sectors show what the calibration is off by. Most of
@@ -16,11 +16,14 @@ them have to be moved: in puddles cameras see what is mirrored, in parts of a se
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log1p, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import PointVotes
 from auditor.measurement.checks.lost_returns import scanned
+from auditor.measurement.checks.scattered_returns import NUMBERS as SCATTERED_RETURNS
+from auditor.measurement.checks.scattered_returns import scatter
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
@@ -104,26 +107,53 @@ def pair_ranges(
     return PairRanges(points.place, patch, contradicted, against, _farther_m(points, view, stereo, votes.clear, source))
 
 
-def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], float]:
-    """By the cameras of some pairs, 0 to 1: how surely a cluster of points is false, or a sector is shifted.
+class RangesFound(NamedTuple):
+    """How surely, 0 to 1, a cluster of points is `false`, or a sector shifted, and a cluster that is false scatters."""
+
+    false: float
+    scattered: float
+
+
+class _Clusters(NamedTuple):
+    """(pairs, clusters) how many points each pair contradicts of those that do not scatter, and of those that do.
+
+    `against` is how much speaks for a surface that is there.
+    """
+
+    together: Floats
+    scattering: Floats
+    against: Floats
+
+
+def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], RangesFound]:
+    """What the cameras of some pairs say of clusters and sectors.
 
     One pair alone says nothing: what it mismatches looks as false.
     """
     several = [cameras for cameras in conflict_cameras([*pairs]) if len(cameras) > FEWEST_VOTERS]
     if not several:
         return {}
-    contradicted, against = _clusters([*pairs.values()])
-    found: dict[tuple[int, ...], float] = {}
+    clusters = _clusters([*pairs.values()])
+    found: dict[tuple[int, ...], RangesFound] = {}
     for cameras in several:
         some = [place for place, pair in enumerate(pairs) if set(pair) <= set(cameras)]
-        ratio = _ratio(contradicted[some].mean(axis=0), against[some].mean(axis=0))
         shift = _shift([pair.farther_m for place, pair in enumerate(pairs.values()) if place in some])
-        found[cameras] = max(ratio / (ratio + FALSE_RANGES.half_ratio), shift / (shift + FALSE_RANGES.half_m))
+        against = clusters.against[some].mean(axis=0)
+        false, scattered = (
+            _surely(lot[some].mean(axis=0), against) for lot in (clusters.together, clusters.scattering)
+        )
+        found[cameras] = RangesFound(max(false, shift / (shift + FALSE_RANGES.half_m)), scattered)
     return found
 
 
-def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
-    """(pairs, clusters) how many points around some contradicted ones each pair contradicts, and how much is against.
+def _surely(contradicted: Floats, against: Floats) -> float:
+    """The statistic, 0 to 1, of (clusters,)."""
+    ratio = _ratio(contradicted, against)
+    return ratio / (ratio + FALSE_RANGES.half_ratio)
+
+
+def _clusters(pairs: Sequence[PairRanges]) -> _Clusters:
+    """The clusters around some contradicted points.
 
     A cluster is what lies within half a car's width and height, at its range; what is against it may lie a bit above,
     or below.
@@ -151,17 +181,11 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
                 contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
     # Where no pair's share is above a clean surface's, that of several is not either.
     above = np.any(contradicted > FALSE_RANGES.clean_share * (contradicted + against), axis=0).tolist()
+    scattering = np.zeros_like(contradicted)
     for (number, cluster), shape in shapes.items():
-        if above[cluster] and _off_plane(shape) * range_m[cluster] > FALSE_RANGES.off_plane_m:
-            contradicted[number, cluster] = 0
-    return contradicted, against
-
-
-def _off_plane(place: Floats32) -> float:
-    """By how much half of the points (3, N) are off a plane through them at least, as a logarithm of their range."""
-    off = place - place.mean(axis=1, keepdims=True)
-    slope = np.linalg.lstsq(off[:2] @ off[:2].T, off[:2] @ off[2], rcond=None)[0]
-    return float(np.median(np.abs(off[2] - slope @ off[:2])))
+        if above[cluster] and scatter(shape) * range_m[cluster] > SCATTERED_RETURNS.least_m:
+            scattering[number, cluster] = contradicted[number, cluster]
+    return _Clusters(contradicted - scattering, scattering, against)
 
 
 def _ratio(contradicted: Floats, against: Floats) -> float:

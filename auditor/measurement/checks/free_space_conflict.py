@@ -11,7 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.checks.scattered_returns import scattered, share_in_view
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.parameter import BY_HAND, parameter
@@ -55,7 +55,6 @@ class FreeSpaceConflict:
     fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
     least_share: float = parameter(0.3, unit="of an object's points that had nothing near", source=_CHOSEN)
     narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source="street 43008")
-    half_points: float = parameter(40.0, unit="points at which the statistic is a half", source=BY_HAND)
 
 
 NUMBERS = FreeSpaceConflict()
@@ -170,12 +169,9 @@ class OwnScans:
         return now.points[found]
 
 
-def measure_free_space_conflict(points: Points, rig: Rig, *view: int) -> float:
-    """The statistic, 0 to 1, of those of the points (K, 3) that lie in the view of a camera; of all without one."""
-    if not len(points):
-        return 0.0
-    seen = lidar_view(PointCloud(0, points), rig, *view).returns if view else len(points)
-    return seen / (seen + NUMBERS.half_points)
+def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> float:
+    """The statistic, 0 to 1, of those of the points (K, 3) in the view of a camera that do not scatter as in dust."""
+    return share_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
 
 
 def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:

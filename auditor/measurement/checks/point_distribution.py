@@ -2,6 +2,7 @@
 
 An object, real or bogus, returns many points at one range. Drops of rain return one each, all around the sensor and
 near it: their light fades with the fourth power of range. Points spoofed at random ranges are isolated far away, too.
+So are those of dust, which lie together, within some metres.
 An attack that removes points leaves a strip without any. And a surface, the road above all, has the range between those
 of a point's neighbours: where most points of a sector do not, their echoes came at no fixed time.
 """
@@ -13,7 +14,7 @@ import numpy as np
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
-from auditor.model.arrays import Floats, Mask
+from auditor.model.arrays import Floats, Mask, Points
 from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
@@ -25,14 +26,30 @@ _BEAMS_APART = 2.0 * tau
 
 
 def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShares:
-    """The shares of isolated points, `mask` (M,), in a view, near the LiDAR and beyond; NaN under 200 points."""
+    """The shares of isolated points, `mask` (M,), in a view, near the LiDAR and beyond; NaN under 200 points.
+
+    Beyond, those of a plume do not count.
+    """
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
-    return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))
+    alone = np.count_nonzero(beyond) - _of_a_plume(view.point_m[beyond])
+    return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), alone / mask.size)
+
+
+def _of_a_plume(points: Points) -> float:
+    """How many of the isolated points (N, 3) are a plume's of dust: most of them lie together, and are many."""
+    if not len(points):
+        return 0.0
+    some = points[:: -(-len(points) // ISOLATED_POINTS.together_asked)]
+    squares = (some * some).sum(axis=1)
+    apart = squares[:, None] + squares - 2 * (some @ some.T)
+    share = float((apart < ISOLATED_POINTS.together_m**2).mean(axis=1).max())
+    together = share * len(points) - ISOLATED_POINTS.together_fewest
+    return max(together, 0.0) if share >= ISOLATED_POINTS.together_share else 0.0
 
 
 def isolated_ratio(found: IsolatedShares) -> float | None:

@@ -237,7 +237,7 @@ class IsolatedShares(NamedTuple):
     """Isolated LiDAR points in the view of k: shares of all its points, 0 to 1.
 
     `isolated_near`: of those nearer than 8 m, the lower quartile over the parts of the view. `isolated_beyond`: of
-    those 8 to 40 m away. NaN where it could not be measured.
+    those 8 to 40 m away, less a plume's. NaN where it could not be measured.
     """
 
     isolated_near: float = nan

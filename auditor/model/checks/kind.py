@@ -77,8 +77,8 @@ class Kind:
 
     `priors` are those of one other sensor, of two, and of more; of any number where there is one. `where` is the module
     that measures it, that of its own name unless told. `of_colours`: only colour cameras take part, and two tell which
-    of them it is. `of_light`: darkness makes it never fire. `opposite_of` is the check whose counts it takes, with the
-    other sign.
+    of them it is. `of_light`: darkness makes it never fire. `of_aerosol`: dust, steam or exhaust explain what it finds.
+    `opposite_of` is the check whose counts it takes, with the other sign.
     """
 
     of: Of
@@ -89,4 +89,5 @@ class Kind:
     where: str = ""
     of_colours: bool = False
     of_light: bool = False
+    of_aerosol: bool = False
     opposite_of: str = ""

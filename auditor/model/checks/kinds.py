@@ -262,6 +262,36 @@ class Check(StrEnum):
             (_SELDOM,),
         ),
     )
+    SCATTERED_RANGES = (
+        "scattered_ranges",
+        Kind(
+            Of.SEVERAL_PAIRS,
+            Words(
+                "scattered ranges",
+                "cameras contradict a cluster whose points scatter, as in dust",
+                "has points that scatter where the cameras see nothing, as in dust",
+                "the LiDAR has points that scatter where the cameras see nothing, as in dust",
+            ),
+            (PriorOf("scattered_ranges", (-3.88, 0.45, 0.15, 1.7), _RANGES),),
+            vote=Vote.MEAN,
+            where="false_ranges",
+            of_aerosol=True,
+        ),
+    )
+    SCATTERED_RETURNS = (
+        "scattered_returns",
+        Kind(
+            Of.OWN_SCANS,
+            Words(
+                "scattered returns",
+                "points scatter where its beams passed a moment ago, as in dust",
+                "has points that scatter where its beams passed a moment ago, as in dust",
+                "the LiDAR has points that scatter where its beams passed a moment ago, as in dust",
+            ),
+            (_SELDOM,),
+            of_aerosol=True,
+        ),
+    )
 
     _value_: str
     kind: Kind

@@ -46,7 +46,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     }
     assert set(frame_checks.shares) == {
         *(SensorCheck(check, 0, (3,)) for check in LIDAR_CHECKS),
-        SensorCheck(Check.FALSE_RANGES, 0, (1, 2, 3)),
+        *(SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES)),
         *(SensorCheck(Check.STRIPED_LIGHT, *pair) for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
     }
     for counted, of_grid in cells.items():

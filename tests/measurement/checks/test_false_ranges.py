@@ -16,13 +16,13 @@ from tests.making.scenes import plane_frame, plane_rig
 DEPTH_M = 18.0  # whole pixels of disparity: 10, 5
 NEAR_M = 9.0
 RIG = plane_rig()
-ALL = SensorCheck(Check.FALSE_RANGES, 0, (1, 2, 3))
+ALL, SCATTERED = (SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES))
 
 
-def said(cloud, depth_m=DEPTH_M, rig=RIG, changed=None):
+def said(cloud, depth_m=DEPTH_M, rig=RIG, changed=None, of=ALL):
     frame = plane_frame(rig, depth_m)
     images = {**frame.images, **(changed or {})}
-    return measure(replace(frame, cloud=cloud, images=images), rig, SgbmMatcher())[0].shares.get(ALL)
+    return measure(replace(frame, cloud=cloud, images=images), rig, SgbmMatcher())[0].shares.get(of)
 
 
 def plane(depth_m=DEPTH_M):
@@ -72,12 +72,13 @@ def test_points_spread_over_ranges_are_no_cluster():
 
 
 @pytest.mark.parametrize(("noise_m", "is_false"), [(0.05, True), (0.4, False)])
-def test_what_ends_at_any_depth_is_dust_and_no_cluster(noise_m, is_false):
+def test_what_ends_at_any_depth_scatters_as_dust_does_and_is_not_false(noise_m, is_false):
     chosen = np.random.default_rng(0).choice(near_the_middle(plane()), 120, replace=False)
     cloud = some_nearer(chosen)
     cloud.xyz_m[chosen] *= 1 + np.random.default_rng(1).normal(0, noise_m / NEAR_M, (120, 1)).astype(np.float32)
-    assert (said(cloud) > 0.4) is is_false
-    assert said(cloud) == pytest.approx(0, abs=0.02) or is_false
+    of = {True: ALL, False: SCATTERED}
+    assert said(cloud, of=of[is_false]) > 0.4
+    assert said(cloud, of=of[not is_false]) == pytest.approx(0, abs=0.02)
 
 
 def test_a_cluster_on_an_oblique_surface_is_false():
@@ -123,7 +124,7 @@ def test_a_whole_cloud_that_is_shifted_is_no_sector():
 def test_a_ghost_of_the_lab_is_found_by_two_pairs_or_more_and_by_none_alone():
     ghost = GhostCar(150, NEAR_M, 0.0).apply(plane(), RIG)
     measured = measure(replace(plane_frame(RIG, DEPTH_M), cloud=ghost), RIG, SgbmMatcher())[0]
-    assert {one.others for one in measured.shares if one.check is Check.FALSE_RANGES} == {(1, 2, 3)}
+    assert {one.others for one in measured.shares if one.check is ALL.check} == {(1, 2, 3)}
     assert measured.shares[ALL] > 0.2
 
 
@@ -176,7 +177,8 @@ def test_one_pair_alone_says_nothing():
 
 def told(*pairs):
     names = [(1, 3), (2, 3)][: len(pairs)]
-    return false_ranges(dict(zip(names, pairs, strict=True)))[tuple(sorted({c for name in names for c in name}))]
+    cameras = tuple(sorted({c for name in names for c in name}))
+    return false_ranges(dict(zip(names, pairs, strict=True)))[cameras].false
 
 
 def test_of_a_surface_that_cameras_confirm_in_part_nothing_is_false():

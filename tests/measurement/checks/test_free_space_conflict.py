@@ -11,6 +11,7 @@ from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement.checks.free_space_conflict import OwnScans, measure_free_space_conflict
+from auditor.measurement.checks.scattered_returns import measure_scattered_returns, scattered
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.frame import measure_stream
 from auditor.measurement.localisation.regions import localise
@@ -165,6 +166,33 @@ def test_the_statistic_grows_with_the_points_in_view_and_is_a_half_at_forty() ->
     assert measure_free_space_conflict(np.concatenate([there, behind]), drive().rig, 3) == pytest.approx(0.5)
     assert measure_free_space_conflict(behind, drive().rig, 3) == 0
     assert measure_free_space_conflict(there[:0], drive().rig, 3) == 0
+
+
+@pytest.mark.parametrize(("depth_m", "scatters"), [(0.0, False), (0.1, False), (2.0, True)])
+def test_what_ends_at_any_depth_scatters_and_is_no_conflict(depth_m: float, scatters: bool) -> None:
+    there = thing(12, 0, points=60) + np.array([0, 0, 1.0])
+    there[:, 0] += np.random.default_rng(3).uniform(-depth_m / 2, depth_m / 2, 60)
+    found = measure_free_space_conflict(there, drive().rig, 3), measure_scattered_returns(there, drive().rig, 3)
+    assert found == pytest.approx((0, 0.6) if scatters else (0.6, 0))
+
+
+def test_dust_beside_a_ghost_hides_nothing_of_it() -> None:
+    ghost, dust = (thing(12, right, points=60) + np.array([0, 0, 1.0]) for right in (-3, 3))
+    dust[:, 0] += np.random.default_rng(3).uniform(-1, 1, 60)
+    both = np.concatenate([ghost, dust])
+    assert scattered(both, drive().rig).tolist() == [False] * 60 + [True] * 60
+
+
+def test_the_side_of_a_thing_that_is_seen_from_its_corner_does_not_scatter() -> None:
+    right, up = np.random.default_rng(4).uniform(0, 1, (2, 200))
+    corner = np.column_stack([10 + 1.5 * np.abs(right - 0.5) * 2, 1.5 * (right - 0.5), up])
+    assert not scattered(corner, drive().rig).any()
+
+
+@pytest.mark.parametrize("points", [1, 3, 9])
+def test_few_points_of_one_beam_do_not_scatter(points: int) -> None:
+    beam = np.column_stack([np.full(points, 10.0), np.linspace(0, 1, points), np.zeros(points)])
+    assert not scattered(beam, drive().rig).any()
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, -0.1])

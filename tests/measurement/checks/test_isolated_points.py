@@ -62,6 +62,22 @@ def test_points_at_chance_ranges_stand_alone_beyond_as_well():
     assert beyond > near / 2 > 0
 
 
+def test_points_that_lie_together_as_those_of_dust_do_not_count():
+    chosen = np.random.default_rng(1).choice(len(PLANE.xyz_m), 150, replace=False)
+
+    def ending(nearest_m, farthest_m, some):
+        xyz = PLANE.xyz_m.copy()
+        range_m = np.random.default_rng(2).uniform(nearest_m, farthest_m, len(some))
+        xyz[some] *= (range_m / np.linalg.norm(xyz[some], axis=1)).astype(np.float32)[:, None]
+        return seen(PointCloud(0, xyz)).isolated_beyond * len(xyz)
+
+    ahead = chosen[np.abs(PLANE.xyz_m[chosen, 1]) < 4]
+    few, dust, noise = ending(9, 11, ahead[:14]), ending(9, 11, ahead), ending(9, 19, chosen)
+    assert few == pytest.approx(14, abs=2), "as many as clean frames have"
+    assert dust < 25, "of some hundred"
+    assert noise > 50
+
+
 def test_drops_in_one_part_of_the_view_are_no_rain():
     assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).isolated_near == 0
     assert seen(pulled(0.05, 1.5, 6)).isolated_near > 0.01
