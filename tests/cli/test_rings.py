@@ -19,7 +19,7 @@ RIG = replace(
     PUBLISHED_RIGS["nuscenes"].smaller(0.4),
     cameras=tuple(PUBLISHED_RIGS["nuscenes"].smaller(0.4).cameras[n] for n in (0, 3, 5)),
 )
-WALL = BogusWall(8.0, 0.0, seed=3)
+WALL = BogusWall(6.0, 0.0, seed=3)
 
 
 @pytest.fixture(scope="module")
