@@ -67,13 +67,6 @@ def test_scan_names_what_was_attacked_in_every_format(form: str, verbs: Audit, f
     assert all(text in answer.out for text in (b"wagon_spot.mcap", b"S_1"))
 
 
-@pytest.mark.parametrize(("method", "form"), [("paper", "table"), ("robust", "json")])
-def test_judge_answers_by_each_method(method: str, form: str, verbs: Audit):
-    answer = verbs("judge", "--method", method, "--format", form)
-    assert answer.code == Exit.FINDINGS
-    assert b"wagon_spot.mcap" in answer.out
-
-
 NEEDED = {"frame": {"frame": "7"}, "vehicle": {"vehicle": "van"}, "before_after": {"day": "2026-03-04"}}
 """The parameters of queries that have to be given some."""
 
@@ -84,16 +77,6 @@ def test_a_query_with_a_parameter_answers(name: str, form: str, verbs: Audit):
     answer = verbs("query", name, f"{parameter}={value}", "--format", form)
     assert answer.code == Exit.CLEAN
     assert answer.out
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_incidents_name_the_nanosecond_in_which_they_began(form: str, verbs: Audit):
-    printed = verbs("query", "incidents", "--format", form).out
-    if form == "table":
-        assert b"2011-09-27T13:02:26" in printed
-    else:
-        began = {int(row["from_ns"]) for row in rows_of(form, printed)}
-        assert any(abs(at - DAY_NS - BEGAN_NS) < 2 * PERIOD_NS for at in began)
 
 
 @pytest.mark.parametrize(
@@ -129,10 +112,6 @@ def test_the_recordings_of_a_store_are_listed(form: str, verbs: Audit):
     assert answer.code == Exit.CLEAN
     printed = answer.out if form == "table" else str(rows_of(form, answer.out)).encode()
     assert all(name in printed for name in (b"wagon_spot.mcap", b"van_wall.bag"))
-
-
-def test_a_scanned_store_is_whole(verbs: Audit):
-    assert verbs("store", "check", verbs.store, store=False).code == Exit.CLEAN
 
 
 def test_a_label_of_an_attack_made_elsewhere_counts(audited: Path, capfdbinary, tmp_path: Path):
