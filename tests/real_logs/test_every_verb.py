@@ -13,7 +13,6 @@ import pytest
 
 from auditor.cli import run
 from auditor.cli.exit_codes import Exit
-from auditor.cli.output import FORMATS
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import DAY_NS, PERIOD_NS, START_NS, record, write
 from tests.making.vehicles_of_strangers import VAN, WAGON
@@ -71,14 +70,6 @@ NEEDED = {"frame": {"frame": "7"}, "vehicle": {"vehicle": "van"}, "before_after"
 """The parameters of queries that have to be given some."""
 
 
-@pytest.mark.parametrize(("name", "form"), list(zip(NEEDED, FORMATS, strict=False)))
-def test_a_query_with_a_parameter_answers(name: str, form: str, verbs: Audit):
-    [(parameter, value)] = NEEDED[name].items()
-    answer = verbs("query", name, f"{parameter}={value}", "--format", form)
-    assert answer.code == Exit.CLEAN
-    assert answer.out
-
-
 @pytest.mark.parametrize(
     ("name", "form"), [("wagon_clean.db3", "table"), ("wagon_spot.mcap", "json"), ("van_wall.bag", "json")]
 )
@@ -86,13 +77,6 @@ def test_inspect_gives_a_whole_recording_exit_code_0(name: str, form: str, verbs
     answer = verbs("inspect", fleet / name, "--format", form, store=False)
     assert answer.code == Exit.CLEAN
     assert "/lidar_top/points" in answer.out.decode()
-
-
-def test_report_writes_pages(verbs: Audit, tmp_path: Path):
-    assert verbs("report", "--out", tmp_path / "incident.html").code == Exit.CLEAN
-    page = (tmp_path / "incident.html").read_text()
-    assert "wagon_spot.mcap" in page
-    assert "2011-09-27 13:02:26" in page
 
 
 def test_convert_writes_a_recording_that_is_judged_alike(fleet: Path, audit: Audit, tmp_path: Path):
@@ -104,23 +88,6 @@ def test_attack_writes_a_recording_in_which_the_attack_is_found(fleet: Path, aud
     attacked = tmp_path / "attacked.mcap"
     assert audit("attack", fleet / "wagon_clean.db3", attacked, "--on", "S_0", store=False).code == Exit.CLEAN
     assert audit.scan(attacked).code == Exit.FINDINGS
-
-
-@pytest.mark.parametrize("form", ["table", "parquet"])
-def test_the_recordings_of_a_store_are_listed(form: str, verbs: Audit):
-    answer = verbs("store", "list", verbs.store, "--format", form, store=False)
-    assert answer.code == Exit.CLEAN
-    printed = answer.out if form == "table" else str(rows_of(form, answer.out)).encode()
-    assert all(name in printed for name in (b"wagon_spot.mcap", b"van_wall.bag"))
-
-
-def test_a_label_of_an_attack_made_elsewhere_counts(audited: Path, capfdbinary, tmp_path: Path):
-    shutil.copytree(audited, tmp_path / "audit")
-    verbs = Audit(tmp_path / "audit", capfdbinary.readouterr)
-    rate = ("query", "identification_rate", "--format", "json")
-    assert verbs(*rate).rows == [], "without labels nothing is known to be right"
-    assert verbs("label", "wagon_spot.mcap", "--sensor", "S_1", "--attack", "laser", "--from", "3").code == Exit.CLEAN
-    assert verbs(*rate).rows
 
 
 REFUSED: dict[str, Callable[[Path], list[object]]] = {
