@@ -13,7 +13,7 @@ from auditor.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
-FRAMES = 12
+FRAMES = 10
 ATTACKED = {2: range(3, 7)}
 
 
@@ -24,7 +24,7 @@ def night(tmp_path_factory):
     clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, start_ns=START_NS - MINUTE_NS)
     drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked=ATTACKED)
     assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == 0
-    assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1"]) == 1
+    assert scan(folder / "audit", drive) == 1
     return folder
 
 
