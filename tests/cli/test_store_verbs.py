@@ -97,10 +97,11 @@ def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tm
     assert "has other data at the same stamps" in page.read_text()
 
 
-def test_every_name_and_path_of_a_content_is_kept(audit, night, tmp_path, capfd):
+def test_every_name_and_path_of_a_content_is_kept_and_it_has_one_incident(audit, night, tmp_path, capfd):
     renamed = shutil.copy(night / "drive.mcap", tmp_path / "renamed.mcap")
     for _ in range(2):
         assert scan(audit, renamed) == 1
+    assert len(incidents(capfd, audit)) == 1
     row = listed(capfd, audit)["drive.mcap"]
     assert row["other_names"] == ["renamed.mcap"]
     assert row["paths"] == [str(night / "drive.mcap"), str(renamed)]
