@@ -1,6 +1,5 @@
 """Bad input ends in one clear line and the right exit code, and spoils nothing else."""
 
-import json
 import os
 import shutil
 import signal
@@ -67,25 +66,6 @@ def test_what_is_no_recording_is_named_and_the_others_go_on(
     assert ";" in line, "it says what to do"
     assert scan(store, bad, clean) == 3
     assert "clean.mcap" in capfd.readouterr().out
-
-
-def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(store: Path, tmp_path: Path, capfd) -> None:
-    cut = tmp_path / "cut.mcap"
-    calibrated, whole = (
-        write_drive(tmp_path / f"whole{day}.mcap", count, positions_m=THREE_CAMERAS, start_ns=START_NS + day * DAY_NS)
-        for day, count in ((1, 10), (2, 20))
-    )
-    assert run(["calibrate", str(calibrated), "--store", str(store)]) == 0
-    content = whole.read_bytes()
-    cut.write_bytes(content[: len(content) * 7 // 10])
-    assert scan(store, cut) == 3
-    shown = capfd.readouterr()
-    assert "cut.mcap: damaged" in shown.err
-    capfd.readouterr()
-    assert run(["query", "summary", "--store", str(store), "--format", "json"]) == 0
-    [row] = [row for row in json.loads(capfd.readouterr().out) if row["name"] == "cut.mcap"]
-    assert 7 <= row["measured"] < 17
-    assert row["clean"] + row["attacked"] + row["unidentified"] == row["measured"]
 
 
 def test_a_recording_without_three_overlapping_sensors_says_what_is_missing(store: Path, tmp_path: Path, capfd) -> None:
@@ -272,7 +252,7 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / "signalled.py").write_text(SIGNALLED)
-    drive = {"count": 8, "positions_m": THREE_CAMERAS}
+    drive = {"count": 4, "positions_m": THREE_CAMERAS}
     long = [str(write_drive(tmp_path / f"long{day}.mcap", **drive, start_ns=START_NS + day * DAY_NS)) for day in (1, 2)]
     scanning = ["scan", *long, "--pictures", "none", "--store", str(store), "--jobs", jobs]
     signalled = [sys.executable, str(tmp_path / "signalled.py"), str(store / "frames"), str(int(sent)), *scanning]
@@ -288,7 +268,7 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     capfd.readouterr()
     again, errors = run(scanning), capfd.readouterr().err
     assert again in (0, 1), errors
-    assert "8 frames" in errors
+    assert "4 frames" in errors
 
 
 def _lives(session: int) -> bool:

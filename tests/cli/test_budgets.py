@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -88,12 +86,13 @@ def test_a_function_within_limits_gives_its_result_and_its_error(drive: Path) ->
 
 
 @pytest.mark.parametrize("placing", MANY)
-def test_very_many_cameras_take_little_memory_and_those_left_out_are_named(tmp_path: Path, placing: Placing) -> None:
+def test_very_many_cameras_take_little_memory_and_those_left_out_are_named(
+    tmp_path: Path, placing: Placing, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = write_many_cameras(tmp_path / "many.mcap", MANY[placing], placing, frames=2)
     inspect = ["inspect", str(path), "--format", "json", "--memory-limit", str(MOST_MB)]
-    done = subprocess.run([sys.executable, "-m", "auditor", *inspect], capture_output=True, text=True, check=False)
-    assert done.returncode == 3, "those that are left out are not audited"
-    [described] = json.loads(done.stdout)
+    assert run(inspect) == 3, "those that are left out are not audited"
+    [described] = json.loads(capfd.readouterr().out)
     compared = {sensor["name"] for rig in described["rigs"] for sensor in rig["sensors"]}
     named = " ".join(described["left_out"])
     assert all(f"cam{number:03}" in compared or f"cam{number:03}" in named for number in range(MANY[placing]))

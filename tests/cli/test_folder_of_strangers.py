@@ -21,6 +21,7 @@ from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_dri
 AUDITOR = Path(sys.executable).with_name("auditor")
 
 STORE, OWN = ["--store", "audit"], ["--store", "own"]
+SHORT_TRAINING = ["--steps", "1", "--frames", "1", "--batch", "1", "--width", "2", "--max-disparity", "64"]
 COMMANDS: dict[str, list[str]] = {
     "demo": ["made", "--jobs", "1"],
     "inspect": ["drive.mcap"],
@@ -44,7 +45,7 @@ COMMANDS: dict[str, list[str]] = {
     "store": ["check", "audit"],
     "verify": ["audit"],
     "weights": ["inspect", "drive.mcap"],
-    "train-matcher": ["drive.mcap", "--validate", "other.mcap", "--out", "network", "--steps", "1", "--frames", "1"],
+    "train-matcher": ["drive.mcap", "--validate", "other.mcap", "--out", "network", *SHORT_TRAINING],
 }
 """Each verb with what makes it start its child processes, where it has any."""
 

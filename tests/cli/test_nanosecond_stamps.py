@@ -73,13 +73,6 @@ def test_a_moment_of_ones_own_sql_is_printed(form, folder, capfdbinary):
     assert b"2011-09-26T13:02:25.964389445Z" in printed
 
 
-@pytest.mark.parametrize("method", ["robust", "paper"])
-def test_judging_again_ends_in_the_code_of_findings(method, folder, capfd):
-    r = {"robust": "1%", "paper": "0"}[method]
-    assert run(["judge", str(folder / "audit"), "-r", r, "--method", method]) == 1
-    assert "Incidents" in capfd.readouterr().out
-
-
 def test_the_report_tells_the_moment(folder, tmp_path):
     page = tmp_path / "page.html"
     assert run(["report", "--store", str(folder / "audit"), "--out", str(page)]) == 0

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -19,11 +20,18 @@ from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
 from auditor.store import Store, run_sql  # noqa: E402
+from tests.making.preloaded import network_preloaded  # noqa: E402
 from tests.making.psmnet_networks import ruled_state  # noqa: E402
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive  # noqa: E402
 
 SMALL = (192, 64)
 """What a network takes for a picture grows with its size."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _preloaded() -> Iterator[None]:
+    with network_preloaded():
+        yield
 
 
 @pytest.fixture(autouse=True)

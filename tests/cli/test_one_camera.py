@@ -107,13 +107,6 @@ def test_one_camera_can_be_calibrated_and_judged_by_it(
     assert {row["attacked"] is None or row["attacked"] == [] for row in ask(tmp_path, "SELECT attacked FROM verdicts")}
 
 
-def test_evaluations_of_one_camera_are_refused(
-    recordings: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["evaluate", str(recordings["clean"]), "--store", str(tmp_path / "audit")]) in (2, 3)
-    assert "no triple possible: the rig has 1 camera and a LiDAR" in capfd.readouterr().err
-
-
 def test_a_ring_whose_vehicle_stands_is_a_rig_a_camera_and_never_clean(
     real_data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -84,12 +84,6 @@ def test_a_clean_drive_is_audited_all_around_once_it_moves(recordings: dict[str,
     assert len(kinds) == 3
 
 
-def test_a_ring_whose_vehicle_stands_is_never_clean(recordings: dict[str, Path], tmp_path: Path) -> None:
-    code, kinds = verdicts(recordings["standing"], tmp_path)
-    assert code == 3
-    assert {kind for each in kinds.values() for kind in each} == {"not_auditable"}
-
-
 def test_inspect_draws_the_ring(recordings: dict[str, Path], tmp_path: Path) -> None:
     picture = tmp_path / "ring.svg"
     assert run(["inspect", str(recordings["standing"]), "--picture", str(picture)]) == 3

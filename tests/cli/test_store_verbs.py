@@ -13,7 +13,7 @@ from auditor.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9
-FRAMES = 12
+FRAMES = 10
 ATTACKED = {2: range(3, 7)}
 
 
@@ -24,7 +24,7 @@ def night(tmp_path_factory):
     clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, start_ns=START_NS - MINUTE_NS)
     drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=THREE_CAMERAS, attacked=ATTACKED)
     assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == 0
-    assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1"]) == 1
+    assert scan(folder / "audit", drive) == 1
     return folder
 
 
@@ -97,10 +97,11 @@ def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tm
     assert "has other data at the same stamps" in page.read_text()
 
 
-def test_every_name_and_path_of_a_content_is_kept(audit, night, tmp_path, capfd):
+def test_every_name_and_path_of_a_content_is_kept_and_it_has_one_incident(audit, night, tmp_path, capfd):
     renamed = shutil.copy(night / "drive.mcap", tmp_path / "renamed.mcap")
     for _ in range(2):
         assert scan(audit, renamed) == 1
+    assert len(incidents(capfd, audit)) == 1
     row = listed(capfd, audit)["drive.mcap"]
     assert row["other_names"] == ["renamed.mcap"]
     assert row["paths"] == [str(night / "drive.mcap"), str(renamed)]

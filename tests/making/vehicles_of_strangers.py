@@ -64,7 +64,7 @@ class Vehicle:
 
 WAGON = Vehicle(
     "wagon",
-    {"right": 4, "inner_right": 3, "inner_left": 2, "left": 0},
+    {"right": 4, "inner_left": 2, "left": 0},
     unit_m=0.15,
     focal_px=300.0,
     size_px=(320, 120),

@@ -23,7 +23,7 @@ from tests.making.logs_of_strangers import (
     write,
 )
 from tests.making.vehicles_of_strangers import VAN, WAGON, Vehicle
-from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL
+from tests.making.ways_to_hide import MOMENTS, SEED, SPOT
 
 FOUND = {Exit.FINDINGS, Exit.FINDINGS_INCOMPLETE}
 NOTHING_FOUND = {Exit.CLEAN, Exit.INCOMPLETE}
@@ -46,27 +46,10 @@ def clean_and_attacked(vehicle: Vehicle) -> tuple[Log, Log]:
     return a_log(vehicle), a_log(vehicle, SPOT, START_NS + DAY_NS)
 
 
-@pytest.mark.parametrize(
-    ("container", "vehicle"), [(".mcap", WAGON), (".bag", VAN), (".db3", WAGON)], ids=["mcap", "bag", "db3"]
-)
-def test_what_was_recorded_in_each_container_is_clean_or_attacked(
-    container: str, vehicle: Vehicle, audit: Audit, tmp_path: Path
-):
-    clean, attacked = (
-        write(tmp_path / f"log_{number}{container}", log) for number, log in enumerate(clean_and_attacked(vehicle))
-    )
-    assert audit.scan(clean).code == Exit.CLEAN
-    assert audit.scan(attacked).code == Exit.FINDINGS
-    rows = summary(audit)
-    assert (rows[clean.name]["clean"], rows[attacked.name]["clean"]) == (MOMENTS, SPOT.moments.start)
-    assert rows[attacked.name]["attacked_sensors"] == [1]
-
-
 # Sub-rigs
 
 WITHOUT = {
     "the leftmost camera": (WAGON, ("left",)),
-    "a camera and the LiDAR": (WAGON, ("inner_left", "lidar")),
     "the LiDAR of the van": (VAN, ("lidar",)),
 }
 
@@ -90,22 +73,6 @@ def test_who_unplugs_a_sensor_is_judged_by_those_that_remain(which: str, audit: 
     assert (rows[clean.name]["clean"], rows[attacked.name]["clean"]) == (MOMENTS, SPOT.moments.start)
 
 
-def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_alone(audit: Audit, new_audit: Audit, tmp_path: Path):
-    vehicle, missing = WITHOUT["a camera and the LiDAR"]
-    clean = [
-        write(
-            tmp_path / f"clean_{seed}.mcap",
-            reduced(record(vehicle, range(MOMENTS), seed=seed, start_ns=START_NS - day * DAY_NS), vehicle, missing),
-        )
-        for day, seed in ((1, 11), (2, 14))
-    ]
-    assert new_audit("calibrate", *clean).code == Exit.CLEAN
-    log = write(tmp_path / "log.mcap", reduced(a_log(vehicle, SPOT), vehicle, missing))
-    assert new_audit.scan(log).code in FOUND
-    assert audit.scan(log).code in FOUND
-    assert audit.ask(VERDICTS) == new_audit.ask(VERDICTS)
-
-
 # Split drives
 
 
@@ -125,29 +92,6 @@ def test_a_split_drive_is_audited_as_the_whole(audits: Audits, tmp_path: Path):
     split = [write(tmp_path / f"drive_{number}.bag", part) for number, part in enumerate(parts(log, 2, 5))]
     assert of_parts.scan(*split).code == Exit.FINDINGS
     assert of_parts.ask(VERDICTS) == of_whole.ask(VERDICTS)
-
-
-def test_a_split_drive_equals_its_folder(audits: Audits, tmp_path: Path):
-    of_folder, of_files, of_both = audits("folder's"), audits("files'"), audits("both's")
-    folder = tmp_path / "drive"
-    folder.mkdir()
-    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    split = [write(folder / f"drive_{number}.mcap", part) for number, part in enumerate(parts(a_log(attack=SPOT), 4))]
-    assert of_folder.scan(folder).code == Exit.FINDINGS
-    assert of_files.scan(*split).code == Exit.FINDINGS
-    assert len(of_files.ask(VERDICTS)) == MOMENTS
-    assert of_files.ask(VERDICTS) == of_folder.ask(VERDICTS)
-    assert of_both.scan(folder).code == Exit.FINDINGS
-    assert of_both.scan(*split).code in FOUND
-    assert len(of_both("query", "incidents", "--format", "json").rows) == 1, "what came twice is counted once"
-
-
-def test_cameras_and_lidar_in_two_files_of_one_drive(audit: Audit, tmp_path: Path):
-    log = a_log(attack=WALL)
-    clouds = [sent for sent in log if isinstance(sent.body, Cloud)]
-    cameras = write(tmp_path / "drive_cameras.mcap", [sent for sent in log if sent not in clouds])
-    lidar = write(tmp_path / "drive_lidar.mcap", clouds)
-    assert audit.scan(cameras, lidar, how=("--drive", "one")).code in FOUND
 
 
 # Odd stamps

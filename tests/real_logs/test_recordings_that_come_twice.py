@@ -32,27 +32,9 @@ def audit_of_log(scanned: Path, tmp_path: Path, capfdbinary: pytest.CaptureFixtu
     return Audit(shutil.copytree(scanned / "audit", tmp_path / "audit"), capfdbinary.readouterr)
 
 
-def test_a_cleaned_twin_with_equal_stamps_does_not_take_the_place_of_the_attacked_one(
-    audit_of_log: Audit, tmp_path: Path
-):
-    twin = write(tmp_path / "log.mcap", record(WAGON, range(MOMENTS), seed=SEED))
-    assert audit_of_log.scan(twin).code in {Exit.INCOMPLETE, Exit.FINDINGS_INCOMPLETE}
-    assert len(audit_of_log(*INCIDENTS).rows) == 1, "the attack that was found stays"
-
-
 def test_an_attacked_twin_of_a_clean_recording_is_found(audit: Audit, tmp_path: Path):
     assert audit.scan(write(tmp_path / "clean.mcap", record(WAGON, range(MOMENTS), seed=SEED))).code == Exit.CLEAN
     assert audit.scan(write(tmp_path / "log.mcap", ATTACKED)).code in {Exit.FINDINGS, Exit.FINDINGS_INCOMPLETE}
-
-
-def test_a_copy_under_another_name_gives_one_incident_and_both_names_are_kept(
-    audit_of_log: Audit, scanned: Path, tmp_path: Path
-):
-    copy = shutil.copy(scanned / "log.mcap", tmp_path / "copy.mcap")
-    assert audit_of_log.scan(copy).code == Exit.FINDINGS
-    assert len(audit_of_log(*INCIDENTS).rows) == 1
-    names = str(audit_of_log.ask("FROM recordings")).replace("'", " ").replace("/", " ").split()
-    assert {"log.mcap", "copy.mcap"} <= set(names)
 
 
 def test_a_cut_copy_of_an_attacked_recording_does_not_hide_it(audit_of_log: Audit, tmp_path: Path):

@@ -55,12 +55,20 @@ def write_kitti(folder: Path) -> Path:
     return drive
 
 
-@pytest.fixture(params=[*WRITERS, "kitti"])
-def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """A recording of each format."""
+@pytest.fixture(scope="module", params=[*WRITERS, "kitti"])
+def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of each format, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("written")
     if request.param == "kitti":
-        return write_kitti(tmp_path)
-    return WRITERS[request.param].write(tmp_path, RIG, FRAMES, "raw")
+        return write_kitti(folder)
+    return WRITERS[request.param].write(folder, RIG, FRAMES, "raw")
+
+
+@pytest.fixture
+def path(written: Path, tmp_path: Path) -> Path:
+    """A copy of it that a test may change."""
+    folder = next(parent for parent in written.parents if parent.name.startswith("written"))
+    return shutil.copytree(folder, tmp_path / "copy") / written.relative_to(folder)
 
 
 def rename_over(file: Path) -> None:

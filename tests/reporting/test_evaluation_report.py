@@ -20,7 +20,7 @@ from tests.making.stores import make_rig, new_store
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     rig = make_rig(4, name=HOSTILE)
-    return evaluated(tmp_path_factory.mktemp("evaluated"), rig, names=(HOSTILE, "b.mcap"), attacked=4)
+    return evaluated(tmp_path_factory.mktemp("evaluated"), rig, names=(HOSTILE, "b.mcap"), attacked=2)
 
 
 @pytest.fixture(scope="module")

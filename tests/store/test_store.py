@@ -453,7 +453,7 @@ sys.path.insert(0, sys.argv[1])
 from auditor.store import store, tables
 from tests.making.stores import *
 tables.ROW_GROUP_BATCHES = 4
-point, rows = sys.argv[3], 2_000
+point, rows = sys.argv[3], 1_000
 die = lambda: os.kill(os.getpid(), signal.SIGKILL)
 
 def frames(rig):
@@ -488,7 +488,7 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     undisturbed = run_killed(tmp_path / "undisturbed", "never")
     assert undisturbed.returncode == 0, undisturbed.stderr
     killed = tmp_path / "killed"
-    for point in ("frame 1800", "before judgements"):
+    for point in ("frame 900", "before judgements"):
         assert run_killed(killed, point).returncode == -signal.SIGKILL, point
         store = Store.open(killed / "audit")
         assert run_query(store, "summary").num_rows == (1 if store.ids("recordings") else 0)

@@ -54,13 +54,6 @@ def test_a_resumed_training_ends_with_every_bit_of_an_undisturbed_one(tmp_path: 
     assert all(torch.equal(whole_state[n]["exp_avg_sq"], part_state[n]["exp_avg_sq"]) for n in whole_state)
 
 
-def test_a_training_that_is_cut_off_goes_on_from_its_last_row(tmp_path: Path) -> None:
-    run = train(SAMPLES, UNSEEN, TOY, tmp_path)
-    assert next(run).step == 2
-    run.close()
-    assert [row.step for row in train(SAMPLES, UNSEEN, TOY, tmp_path, resume=True)] == [4]
-
-
 def test_a_training_that_is_over_may_be_given_more_steps(tmp_path: Path) -> None:
     list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=2), tmp_path))
     assert [row.step for row in train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=3), tmp_path, resume=True)] == [3]

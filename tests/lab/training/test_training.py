@@ -1,7 +1,7 @@
 """From recordings and streets to a network: what is known of a sample is true, and a killed training goes on."""
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +25,7 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
+from tests.making.preloaded import network_preloaded
 from tests.making.scenes import FOCAL, moved, plane_frame, plane_rig
 from tests.making.small_drives import drive_frames, write_drive
 
@@ -124,6 +125,13 @@ def test_validation_sources_are_not_trained_on(drives: tuple[Path, Path], tmp_pa
     assert both.known != training_set(made[1:], made[:1]).known
 
 
+@pytest.fixture
+def _preloaded() -> Iterator[None]:
+    with network_preloaded():
+        yield
+
+
+@pytest.mark.usefixtures("_preloaded")
 def test_a_killed_training_goes_on_and_ends_in_weights_with_all_their_settings(
     drives: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
