@@ -185,7 +185,8 @@ def _enough(voters: WindowMeans, alike: Flags | None) -> Mask:
 
 def _largest(said: NDArray[np.floating], enough: Mask) -> float | None:
     """The largest of (rows, columns) where enough voters compared a window; 0 at least."""
-    return max(float(said[enough].max()), 0.0) if enough.any() else None
+    largest = float(np.where(enough, said, -inf).max(initial=-inf))
+    return max(largest, 0.0) if largest > -inf else None
 
 
 def _count(voters: WindowMeans) -> Integers:
@@ -199,8 +200,8 @@ def fitted(window: Window, sums: Integers) -> Window:
     the sky nor an attacked part of the view moves it much. It is never larger than that of `window`, and the fewest
     points shrink with it.
     """
-    held = sums[sums > 0]
-    dense = float(np.quantile(held, WINDOWED_MEAN.dense_quantile)) if held.size else 0.0
+    held = np.sort(sums[sums > 0])
+    dense = quantile_of(held, WINDOWED_MEAN.dense_quantile) if held.size else 0.0
     pseudo_count = max(round(WINDOWED_MEAN.share_of_dense * dense), WINDOWED_MEAN.smallest_pseudo_count)
     pseudo_count = min(pseudo_count, window.pseudo_count)
     return replace(window, pseudo_count=pseudo_count, fewest=window.fewest * pseudo_count // window.pseudo_count)

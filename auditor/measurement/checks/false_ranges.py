@@ -134,7 +134,7 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
     across, down = (np.float32(size) / range_m for size in FALSE_RANGES.half_size_m)
     over = np.float32(FALSE_RANGES.over_m) / range_m
     contradicted, against = np.zeros((2, len(pairs), middles.shape[1]))
-    shapes: dict[tuple[int, int], Floats32] = {}
+    surfaces: dict[tuple[int, int], tuple[slice, Mask]] = {}
     for number, pair in enumerate(pairs):
         first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across, across))
         for cluster, (_, down_at, far) in enumerate(middles.T):
@@ -145,16 +145,21 @@ def _clusters(pairs: Sequence[PairRanges]) -> tuple[Floats, Floats]:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            shape = pair.place[:, some][:, surface]
-            extent = shape[:2].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
-            if extent.min() > pair.patch:
-                contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
+            contradicted[number, cluster], surfaces[number, cluster] = np.count_nonzero(surface), (some, surface)
     # Where no pair's share is above a clean surface's, that of several is not either.
     above = np.any(contradicted > FALSE_RANGES.clean_share * (contradicted + against), axis=0).tolist()
-    for (number, cluster), shape in shapes.items():
-        if above[cluster] and _off_plane(shape) * range_m[cluster] > FALSE_RANGES.off_plane_m:
+    for (number, cluster), (some, surface) in surfaces.items():
+        pair = pairs[number]
+        if above[cluster] and not _is_surface(pair.place[:, some][:, surface], pair.patch, range_m[cluster]):
             contradicted[number, cluster] = 0
     return contradicted, against
+
+
+def _is_surface(place: Floats32, patch: float, range_m: float) -> bool:
+    """Whether points (3, N) at a range are wider and higher than a patch, and lie on a plane."""
+    if not place.size or place[:2].std(axis=1).min() * _EVENLY <= patch:
+        return False
+    return _off_plane(place) * range_m <= FALSE_RANGES.off_plane_m
 
 
 def _off_plane(place: Floats32) -> float:

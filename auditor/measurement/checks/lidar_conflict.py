@@ -84,7 +84,7 @@ def verify_conflicts(
     clear &= (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
     conflicting, nearer = _Candidates.of(valid & over), _Candidates.of(clear & over & (d0 > ds))
     # Most candidates are those of both questions.
-    every = np.union1d(conflicting.sample, nearer.sample)
+    every = np.flatnonzero(np.bincount(np.concatenate([conflicting.sample, nearer.sample])))
     ncc_lidar = ncc_at(*half_res, view.row[every] // HALF, view.column[every] // HALF, d0[every] / np.float32(HALF))
 
     def confirmed(candidates: _Candidates, clearly_less: float) -> Mask:

@@ -29,7 +29,8 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
-    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
+    middle = view.row[(view.row.size - 1) // 2 : view.row.size // 2 + 1].mean()  # the median: points lie row by row
+    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > middle)
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
     return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))

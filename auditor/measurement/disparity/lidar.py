@@ -136,8 +136,8 @@ def rounding_step_m(point_m: Points) -> float:
     It is a millimetre or less where they were not rounded, for a scan has thousands of points.
     """
     steps = np.diff(np.sort(point_m.T.copy()))
-    steps = steps[steps > 0]
-    return float(steps.min()) if steps.size else 0.0
+    least = float(np.where(steps > 0, steps, np.inf).min(initial=np.inf))
+    return least if least < np.inf else 0.0
 
 
 def bulk_of(values: Floats32) -> tuple[float, float]:

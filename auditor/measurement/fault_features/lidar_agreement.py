@@ -18,13 +18,17 @@ from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE,
 from auditor.model.arrays import Floats32
 from auditor.model.checks import Agreement
 
+BORDER = max(LIDAR_AGREEMENT.shifts_px) // HALF
+"""By how many half-resolution pixels points are moved at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class LidarComparison:
     """The comparable data of the LiDAR and a camera pair in one view of one frame.
 
-    `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's images are not
-    consistent. `row`, `column` and `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
+    `sure_px`: DM_{j,k} (h, w) at half resolution, in full-resolution pixels, NaN where the pair's images are not
+    consistent, and in a border of BORDER pixels around it: points may be moved out of the view. `row`, `column` and
+    `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
     """
 
     sure_px: Floats32
@@ -40,12 +44,10 @@ class LidarComparison:
         every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
         d0 = view.disparity_px(source)[every]
         near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
-        return cls(
-            np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),
-            view.row[every][near],
-            view.column[every][near],
-            d0[near],
-        )
+        height, width = sure.shape
+        sure_px = np.full((height + 2 * BORDER, width + 2 * BORDER), np.nan, dtype=np.float32)
+        np.copyto(sure_px[BORDER:-BORDER, BORDER:-BORDER], stereo.disparity_px[::step, ::step], where=sure)
+        return cls(sure_px, view.row[every][near], view.column[every][near], d0[near])
 
 
 def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement:
@@ -87,11 +89,8 @@ def _moved_little(now: LidarComparison, unmoved: Floats32, moved: Floats32, righ
 
 def differences(points: LidarComparison, sure_px: Floats32, right: int = 0, down: int = 0) -> Floats32:
     """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
-    height, width = sure_px.shape
-    row, column = (points.row + down) // HALF, (points.column + right) // HALF
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    ds = sure_px.take(np.where(inside, row * width + column, 0))
-    return np.where(inside, ds - points.d0_px, np.float32(np.nan))
+    row, column = (points.row + down) // HALF + BORDER, (points.column + right) // HALF + BORDER
+    return np.asarray(sure_px.take(row * sure_px.shape[1] + column) - points.d0_px)
 
 
 def _agreeing(difference: Floats32) -> float:
