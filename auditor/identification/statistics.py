@@ -185,8 +185,7 @@ def _enough(voters: WindowMeans, alike: Flags | None) -> Mask:
 
 def _largest(said: NDArray[np.floating], enough: Mask) -> float | None:
     """The largest of (rows, columns) where enough voters compared a window; 0 at least."""
-    largest = float(np.where(enough, said, -inf).max(initial=-inf))
-    return max(largest, 0.0) if largest > -inf else None
+    return max(float(said[enough].max()), 0.0) if enough.any() else None
 
 
 def _count(voters: WindowMeans) -> Integers:

@@ -145,10 +145,10 @@ def sums_of_pair(places: PairPlaces, valid: Mask, amounts: Sequence[Mask | Float
 
     Amounts are zero where pixels are not valid.
     """
-    grid, within = places.grid, valid.ravel()
+    grid, within = places.grid, np.flatnonzero(valid)
     counted = (
-        _summed(places.source[within], grid),
-        _block_counts(valid) if grid.of_view else _summed(grid.place[within], grid),
+        _summed(places.source.take(within), grid),
+        _block_counts(valid) if grid.of_view else _summed(grid.place.take(within), grid),
     )
     some = [np.flatnonzero(amount if amount.dtype == np.bool_ else amount != 0) for amount in amounts]
     return [_sums(places, its, amount, steps, counted) for its, amount in zip(some, amounts, strict=True)]
@@ -158,8 +158,8 @@ def sums_of_some(
     places: PairPlaces, some: Indices, valid: Mask, amounts: Sequence[Mask | Floats32], steps: int = 1
 ) -> list[PairSums]:
     """What some (M,) of the half-resolution pixels, numbered row by row, add to `sums_of_pair`."""
-    within = some[valid.ravel()[some]]
-    source, reference = (_summed(place[within], places.grid) for place in (places.source, places.grid.place))
+    within = some[valid.take(some)]
+    source, reference = (_summed(place.take(within), places.grid) for place in (places.source, places.grid.place))
     return [_sums(places, some, amount, steps, (source, reference)) for amount in amounts]
 
 
@@ -171,8 +171,8 @@ def _sums(
     counted: tuple[NDArray[np.number], NDArray[np.number]],
 ) -> PairSums:
     """What is counted in the source's image and in the reference's, and the sums of some pixels' amounts (h, w)."""
-    weight = np.asarray(amount.ravel()[some] * np.float32(steps), dtype=np.float32)
-    source, reference = (_summed(place[some], places.grid, weight) for place in (places.source, places.grid.place))
+    weight = np.asarray(amount.take(some) * np.float32(steps), dtype=np.float32)
+    source, reference = (_summed(place.take(some), places.grid, weight) for place in (places.source, places.grid.place))
     return PairSums(_Sums(counted[0], source), _Sums(counted[1], reference), places.grid)
 
 

@@ -81,7 +81,7 @@ def directed_points(view: LidarView, road_m: float) -> DirectedPoints:
     down = np.arctan2(y[upright], np.hypot(x[upright], z[upright]))
     nearest, farthest = FALSE_RANGES.sector_ranges_m
     near = np.flatnonzero((view.range_m > nearest) & (view.range_m < farthest))
-    strip = np.floor(right[near] / np.float32(FALSE_RANGES.strip)).astype(np.intp) + _STRIPS // 2
+    strip = np.floor(right[near] / np.float32(FALSE_RANGES.strip)).astype(np.int16) + _STRIPS // 2
     order = np.argsort(strip, kind="stable")
     return DirectedPoints(
         upright, np.stack([right[upright], down, np.log(view.range_m[upright])]), near[order], strip[order]
@@ -191,7 +191,7 @@ def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear
     farthest_m = sqrt(focal_times_baseline * FALSE_RANGES.most_of_a_pixel_m)
     seen = clear[points.near] & (view.range_m[points.near] < farthest_m)
     near, strip = points.near[seen], points.strip[seen]
-    ds = stereo.disparity_px[view.row[near] // stereo.step, view.column[near] // stereo.step]
+    ds = stereo.disparity_px.take(view.place(stereo.step, stereo.disparity_px.shape[1])[near])
     farther = focal_times_baseline / view.disparity_px(source)[near] - focal_times_baseline / np.maximum(ds, 1)
     same = np.abs(farther) < FALSE_RANGES.most_m
     farther, bounds = farther[same], np.searchsorted(strip[same], np.arange(_STRIPS + 1))

@@ -87,8 +87,7 @@ class _Surfaces:
 
 def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
-    points = view.in_rig_axes_m
-    ahead_m = np.hypot(points[0], points[2])
+    points, ahead_m = view.in_rig_axes_m, view.level_m
     place = _places(points, ahead_m)
     inside = place >= 0
     range_m = np.sqrt(ahead_m * ahead_m + points[1] * points[1])

@@ -110,7 +110,7 @@ def is_thinned(view: LidarView) -> bool:
     So do those of a cloud of which only some points were recorded. Most LiDARs' own steps are half of that at most.
     """
     x, y, z = view.in_rig_axes_m
-    beam = np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
+    beam = np.floor(np.arctan2(y, view.level_m) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
     steps = steps[steps < _BEAMS_APART - tau]
     return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
@@ -158,7 +158,7 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     share = (u[here] - u[before])[between] / span[between]
     expected = range_m[before][between] * (1 - share) + range_m[after][between] * share
     differs = np.abs(range_m[here][between] - expected)
-    strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.intp)
+    strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.int16)  # sorted fast: few bits
     order = np.argsort(strip, kind="stable")
     bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
     count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]

@@ -8,6 +8,7 @@ images are consistent are used.
 from dataclasses import dataclass
 from math import nan
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +47,8 @@ class LidarComparison:
         near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
         height, width = sure.shape
         sure_px = np.full((height + 2 * BORDER, width + 2 * BORDER), np.nan, dtype=np.float32)
-        np.copyto(sure_px[BORDER:-BORDER, BORDER:-BORDER], stereo.disparity_px[::step, ::step], where=sure)
+        inner = sure_px[BORDER:-BORDER, BORDER:-BORDER]
+        cv2.copyTo(stereo.disparity_px[::step, ::step], sure.view(np.uint8), inner)  # far faster than `np.where`
         return cls(sure_px, view.row[every][near], view.column[every][near], d0[near])
 
 
