@@ -166,7 +166,7 @@ def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int
     dense = np.zeros((bottom + 1 - top, camera.width_px), dtype=np.float32)
     dense.ravel()[pixel] = disparity
     nearest = np.asarray(cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8)))
-    return np.asarray(nearest.ravel()[pixel] - disparity <= LIDAR_PROJECTION.nearer_by_px)
+    return np.asarray(nearest.take(pixel) - disparity <= LIDAR_PROJECTION.nearer_by_px)
 
 
 def _projection(rig: Rig, camera: Camera) -> Floats32:
@@ -203,7 +203,7 @@ def visible_to_source(view: LidarView, rig: Rig, source: int, d0_px: Floats32) -
     nearest = np.asarray(
         cv2.dilate(nearest, np.ones(LIDAR_PROJECTION.source_window_px, dtype=np.uint8)), dtype=np.float32
     )
-    return np.asarray(inside & (nearest.ravel()[place] - nearness <= LIDAR_PROJECTION.nearer_by_px))
+    return np.asarray(inside & (nearest.take(place) - nearness <= LIDAR_PROJECTION.nearer_by_px))
 
 
 class RangeMask(NamedTuple):
