@@ -23,7 +23,6 @@ CELL_PX = COUNT_GRID.cell_px
 
 _HALF_SIDE = CELL_PX // 2
 _MOST = 127
-_RADIANS = COUNT_GRID.lidar_cell
 _ROWS, _COLUMNS = COUNT_GRID.lidar_cells
 
 
@@ -107,17 +106,6 @@ class PairSums:
     def cells(self) -> PairCells:
         """The sums as they are kept."""
         return PairCells(self.source.cells(self.grid), self.reference.cells(self.grid))
-
-
-def directions_of(point_m: Floats32) -> tuple[Indices, Indices, Mask]:
-    """Row and column of points (3, M) in the rig's axes by their direction from the LiDAR, (M,), and which have any.
-
-    So all pairs have counts at the same places. Directions beyond the grid are left out.
-    """
-    x, y, z = point_m
-    row = np.floor(np.arctan2(y, np.hypot(x, z)) / _RADIANS).astype(np.intp) + _ROWS // 2
-    column = np.floor(np.arctan2(x, z) / _RADIANS).astype(np.intp) + _COLUMNS // 2
-    return row, column, (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS)
 
 
 def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Cells:

@@ -113,7 +113,7 @@ def is_thinned(view: LidarView) -> bool:
     beam = np.floor(np.arctan2(y, view.level_m) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
     steps = steps[steps < _BEAMS_APART - tau]
-    return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
+    return bool(steps.size) and bool(np.quantile(np.sort(steps), POINT_SPACING.quantile) > POINT_SPACING.widest)
 
 
 def thinned(seen: Seen, k: int) -> bool:
@@ -154,11 +154,11 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     before, here, after = slice(0, -2), slice(1, -1), slice(2, None)
     span = u[after] - u[before]
     between = (view.row[before] == view.row[after]) & (span > 0) & (span <= ROUGH_RANGES.gap * focal_px)
-    between &= range_m[here] < ROUGH_RANGES.farthest_m
-    share = (u[here] - u[before])[between] / span[between]
-    expected = range_m[before][between] * (1 - share) + range_m[after][between] * share
-    differs = np.abs(range_m[here][between] - expected)
-    strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.int16)  # sorted fast: few bits
+    first = np.flatnonzero(between & (range_m[here] < ROUGH_RANGES.farthest_m))
+    left, middle, right = (range_m.take(first + place) for place in range(3))
+    share = (u.take(first + 1) - u.take(first)) / span.take(first)
+    differs = np.abs(middle - (left * (1 - share) + right * share))
+    strip = np.floor(u.take(first + 1) / (ROUGH_RANGES.strip * focal_px)).astype(np.int16)  # sorted fast: few bits
     order = np.argsort(strip, kind="stable")
     bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
     count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
+from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_PROJECTION, MATCHER_RANGE
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Indices, Mask, Points
 from auditor.model.frames import PointCloud
@@ -69,6 +69,21 @@ class LidarView:
         """(3, returns) the points in view by the rig's axes, to the right, down and ahead, from the LiDAR."""
         assert self.rig.lidar is not None
         return np.asarray(self.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ self.in_view_m.T)
+
+    @cached_property
+    def directions(self) -> tuple[Indices, Indices, Mask]:
+        """Row and column of the points (M,) by their direction from the LiDAR in the rig's axes, and which have any.
+
+        So all pairs have counts at the same places. Directions beyond the grid are left out.
+        """
+        assert self.rig.lidar is not None
+        x, y, z = self.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ self.point_m.T
+        rows, columns = COUNT_GRID.lidar_cells
+        row, column = (
+            np.floor(angle / COUNT_GRID.lidar_cell).astype(np.intp) + count // 2
+            for angle, count in ((np.arctan2(y, np.hypot(x, z)), rows), (np.arctan2(x, z), columns))
+        )
+        return row, column, (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     @cached_property
     def level_m(self) -> Floats32:
