@@ -260,7 +260,7 @@ def measured_medians(values: Floats) -> tuple[Floats, Integers]:
     return np.asarray((lower + upper) / 2), np.asarray(measured)
 
 
-def quantile_of(ordered: Floats, share: float) -> float:
+def quantile_of(ordered: Floats | Integers, share: float) -> float:
     """As `np.quantile` of values in ascending order, none of them NaN: it takes most of its time to look at arguments.
 
     Both interpolate between neighbours in the same way, so that the result is the same to the last bit.

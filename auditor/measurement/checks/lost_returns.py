@@ -74,7 +74,7 @@ class _Surfaces:
 
     def chosen(self, some: Indices) -> "_Surfaces":
         """Those of these numbers."""
-        return _Surfaces(*(of.take(some) for of in (self.row, self.column, self.disparity_px, self.ncc)))
+        return _Surfaces(self.row.take(some), self.column.take(some), self.disparity_px.take(some), self.ncc.take(some))
 
     @property
     def u_px(self) -> Floats32:
@@ -130,8 +130,8 @@ def count_lost_returns(
     # Wet ground loses returns, but not all of a sector down to the lowest beam.
     above_road = (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
     inside = np.flatnonzero((place >= 0) & scanned.scanned.take(place // _COLUMNS) & above_road)
-    found = found.chosen(inside)
-    place, range_m, hole, below_m = (one.take(inside) for one in (place, range_m, hole, below_m))
+    found, place = found.chosen(inside), place.take(inside)
+    range_m, hole, below_m = (one.take(inside) for one in (range_m, hole, below_m))
     within = scanned.within_rad.take(place)
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
     least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch)

@@ -62,7 +62,7 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
     mask: Mask = counts[place] <= ISOLATED_POINTS.most_together
     centre = np.ravel_multi_index((1, 1, 1), shape)
     neighbours = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - centre
-    mask[mask] = counts.take(neighbours[:, None] + place[mask]).sum(axis=0) <= ISOLATED_POINTS.most_together
+    mask[mask] = counts.take(np.add.outer(neighbours, place[mask])).sum(axis=0) <= ISOLATED_POINTS.most_together
     return mask
 
 

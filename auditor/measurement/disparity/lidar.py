@@ -89,7 +89,7 @@ class LidarView:
     def level_m(self) -> Floats32:
         """(returns,) how far the points in view are from the LiDAR without what is down."""
         x, _, z = self.in_rig_axes_m
-        return np.hypot(x, z)
+        return np.asarray(np.hypot(x, z))
 
     @cached_property
     def road_m(self) -> float:
