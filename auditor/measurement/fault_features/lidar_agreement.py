@@ -16,9 +16,10 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
-from auditor.model.arrays import Floats32
+from auditor.model.arrays import Floats32, Indices
 from auditor.model.checks import Agreement
 
+_SHIFTS = [*((by, 0) for by in LIDAR_AGREEMENT.shifts_px), *((0, by) for by in LIDAR_AGREEMENT.shifts_px)]
 BORDER = max(LIDAR_AGREEMENT.shifts_px) // HALF
 """By how many half-resolution pixels points are moved at most."""
 
@@ -59,9 +60,9 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
     if compared < LIDAR_AGREEMENT.fewest:
         return Agreement()
     bias, biased = _bias(difference)
-    moved = {(s, 0): differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
-    moved |= {(0, s): differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
-    (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
+    moved = np.stack([differences(now, now.sure_px, right, down) for right, down in _SHIFTS])
+    best = int(np.argmax(_only(moved, difference) - _only(difference, moved)))
+    (right, down), most = _SHIFTS[best], moved[best]
     least = _moved_little(now, difference, most, right, down)
     earlier = None if before is None else differences(now, before.sure_px)
     return Agreement(
@@ -72,10 +73,10 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
         right_px=float(right),
         down_px=float(down),
         rotated=_agreeing(most),
-        rotated_only=_only(most, least),
-        unrotated_only=_only(least, most),
-        before_only=nan if earlier is None else _only(earlier, difference),
-        now_only=nan if earlier is None else _only(difference, earlier),
+        rotated_only=float(_only(most, least)),
+        unrotated_only=float(_only(least, most)),
+        before_only=nan if earlier is None else float(_only(earlier, difference)),
+        now_only=nan if earlier is None else float(_only(difference, earlier)),
     )
 
 
@@ -102,10 +103,10 @@ def _agreeing(difference: Floats32) -> float:
     return agreeing / compared if compared >= LIDAR_AGREEMENT.fewest else 0.0
 
 
-def _only(these: Floats32, others: Floats32) -> float:
-    """How many points agree by these differences and are far off by the others, where both are known."""
+def _only(these: Floats32, others: Floats32) -> Indices:
+    """How many points, (..., M), agree by these differences and are far off by the others, where both are known."""
     agree, differ = np.abs(these) <= LIDAR_AGREEMENT.agree_px, np.abs(others) > LIDAR_AGREEMENT.differ_px
-    return float(np.count_nonzero(agree & differ))
+    return np.asarray(np.count_nonzero(agree & differ, axis=-1))
 
 
 def _bias(difference: Floats32) -> tuple[float, float]:
