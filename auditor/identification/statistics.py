@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import islice
 from math import ceil, inf
 
@@ -89,9 +90,8 @@ def sensor_statistics(
 
     `cells` holds the counts of the checks that are counted on grids, `shares` the statistics of the others.
     """
-    of_lidar = {check: [counted for counted in cells if counted.check is check] for check in DIRECTION_CHECKS}
-    directions = {check: window_means_of(grids, cells) for check, grids in of_lidar.items() if grids}
-    of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
+    of_subjects = _by_subject(cells)
+    means_of = cache(lambda *subject: window_means_of(of_subjects[subject], cells))  # of those that are asked for
     coloured = {camera for one in cells if one.check.kind.of_colours for camera in (one.i, one.k)}
 
     def statistic(one: SensorCheck) -> float | None:
@@ -100,14 +100,15 @@ def sensor_statistics(
         if one.check in SHARE_CHECKS:
             return _least_share(one, shares) if kind.of is Of.CAMERAS else shares.get(one)
         if one.check in DIRECTION_CHECKS:
-            pairs = [place for place, pair in enumerate(of_lidar[one.check]) if {pair.i, pair.k} <= set(one.others)]
-            return vote(one.check, directions[one.check].of(pairs)) if pairs else None
+            grids = of_subjects.get((one.check, one.sensor), [])
+            pairs = [place for place, pair in enumerate(grids) if {pair.i, pair.k} <= set(one.others)]
+            return vote(one.check, means_of(one.check, one.sensor).of(pairs)) if pairs else None
         counted = one.check.counted_as
-        others, windows = of_cameras.get((counted, one.sensor), ([], None))
+        others = [grid.other for grid in of_subjects.get((counted, one.sensor), [])]
         able = [other for other in one.others if other in others]
-        if windows is None or not able or (len(able) < len(one.others) and not kind.of_colours):
+        if not able or (len(able) < len(one.others) and not kind.of_colours):
             return None
-        voters = windows.of([others.index(other) for other in able])
+        voters = means_of(counted, one.sensor).of([others.index(other) for other in able])
         alike = np.array([(other in coloured) == (one.sensor in coloured) for other in able], dtype=np.bool_)
         return vote(one.check, voters.opposite if kind.opposite_of else voters, alike)
 
@@ -121,16 +122,12 @@ def _least_share(one: SensorCheck, shares: Mapping[SensorCheck, float]) -> float
     return min(known) if len(known) == len(said) else None
 
 
-def _by_subject(
-    cells: Mapping[CountedPair, Cells],
-) -> Iterator[tuple[tuple[Check, int], list[int], list[CountedPair]]]:
-    """By check and camera: the cameras that it was compared with, and the grids of its own image."""
+def _by_subject(cells: Mapping[CountedPair, Cells]) -> dict[tuple[Check, int], list[CountedPair]]:
+    """The grids of each check and sensor."""
     found: dict[tuple[Check, int], list[CountedPair]] = {}
     for counted in cells:
-        if counted.check not in DIRECTION_CHECKS:
-            found.setdefault((counted.check, counted.sensor), []).append(counted)
-    for subject, grids in found.items():
-        yield subject, [counted.other for counted in grids], grids
+        found.setdefault((counted.check, counted.sensor), []).append(counted)
+    return found
 
 
 def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Cells]) -> WindowMeans:
@@ -199,8 +196,8 @@ def fitted(window: Window, sums: Integers) -> Window:
     the sky nor an attacked part of the view moves it much. It is never larger than that of `window`, and the fewest
     points shrink with it.
     """
-    held = sums[sums > 0]
-    dense = float(np.quantile(held, WINDOWED_MEAN.dense_quantile)) if held.size else 0.0
+    held = np.sort(sums[sums > 0])
+    dense = quantile_of(held, WINDOWED_MEAN.dense_quantile) if held.size else 0.0
     pseudo_count = max(round(WINDOWED_MEAN.share_of_dense * dense), WINDOWED_MEAN.smallest_pseudo_count)
     pseudo_count = min(pseudo_count, window.pseudo_count)
     return replace(window, pseudo_count=pseudo_count, fewest=window.fewest * pseudo_count // window.pseudo_count)
@@ -263,7 +260,7 @@ def measured_medians(values: Floats) -> tuple[Floats, Integers]:
     return np.asarray((lower + upper) / 2), np.asarray(measured)
 
 
-def quantile_of(ordered: Floats, share: float) -> float:
+def quantile_of(ordered: Floats | Integers, share: float) -> float:
     """As `np.quantile` of values in ascending order, none of them NaN: it takes most of its time to look at arguments.
 
     Both interpolate between neighbours in the same way, so that the result is the same to the last bit.

@@ -23,7 +23,6 @@ CELL_PX = COUNT_GRID.cell_px
 
 _HALF_SIDE = CELL_PX // 2
 _MOST = 127
-_RADIANS = COUNT_GRID.lidar_cell
 _ROWS, _COLUMNS = COUNT_GRID.lidar_cells
 
 
@@ -109,17 +108,6 @@ class PairSums:
         return PairCells(self.source.cells(self.grid), self.reference.cells(self.grid))
 
 
-def directions_of(point_m: Floats32) -> tuple[Indices, Indices, Mask]:
-    """Row and column of points (3, M) in the rig's axes by their direction from the LiDAR, (M,), and which have any.
-
-    So all pairs have counts at the same places. Directions beyond the grid are left out.
-    """
-    x, y, z = point_m
-    row = np.floor(np.arctan2(y, np.hypot(x, z)) / _RADIANS).astype(np.intp) + _ROWS // 2
-    column = np.floor(np.arctan2(x, z) / _RADIANS).astype(np.intp) + _COLUMNS // 2
-    return row, column, (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS)
-
-
 def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Cells:
     """Count what lies in rows and columns (M,) of the LiDAR's directions, and which (M,) of it is inconsistent."""
     cell = row * _COLUMNS + column
@@ -145,10 +133,10 @@ def sums_of_pair(places: PairPlaces, valid: Mask, amounts: Sequence[Mask | Float
 
     Amounts are zero where pixels are not valid.
     """
-    grid, within = places.grid, valid.ravel()
+    grid, within = places.grid, np.flatnonzero(valid)
     counted = (
-        _summed(places.source[within], grid),
-        _block_counts(valid) if grid.of_view else _summed(grid.place[within], grid),
+        _summed(places.source.take(within), grid),
+        _block_counts(valid) if grid.of_view else _summed(grid.place.take(within), grid),
     )
     some = [np.flatnonzero(amount if amount.dtype == np.bool_ else amount != 0) for amount in amounts]
     return [_sums(places, its, amount, steps, counted) for its, amount in zip(some, amounts, strict=True)]
@@ -158,8 +146,8 @@ def sums_of_some(
     places: PairPlaces, some: Indices, valid: Mask, amounts: Sequence[Mask | Floats32], steps: int = 1
 ) -> list[PairSums]:
     """What some (M,) of the half-resolution pixels, numbered row by row, add to `sums_of_pair`."""
-    within = some[valid.ravel()[some]]
-    source, reference = (_summed(place[within], places.grid) for place in (places.source, places.grid.place))
+    within = some[valid.take(some)]
+    source, reference = (_summed(place.take(within), places.grid) for place in (places.source, places.grid.place))
     return [_sums(places, some, amount, steps, (source, reference)) for amount in amounts]
 
 
@@ -171,8 +159,8 @@ def _sums(
     counted: tuple[NDArray[np.number], NDArray[np.number]],
 ) -> PairSums:
     """What is counted in the source's image and in the reference's, and the sums of some pixels' amounts (h, w)."""
-    weight = np.asarray(amount.ravel()[some] * np.float32(steps), dtype=np.float32)
-    source, reference = (_summed(place[some], places.grid, weight) for place in (places.source, places.grid.place))
+    weight = np.asarray(amount.take(some) * np.float32(steps), dtype=np.float32)
+    source, reference = (_summed(place.take(some), places.grid, weight) for place in (places.source, places.grid.place))
     return PairSums(_Sums(counted[0], source), _Sums(counted[1], reference), places.grid)
 
 

@@ -84,7 +84,7 @@ def directed_points(view: LidarView, road_m: float) -> DirectedPoints:
     down = np.arctan2(y[upright], np.hypot(x[upright], z[upright]))
     nearest, farthest = FALSE_RANGES.sector_ranges_m
     near = np.flatnonzero((view.range_m > nearest) & (view.range_m < farthest))
-    strip = np.floor(right[near] / np.float32(FALSE_RANGES.strip)).astype(np.intp) + _STRIPS // 2
+    strip = np.floor(right[near] / np.float32(FALSE_RANGES.strip)).astype(np.int16) + _STRIPS // 2
     order = np.argsort(strip, kind="stable")
     return DirectedPoints(
         upright, np.stack([right[upright], down, np.log(view.range_m[upright])]), near[order], strip[order]
@@ -164,7 +164,7 @@ def _clusters(pairs: Sequence[PairRanges]) -> _Clusters:
     across, down = (np.float32(size) / range_m for size in FALSE_RANGES.half_size_m)
     over = np.float32(FALSE_RANGES.over_m) / range_m
     contradicted, against = np.zeros((2, len(pairs), middles.shape[1]))
-    shapes: dict[tuple[int, int], Floats32] = {}
+    surfaces: dict[tuple[int, int], tuple[slice, Mask]] = {}
     for number, pair in enumerate(pairs):
         first, end = (np.searchsorted(pair.place[0], middles[0] + off) for off in (-across, across))
         for cluster, (_, down_at, far) in enumerate(middles.T):
@@ -175,17 +175,25 @@ def _clusters(pairs: Sequence[PairRanges]) -> _Clusters:
             )
             against[number, cluster] = pair.against[some] @ surface
             surface &= pair.contradicted[some] & (off <= down[cluster])
-            shape = pair.place[:, some][:, surface]
-            extent = shape[:2].std(axis=1) * _EVENLY if surface.any() else np.zeros(2)
-            if extent.min() > pair.patch:
-                contradicted[number, cluster], shapes[number, cluster] = shape.shape[1], shape
+            contradicted[number, cluster], surfaces[number, cluster] = np.count_nonzero(surface), (some, surface)
     # Where no pair's share is above a clean surface's, that of several is not either.
     above = np.any(contradicted > FALSE_RANGES.clean_share * (contradicted + against), axis=0).tolist()
     scattering = np.zeros_like(contradicted)
-    for (number, cluster), shape in shapes.items():
-        if above[cluster] and scatter(shape) * range_m[cluster] > SCATTERED_RETURNS.least_m:
+    for (number, cluster), (some, surface) in surfaces.items():
+        if not above[cluster]:
+            continue
+        pair = pairs[number]
+        shape = pair.place[:, some][:, surface]
+        if _is_narrow(shape, pair.patch):
+            contradicted[number, cluster] = 0
+        elif scatter(shape) * range_m[cluster] > SCATTERED_RETURNS.least_m:
             scattering[number, cluster] = contradicted[number, cluster]
     return _Clusters(contradicted - scattering, scattering, against)
+
+
+def _is_narrow(place: Floats32, patch: float) -> bool:
+    """Whether points (3, N) are no wider than a patch, or no higher."""
+    return not place.size or bool(place[:2].std(axis=1).min() * _EVENLY <= patch)
 
 
 def _ratio(contradicted: Floats, against: Floats) -> float:
@@ -210,7 +218,7 @@ def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear
     farthest_m = sqrt(focal_times_baseline * FALSE_RANGES.most_of_a_pixel_m)
     seen = clear[points.near] & (view.range_m[points.near] < farthest_m)
     near, strip = points.near[seen], points.strip[seen]
-    ds = stereo.disparity_px[view.row[near] // stereo.step, view.column[near] // stereo.step]
+    ds = stereo.disparity_px.take(view.place(stereo.step, stereo.disparity_px.shape[1])[near])
     farther = focal_times_baseline / view.disparity_px(source)[near] - focal_times_baseline / np.maximum(ds, 1)
     same = np.abs(farther) < FALSE_RANGES.most_m
     farther, bounds = farther[same], np.searchsorted(strip[same], np.arange(_STRIPS + 1))

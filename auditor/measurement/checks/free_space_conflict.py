@@ -6,6 +6,7 @@ as long as nothing else is near.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -112,6 +113,17 @@ class _Scan:
         points = cloud.xyz_m.take(within, axis=0)
         return cls(cloud.stamp_ns, points, xyz, row * _SIDE + column, solid, clearly, nothing)
 
+    @cached_property
+    def things(self) -> Image:
+        """The cells that hold objects."""
+        return self.cells(self.solid)
+
+    def cells(self, some: Mask) -> Image:
+        """(_SIDE, _SIDE) 1 where a cell holds some (M,) of its points."""
+        grid = np.zeros(_SIDE * _SIDE, dtype=np.uint8)
+        grid[self.cell.take(np.flatnonzero(some))] = 1
+        return grid.reshape(_SIDE, _SIDE)
+
     def after_s(self, before: "_Scan") -> float:
         """The seconds from another scan to this one."""
         return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
@@ -190,40 +202,46 @@ def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:
 
     None where too much did: a recording that was cut or put together goes on at another place.
     """
-    shift = _shift(now, before)
+    shift = _shift(now.things, before.things)
     around = _around(shift, now.after_s(before))
-    alone = ~_near(before.cell[before.solid & ~before.from_nowhere], shift, around)[now.cell]
-    asked = np.flatnonzero(now.clearly & alone)
+    alone = ~_near(before.cells(before.solid & ~before.from_nowhere), shift, around).take(now.cell)
+    unexplained = now.clearly & alone
+    asked = np.flatnonzero(unexplained)
     if not asked.size:
         return now.from_nowhere
-    here, there = (np.count_nonzero(_occupied(now.cell[some])) for some in (asked, now.clearly))
+    here, there = (np.count_nonzero(now.cells(some)) for some in (unexplained, now.clearly))
     if here > max(NUMBERS.most_alone * there, NUMBERS.most_cells):
         return None
-    earlier = _near(before.cell[before.from_nowhere], shift, around)
-    new = asked[before.passed(now.xyz_m[:, asked]) | earlier[now.cell[asked]]]
-    count, objects = cv2.connectedComponents(_occupied(now.cell[now.solid]))
-    of = np.asarray(objects, dtype=np.intp).ravel()[now.cell]
-    unexplained, every = (np.bincount(of[mask], minlength=count) for mask in (now.solid & alone, now.solid))
+    earlier = _near(before.cells(before.from_nowhere), shift, around)
+    new = asked[before.passed(now.xyz_m[:, asked]) | earlier.take(now.cell[asked])]
+    count, objects = cv2.connectedComponents(now.things)
+    of = np.asarray(objects, dtype=np.intp).take(now.cell)
+    no_other, every = (
+        np.bincount(of.take(np.flatnonzero(mask)), minlength=count) for mask in (now.solid & alone, now.solid)
+    )
     wide = _widths_m(of[new], now.xyz_m[:, new], count) >= NUMBERS.narrowest_m
     found = (np.bincount(of[new], minlength=count) >= NUMBERS.fewest) & wide
-    found &= unexplained >= NUMBERS.least_share * every
-    return np.asarray(now.solid & found[of])
+    found &= no_other >= NUMBERS.least_share * every
+    return np.asarray(now.solid & found.take(of))
 
 
-def _shift(now: _Scan, before: _Scan) -> _Shift:
-    """How what stands still moved: by the shift at which most cells that are occupied now were so before."""
+def _shift(now: Image, before: Image) -> _Shift:
+    """How what stands still moved: by the shift at which most cells that hold objects now did so before."""
     most = NUMBERS.most_shift_cells
-    here, there = (_occupied(one.cell[one.solid]).astype(np.float32) for one in (now, before))
+    here, there = (cells.astype(np.float32) for cells in (now, before))
     together = cv2.GaussianBlur(cv2.matchTemplate(there, here[most:-most, most:-most], cv2.TM_CCORR), (3, 3), 0)
     row, column = np.unravel_index(int(np.argmax(together)), together.shape)
     return _Shift(int(row) - most, int(column) - most)
 
 
-def _near(cell: Indices, shift: _Shift, around: Image) -> Mask:
-    """By cell of now: whether a thing of these cells of a moment ago can have come there."""
-    row, column = cell // _SIDE - shift.ahead, cell % _SIDE - shift.right
+def _near(there: Image, shift: _Shift, around: Image) -> Mask:
+    """By cell of now: whether a thing of the marked cells of a moment ago can have come there."""
+    row, column = np.nonzero(there)
+    row, column = row - shift.ahead, column - shift.right
     within = (row >= 0) & (row < _SIDE) & (column >= 0) & (column < _SIDE)
-    return np.asarray(cv2.dilate(_occupied((row * _SIDE + column)[within]), around)).ravel() > 0
+    here = np.zeros_like(there)
+    here[row[within], column[within]] = 1
+    return np.asarray(cv2.dilate(here, around)) > 0
 
 
 def _around(shift: _Shift, seconds: float) -> Image:
@@ -236,12 +254,6 @@ def _around(shift: _Shift, seconds: float) -> Image:
     across = NUMBERS.beside_m / NUMBERS.cell_m if way else along  # of a vehicle that stands nobody knows the way
     along_way, across_way = ahead * to_ahead + right * to_right, right * to_ahead - ahead * to_right
     return np.asarray((along_way / along) ** 2 + (across_way / across) ** 2 <= 1, dtype=np.uint8)
-
-
-def _occupied(cell: Indices) -> Image:
-    grid = np.zeros(_SIDE * _SIDE, dtype=np.uint8)
-    grid[cell] = 1
-    return grid.reshape(_SIDE, _SIDE)
 
 
 def _widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.count_grid import cells_of_directions, directions_of
+from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.disparity_error import inconsistent
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.seen import Seen
@@ -84,7 +84,7 @@ def verify_conflicts(
     clear &= (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
     conflicting, nearer = _Candidates.of(valid & over), _Candidates.of(clear & over & (d0 > ds))
     # Most candidates are those of both questions.
-    every = np.union1d(conflicting.sample, nearer.sample)
+    every = np.flatnonzero(np.bincount(np.concatenate([conflicting.sample, nearer.sample])))
     ncc_lidar = ncc_at(*half_res, view.row[every] // HALF, view.column[every] // HALF, d0[every] / np.float32(HALF))
 
     def confirmed(candidates: _Candidates, clearly_less: float) -> Mask:
@@ -103,10 +103,9 @@ def verify_conflicts(
 
 def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
     """Count LiDAR points, valid and in conflict, by their direction from the LiDAR in the rig's axes."""
-    assert view.rig.lidar is not None
-    row, column, inside = directions_of(view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.point_m.T)
-    inside = inside & conflicts.valid
-    return cells_of_directions(row[inside], column[inside], conflicts.lidar_conflicts[inside])
+    row, column, inside = view.directions
+    valid = np.flatnonzero(inside & conflicts.valid)
+    return cells_of_directions(row.take(valid), column.take(valid), conflicts.lidar_conflicts.take(valid))
 
 
 def verified(seen: Seen, j: int, k: int) -> VerifiedConflicts:

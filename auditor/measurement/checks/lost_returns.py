@@ -72,9 +72,9 @@ class _Surfaces:
     disparity_px: Floats32
     ncc: Floats32
 
-    def chosen(self, some: Mask) -> "_Surfaces":
-        """Those of a mask (M,)."""
-        return _Surfaces(self.row[some], self.column[some], self.disparity_px[some], self.ncc[some])
+    def chosen(self, some: Indices) -> "_Surfaces":
+        """Those of these numbers."""
+        return _Surfaces(self.row.take(some), self.column.take(some), self.disparity_px.take(some), self.ncc.take(some))
 
     @property
     def u_px(self) -> Floats32:
@@ -87,8 +87,7 @@ class _Surfaces:
 
 def scanned_view(view: LidarView) -> ScannedView:
     """Where the LiDAR of a view scans, by the frame's own points; those that the camera does not see count as well."""
-    points = view.in_rig_axes_m
-    ahead_m = np.hypot(points[0], points[2])
+    points, ahead_m = view.in_rig_axes_m, view.level_m
     place = _places(points, ahead_m)
     inside = place >= 0
     range_m = np.sqrt(ahead_m * ahead_m + points[1] * points[1])
@@ -124,16 +123,16 @@ def count_lost_returns(
     the source.
     """
     found = _surfaces(view, stereo, consistency, source)
-    found = found.chosen((found.u_px >= scanned.span_px[0]) & (found.u_px <= scanned.span_px[1]))
+    u_px, (left, right) = found.u_px, scanned.span_px
+    found = found.chosen(np.flatnonzero((u_px >= left) & (u_px <= right)))
     place, range_m, below_m = _directions(view, found, source)
-    inside = place >= 0
-    inside &= scanned.scanned[place // _COLUMNS]
+    hole = scanned.hole_rad.take(place)
     # Wet ground loses returns, but not all of a sector down to the lowest beam.
-    hole = scanned.hole_rad.ravel()[place]
-    inside &= (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
-    found, place, range_m, hole = found.chosen(inside), place[inside], range_m[inside], hole[inside]
-    below_m = below_m[inside]
-    within = scanned.within_rad.ravel()[place]
+    above_road = (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
+    inside = np.flatnonzero((place >= 0) & scanned.scanned.take(place // _COLUMNS) & above_road)
+    found, place = found.chosen(inside), place.take(inside)
+    range_m, hole, below_m = (one.take(inside) for one in (range_m, hole, below_m))
+    within = scanned.within_rad.take(place)
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
     least = max(LOST_RETURNS.narrowest, patch + LOST_RETURNS.beside_patch)
     lost = hole >= np.maximum(LOST_RETURNS.hole_m / range_m, least)
@@ -141,7 +140,7 @@ def count_lost_returns(
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _has_to_return(scanned, range_m[lost], below_m[lost])
-    surface[lost] &= _no_sky(found.chosen(lost), half_res)
+    surface[lost] &= _no_sky(found.chosen(np.flatnonzero(lost)), half_res)
     surface[lost] &= np.isinf(hole[lost]) | _all_lost(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
@@ -274,8 +273,9 @@ def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, 
     surface = consistency.matches.seen[some] & (ncc > LOST_RETURNS.consistent)
     farthest = camera.focal_px * view.rig.baseline_m(source, view.reference) / LOST_RETURNS.farthest_m
     surface &= (disparity > farthest) & (disparity < stereo.range_px - MATCHER_RANGE.margin_px)
-    row, column = (at * every + every // 2 for at in np.divmod(np.flatnonzero(surface), surface.shape[1]))
-    return _Surfaces(row, column, disparity[surface], ncc[surface])
+    chosen = np.flatnonzero(surface)
+    row, column = (at * every + every // 2 for at in np.divmod(chosen, surface.shape[1]))
+    return _Surfaces(row, column, disparity.take(chosen), ncc.take(chosen))
 
 
 def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices, Floats32, Floats32]:
@@ -294,7 +294,7 @@ def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices
 
 def _full_resolution(half_px: Indices) -> Floats32:
     """(M,) where the middles of half-resolution pixels lie."""
-    return np.asarray(HALF * half_px + (HALF - 1) / 2, dtype=np.float32)
+    return half_px.astype(np.float32) * np.float32(HALF) + np.float32((HALF - 1) / 2)
 
 
 def _places(points_m: Floats32, ahead_m: Floats32) -> Indices:

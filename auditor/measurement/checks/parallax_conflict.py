@@ -118,7 +118,8 @@ class _Sought:
 
     def chosen(self, some: Indices | slice) -> "_Sought":
         """Some of them."""
-        return _Sought(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
+        numbers = np.arange(len(self.point))[some]
+        return _Sought(*(getattr(self, name).take(numbers, axis=0) for name in self.__dataclass_fields__))
 
     @cached_property
     def halvings(self) -> Indices:
@@ -325,9 +326,10 @@ def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tupl
     """(P, pixels) patches of an image around centres (P, 2), without their means, and their norms (P,)."""
     if not len(centres):
         return np.zeros((0, _RIGHT.size), dtype=np.float32), np.zeros(0, dtype=np.float32)
-    middle, size = centres.astype(np.float32), np.ones(1) if scale is None else scale
-    column, row = size.astype(np.float32)[:, None] * _RIGHT, size.astype(np.float32)[:, None] * _DOWN
-    column, row = middle[:, [0]] + column, middle[:, [1]] + row
+    middle, size = centres.astype(np.float32), (np.ones(1) if scale is None else scale).astype(np.float32)[:, None]
+    column, row = (np.repeat(middle[:, [axis]], _RIGHT.size, axis=1) for axis in (0, 1))
+    column += size * _RIGHT
+    row += size * _DOWN
     sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     patches = np.asarray(sampled, dtype=np.float32)
     # Sums of whole numbers are exact, and faster than the mean of fractions.

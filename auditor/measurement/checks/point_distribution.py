@@ -33,7 +33,8 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
-    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
+    middle = view.row[(view.row.size - 1) // 2 : view.row.size // 2 + 1].mean()  # the median: points lie row by row
+    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > middle)
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
     alone = np.count_nonzero(beyond) - _of_a_plume(view.point_m[beyond])
@@ -78,7 +79,7 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
     mask: Mask = counts[place] <= ISOLATED_POINTS.most_together
     centre = np.ravel_multi_index((1, 1, 1), shape)
     neighbours = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - centre
-    mask[mask] = counts.take(place[mask][:, None] + neighbours).sum(axis=1) <= ISOLATED_POINTS.most_together
+    mask[mask] = counts.take(np.add.outer(neighbours, place[mask])).sum(axis=0) <= ISOLATED_POINTS.most_together
     return mask
 
 
@@ -126,10 +127,10 @@ def is_thinned(view: LidarView) -> bool:
     So do those of a cloud of which only some points were recorded. Most LiDARs' own steps are half of that at most.
     """
     x, y, z = view.in_rig_axes_m
-    beam = np.floor(np.arctan2(y, np.hypot(x, z)) / POINT_SPACING.beam)
+    beam = np.floor(np.arctan2(y, view.level_m) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
     steps = steps[steps < _BEAMS_APART - tau]
-    return bool(steps.size) and bool(np.quantile(steps, POINT_SPACING.quantile) > POINT_SPACING.widest)
+    return bool(steps.size) and bool(np.quantile(np.sort(steps), POINT_SPACING.quantile) > POINT_SPACING.widest)
 
 
 def thinned(seen: Seen, k: int) -> bool:
@@ -170,11 +171,11 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     before, here, after = slice(0, -2), slice(1, -1), slice(2, None)
     span = u[after] - u[before]
     between = (view.row[before] == view.row[after]) & (span > 0) & (span <= ROUGH_RANGES.gap * focal_px)
-    between &= range_m[here] < ROUGH_RANGES.farthest_m
-    share = (u[here] - u[before])[between] / span[between]
-    expected = range_m[before][between] * (1 - share) + range_m[after][between] * share
-    differs = np.abs(range_m[here][between] - expected)
-    strip = np.floor(u[here][between] / (ROUGH_RANGES.strip * focal_px)).astype(np.intp)
+    first = np.flatnonzero(between & (range_m[here] < ROUGH_RANGES.farthest_m))
+    left, middle, right = (range_m.take(first + place) for place in range(3))
+    share = (u.take(first + 1) - u.take(first)) / span.take(first)
+    differs = np.abs(middle - (left * (1 - share) + right * share))
+    strip = np.floor(u.take(first + 1) / (ROUGH_RANGES.strip * focal_px)).astype(np.int16)  # sorted fast: few bits
     order = np.argsort(strip, kind="stable")
     bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
     count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]

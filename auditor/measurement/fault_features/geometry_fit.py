@@ -135,10 +135,11 @@ def _of_points(view: LidarView, part: _Part) -> float:
 def _compared_points(view: LidarView, part: _Part) -> tuple[Indices, Mask]:
     """The regions of the points that can be compared, and whether they agree with stereo."""
     own, i, k = part
-    points = LidarComparison.of(view, own.maps[i, k], own.frame_checks.consistencies[i, k], i)
+    consistency = own.frame_checks.consistencies[i, k]
+    points = LidarComparison.of(view, own.maps[i, k], consistency, i)
     apart_px = differences(points, points.sure_px)
     compared = ~np.isnan(apart_px)
-    region = _region(points.row[compared] // HALF, points.column[compared] // HALF, points.sure_px.shape)
+    region = _region(points.row[compared] // HALF, points.column[compared] // HALF, consistency.ncc.shape)
     return region, np.abs(apart_px[compared]) <= LIDAR_AGREEMENT.agree_px
 
 

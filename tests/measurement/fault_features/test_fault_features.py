@@ -8,7 +8,7 @@ import pytest
 from auditor.lab.attacks.faults import ShiftedCamera
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.measurement.fault_features.lidar_agreement import LidarComparison, agreement
+from auditor.measurement.fault_features.lidar_agreement import BORDER, LidarComparison, agreement
 from auditor.model.checks import COLUMNS, PairFaultFeatures
 from tests.making.scenes import WIDTH, plane_cloud, plane_rig
 from tests.making.textured_scenes import DEPTH_M, RIG, scene
@@ -109,7 +109,8 @@ def edge_seen_aside(aside_px):
     sure_px = np.tile(np.where(half_px < 100, 20, 40).astype(np.float32), (60, 1))
     row, column = (one.ravel().astype(np.int32) for one in np.mgrid[0:120:2, 100:300])
     d0_px = np.where(column < 200 + aside_px, 20, 40).astype(np.float32)
-    return agreement(LidarComparison(sure_px, row, column, d0_px), None)
+    bordered_px = np.pad(sure_px, BORDER, constant_values=np.nan)
+    return agreement(LidarComparison(bordered_px, row, column, d0_px), None)
 
 
 def test_a_lidar_turned_by_less_than_half_of_what_is_looked_for_has_not_turned():

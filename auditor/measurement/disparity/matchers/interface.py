@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Protocol, TypeGuard, runtime_checkable
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,6 @@ class PairMatcher(Matcher, Protocol):
         ...
 
 
-@runtime_checkable
 class RangedMatcher(Matcher, Protocol):
     """A matcher that takes less time where it searches less far, as a pair of near cameras lets it."""
 
@@ -63,13 +62,16 @@ class RangedMatcher(Matcher, Protocol):
 
 def for_pair(matcher: Matcher, rig: Rig, i: int, k: int) -> Matcher:
     """The matcher of cameras (i, k) of a rectified rig: it searches as far as near surfaces have disparities there."""
-    if not isinstance(matcher, RangedMatcher):
-        return matcher
-    return matcher.reaching(rig.camera(k).focal_px * rig.baseline_m(i, k))
+    return matcher.reaching(rig.camera(k).focal_px * rig.baseline_m(i, k)) if takes_ranges(matcher) else matcher
+
+
+def takes_ranges(matcher: Matcher) -> TypeGuard[RangedMatcher]:
+    """Whether a matcher takes less time where it searches less far; asked of one name: `isinstance` reads all."""
+    return hasattr(matcher, "reaching")
 
 
 def takes_pairs(matcher: Matcher) -> TypeGuard[PairMatcher]:
-    """Whether a matcher works on several pairs together; asked of one name: `isinstance` reads all."""
+    """Whether a matcher works on several pairs together."""
     return hasattr(matcher, "pairs_at_once")
 
 
