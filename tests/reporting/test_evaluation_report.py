@@ -93,7 +93,7 @@ def test_both_methods_stand_side_by_side(store, page, shown):
 
 
 def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
-    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4)
+    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4, attacked=2)
     for path in (store.folder / "case_verdicts").iterdir():
         path.unlink()
     setup = load_evaluation(store).setups[0]
@@ -154,7 +154,7 @@ def test_all_marks_lie_inside_their_panels(page):
 
 
 def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
-    how = {"names": ("a.mcap",), "frames": 4}
+    how = {"names": ("a.mcap",), "frames": 4, "attacked": 2}
     assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), seen=1.0, **how)).setups[0].unseen == ()
     blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), seen=0.2, **how)).setups[0].unseen
     assert any(s.startswith("A bogus wall, 1 m wide, on the LiDAR was detected in") for s in blind)
