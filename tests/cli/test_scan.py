@@ -25,9 +25,10 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two clean drives and one whose S_2 and S_0 are attacked in turn, in the three formats."""
     folder = tmp_path_factory.mktemp("fleet")
     attacked = {2: range(4, 8), 0: range(10, 14)}
-    write_drive(folder / "clean.mcap", seed=1, count=FRAMES, positions_m=THREE_CAMERAS)
-    write_drive(folder / "quiet.bag", seed=1, count=FRAMES, positions_m=THREE_CAMERAS, start_ns=START_NS + MINUTE_NS)
-    write_drive(folder / "attacked.db3", seed=1, count=FRAMES, positions_m=THREE_CAMERAS, start_ns=START_NS + 2 * MINUTE_NS, attacked=attacked)
+    same = {"seed": 1, "count": FRAMES, "positions_m": THREE_CAMERAS}
+    write_drive(folder / "clean.mcap", **same)
+    write_drive(folder / "quiet.bag", **same, start_ns=START_NS + MINUTE_NS)
+    write_drive(folder / "attacked.db3", **same, start_ns=START_NS + 2 * MINUTE_NS, attacked=attacked)
     return folder
 
 
