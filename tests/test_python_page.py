@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -47,8 +47,8 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "clean_logs").mkdir()
     (folder / "logs").mkdir()
     for number in range(2):
-        write_drive(folder / "clean_logs" / f"day{number}.mcap", count=4, seed=number)
-    write_drive(folder / "logs" / "night.mcap", count=8, seed=1, attacked={2: range(2, 6)})
+        write_drive(folder / "clean_logs" / f"day{number}.mcap", count=4, seed=number, positions_m=THREE_CAMERAS)
+    write_drive(folder / "logs" / "night.mcap", count=8, seed=1, positions_m=THREE_CAMERAS, attacked={2: range(2, 6)})
     (folder / "logs" / "broken.mcap").touch()
     (folder / "packed_logs").mkdir()
     old = write_drive(folder / "old.mcap", count=1)
@@ -79,13 +79,13 @@ def lines(printed: dict[str, str], number: int) -> list[str]:
 
 def test_the_frames_of_a_recording_are_read(printed: dict[str, str]) -> None:
     rig, *frames = lines(printed, 0)
-    assert "LiDAR + 4 cameras" in rig
+    assert "LiDAR + 3 cameras" in rig
     assert len(frames) == 8
 
 
 def test_the_disparity_errors_of_a_frame_are_printed(printed: dict[str, str]) -> None:
     found = dict(line.split(" = ") for line in lines(printed, 1))
-    assert {"E_0,1,4", "E_1,2,3"} <= found.keys()
+    assert {"E_0,1,3", "E_1,2,3"} <= found.keys()
     assert all(0 <= float(E) <= 1 for E in found.values())
 
 

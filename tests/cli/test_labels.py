@@ -9,7 +9,7 @@ import pytest
 from auditor.cli import run
 from auditor.store import Store, rows_of, run_query, run_sql
 from tests.making.report_stores import PERIOD_NS, START_NS, add_recording, new_store
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 SPANS = "SELECT sensor, topic, attack, from_ns, to_ns, given FROM labels ORDER BY given, from_ns"
 
@@ -136,7 +136,8 @@ def test_a_label_keeps_a_recording_from_being_calibrated_on(store, capfd):
 
 
 def test_a_scan_leaves_given_labels_alone_and_they_leave_the_carried_ones(tmp_path, capfd):
-    drive, attacked = write_drive(tmp_path / "drive.mcap", count=12), tmp_path / "attacked.mcap"
+    drive = write_drive(tmp_path / "drive.mcap", count=12, positions_m=THREE_CAMERAS)
+    attacked = tmp_path / "attacked.mcap"
     assert run(["attack", str(drive), str(attacked), "--on", "S_2", "--from", "0.5"]) == 0
     scan = ["scan", str(attacked), "--store", str(tmp_path / "audit"), "--measure-only", "--jobs", "1"]
     assert run(scan) == 3

@@ -1,7 +1,7 @@
 """The verdicts of `auditor evaluate` on its cases beside those of `auditor scan` on copies that are attacked alike."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -82,19 +82,22 @@ def compare(
     scans = folder / "scanned"
     known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
     calibration = calibrate([(Store.open(scans), known)])
+    judged: dict[str, list[_Case]] = {}
     for number, everything in enumerate(_copies(frames, rig, seed, experiments, every)):
         copy = [case for case in everything if case.key in evaluated]
         if not copy:
             continue
         path = folder / f"copy {number}.mcap"
-        write_mcap(path, rig, _attacked(frames, rig, copy), image="raw")
+        write_mcap(path, rig, _attacked(frames, rig, copy), image="raw", compression="none")
         measured = measure_recording(MeasureTask(path, scans), lambda *_: None).measurement_ids[0]
-        scanned = _scanned(Store.open(scans), measured, calibration)
+        judged[judge_measurement(Store.open(scans), measured, calibration, Criteria(R)).judgement_id] = copy
         path.unlink()
+    scanned = _scanned(Store.open(scans), judged)
+    for judgement, copy in judged.items():
         for case in copy:
             names = " and ".join(sorted({attack.name for attack in case.attacks.values()}))
-            attacked = tuple(sorted(case.attacks))
-            yield Compared(case.experiment.name, case.frame, attacked, names, evaluated[case.key], scanned[case.frame])
+            attacked, verdicts = tuple(sorted(case.attacks)), (evaluated[case.key], scanned[judgement, case.frame])
+            yield Compared(case.experiment.name, case.frame, attacked, names, *verdicts)
 
 
 _SAME_SCORE = 0.01
@@ -157,14 +160,13 @@ def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, 
 _KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
 
 
-def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Judged]:
-    """By frame. An evaluation tells of no event of a single frame."""
-    kept = judge_measurement(store, measurement, calibration, Criteria(R))
+def _scanned(store: Store, judgement_ids: Iterable[str]) -> dict[tuple[str, int], Judged]:
+    """By judgement and frame. An evaluation tells of no event of a single frame."""
     event = "CASE WHEN NOT alert THEN finding END, CASE WHEN NOT alert THEN finding_attacked END AS named"
-    columns = f"frame, kind, attacked, causes, {event}"
-    sql = f"SELECT {columns} FROM verdicts WHERE judgement_id = '{kept.judgement_id}'"
+    columns = f"judgement_id, frame, kind, attacked, causes, {event}"
+    sql = f"SELECT {columns} FROM verdicts WHERE judgement_id IN ({', '.join(map(repr, judgement_ids))})"
     rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())
-    return {frame: _judged(*row) for frame, *row in rows}
+    return {(judgement, frame): _judged(*row) for judgement, frame, *row in rows}
 
 
 def _judged(

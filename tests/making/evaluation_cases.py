@@ -26,7 +26,7 @@ RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 BLOCK = 5
 RIG = make_rig(4)
 CHECKS = rig_sensor_checks(RIG)
-FRAMES = {"a": 12, "b": 7}
+FRAMES = {"a": 11, "b": 3}
 SEEN, SPREAD = 0.4, 2.0
 """Some attacks are missed, and some clean frames raised."""
 

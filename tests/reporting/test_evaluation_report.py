@@ -93,7 +93,7 @@ def test_both_methods_stand_side_by_side(store, page, shown):
 
 
 def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
-    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4)
+    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4, attacked=2)
     for path in (store.folder / "case_verdicts").iterdir():
         path.unlink()
     setup = load_evaluation(store).setups[0]
@@ -154,7 +154,7 @@ def test_all_marks_lie_inside_their_panels(page):
 
 
 def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
-    how = {"names": ("a.mcap",), "frames": 4}
+    how = {"names": ("a.mcap",), "frames": 4, "attacked": 2}
     assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), seen=1.0, **how)).setups[0].unseen == ()
     blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), seen=0.2, **how)).setups[0].unseen
     assert any(s.startswith("A bogus wall, 1 m wide, on the LiDAR was detected in") for s in blind)
@@ -163,7 +163,7 @@ def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
 
 @pytest.mark.parametrize(("n", "lidar"), [(2, True), (3, False), (4, False)])
 def test_rigs_of_every_make_have_a_page(tmp_path, n, lidar):
-    store = evaluated(tmp_path, make_rig(n, lidar=lidar), names=("a.mcap",), frames=3)
+    store = evaluated(tmp_path, make_rig(n, lidar=lidar), names=("a.mcap",), frames=1)
     shown = Page(render_evaluation(load_evaluation(store)))
     assert ("Identification (Table II)" in shown.text) == (n + lidar >= 4)
     assert ("Wall on the LiDAR" in shown.text) == lidar

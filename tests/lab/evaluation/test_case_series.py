@@ -12,7 +12,7 @@ def test_what_follows_in_time_with_another_rig_is_not_nearby(tmp_path):
     """A recording whose calibration changes has two drives, and the second begins where the first ends."""
     store, _ = make_evaluation(tmp_path)
     cases = next(iter(load_cases(store)))
-    recording, last = cases.known[0].recording_id, 4
+    recording, last = max(cases.known, key=lambda one: one.frame).recording_id, 4
     two_rigs = [
         replace(one, stamp_ns=one.frame * 2 * 10**9, rig_id="before" if one.frame <= last else "after")
         for one in cases.known
