@@ -152,7 +152,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("light on a lens", replaced(faults, "of_lens", lambda seen: ()))
     yield Rule("tones: any", replaced(faults, "by_tone", lambda *args: True))
     yield Rule("tones: unchanged", numbers(light, unchanged=-INF))
-    yield Rule("tones: hardly any light", replaced(faults, "by_tone", lambda seen: not seen.thrown and seen.unchanged))
+    yield Rule("tones: hardly any light", numbers(light, hardly_added=-INF))
     yield Rule("dazzled", numbers(judging.FAULT_SCORES, dazzled=INF))
     yield Rule("the strongest is covered", replaced(faults, "_covers_strongest", lambda *args: True))
     yield Rule("tilt by px", numbers(judging.FAULT_SCORES, tilted_by_px=0.0))
