@@ -42,15 +42,20 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
 
 
 def _of_a_plume(points: Points) -> float:
-    """How many of the isolated points (N, 3) are a plume's of dust: most of them lie together, and are many."""
+    """How many of the isolated points (N, 3) are a plume's of dust: most of them lie together, and are many.
+
+    They are no more than dust isolates: noise that is spoofed in a sector lies together, too.
+    """
     if not len(points):
         return 0.0
     some = points[:: -(-len(points) // ISOLATED_POINTS.together_asked)]
     squares = (some * some).sum(axis=1)
     apart = squares[:, None] + squares - 2 * (some @ some.T)
     share = float((apart < ISOLATED_POINTS.together_m**2).mean(axis=1).max())
+    if share < ISOLATED_POINTS.together_share:
+        return 0.0
     together = share * len(points) - ISOLATED_POINTS.together_fewest
-    return max(together, 0.0) if share >= ISOLATED_POINTS.together_share else 0.0
+    return float(np.clip(together, 0, ISOLATED_POINTS.together_most))
 
 
 def isolated_ratio(found: IsolatedShares) -> float | None:
