@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import chain, groupby
+from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
@@ -69,35 +69,38 @@ class KnownFiles:
                 for known in (one.path, *([one.stamp] if one.stamp else ())):
                     self._seen.setdefault(known, []).append((record, one))
 
-    def apart(self, task: MeasureTask) -> Iterator[MeasureTask]:
-        """The recordings that a task is, as far as the store knows: objects that by their names may be parts of a drive
-        are one task, until copies of them are looked into.
+    def found(self, task: MeasureTask) -> Iterator[tuple[MeasureTask, Measured | None]]:
+        """The recordings that a task is, as far as the store knows, and what it has of each: objects that by their
+        names may be parts of a drive are one task, until copies of them are looked into.
 
         What is not known may go on with the recording before it, or with the one behind it: these are read with it.
         """
-        remote = task.location.remote
-        parts = parts_of(remote) if remote is not None and self._seen and self.measured(task) is None else ()
+        known, remote = self.measured(task), task.location.remote
+        parts = parts_of(remote) if self._seen and known is None and remote is not None else ()
         pieces = list(self._pieces(task, parts))
-        known = [True, *(self._knows(task, piece) for piece in pieces), True]
-        stays = [all(known[place : place + 3]) for place in range(len(pieces))]
+        is_known = [True, *(one is not None for _, one in pieces), True]
+        stays = [all(is_known[place : place + 3]) for place in range(len(pieces))]
         if not any(stays):
-            yield task
+            yield task, known
             return
         for alone, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
-            found = [piece for _, piece in run]
-            yield from (_of(task, piece) for piece in (found if alone else [list(chain.from_iterable(found))]))
+            those = [piece for _, piece in run]
+            if alone:
+                yield from ((_of(task, some), one) for some, one in those)
+            else:
+                yield _of(task, [part for some, _ in those for part in some]), None
 
-    def _pieces(self, task: MeasureTask, parts: Sequence[StoredObject]) -> Iterator[Sequence[StoredObject]]:
+    def _pieces(
+        self, task: MeasureTask, parts: Sequence[StoredObject]
+    ) -> Iterator[tuple[Sequence[StoredObject], Measured | None]]:
         """Parts, in their order: those that are known as one recording together, as many as there are, else each."""
         first = 0
         while first < len(parts):
-            ends = range(len(parts), first, -1)
-            end = next((end for end in ends if self._knows(task, parts[first:end])), first + 1)
-            yield parts[first:end]
-            first = end
-
-    def _knows(self, task: MeasureTask, parts: Sequence[StoredObject]) -> bool:
-        return self.measured(_of(task, parts)) is not None
+            runs = (parts[first:end] for end in range(len(parts), first, -1))
+            known = ((run, one) for run in runs if (one := self.measured(_of(task, run))) is not None)
+            piece = next(known, (parts[first : first + 1], None))
+            yield piece
+            first += len(piece[0])
 
     def measured(self, task: MeasureTask) -> Measured | None:
         """What the store has of a recording whose files are as they were when it read them; None where they are not."""

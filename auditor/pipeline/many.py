@@ -170,8 +170,7 @@ def measure_all(
     """
     settings, unknown = batch.settings, []
     known = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
-    for task in chain.from_iterable(map(known.apart, batch.tasks)):
-        found = known.measured(task)
+    for task, found in chain.from_iterable(map(known.found, batch.tasks)):
         if found is None:
             unknown.append(task)
         else:

@@ -35,13 +35,13 @@ FEWEST_CLEAN = 3
 MOST_OF_STORE = 20
 """Measurements of a rig kind up to which the store's latest others are added to those of a batch."""
 
-_EARLIER = "earlier recordings of its rig kind were judged by the prior alone: auditor judge judges all by each other"
-
 MOST_PASSES = 3
 """Times that the recordings are judged by each other; each is without those that earlier ones found."""
 
 MOST_GROUPS = 5
 """Groups of provisionally clean recordings; each is judged by a calibration of the other groups."""
+
+_EARLIER = "earlier recordings of its rig kind were judged by the prior alone: auditor judge judges all by each other"
 
 
 def judge_batch(
@@ -105,6 +105,9 @@ def kinds_without_calibration(store: Store, measurements: Sequence[str], criteri
     for kind in kinds:
         alike = (one for one in others if is_of_kind(store, one, kind[0]) and fits_none(one))
         kind.extend(islice(alike, max(0, MOST_OF_STORE - len(kind))))
+    kinds = [kind for kind in kinds if len(kind) >= FEWEST_RECORDINGS]
+    if not kinds:
+        return []
     drives = drives_of(store, [measurement for kind in kinds for measurement in kind])
     return [tuple(kind) for kind in kinds if len({drives[measurement] for measurement in kind}) >= FEWEST_RECORDINGS]
 
