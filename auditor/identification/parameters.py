@@ -109,7 +109,7 @@ class Hierarchy:
     )
     narrowest: float = parameter(0.85, unit="times the prior's deviation within drives, at least", source=_STRETCHES)
     narrowest_of_any: float = parameter(
-        0.75, unit="times the prior's deviation of frames of any drive, at least", source=_STRETCHES
+        0.75, unit="times the prior's deviation of frames of any drive, at least, after many drives", source=_STRETCHES
     )
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(
