@@ -48,11 +48,12 @@ def test_a_drive_of_which_nothing_was_measured_tells_nothing():
     assert expected(PRIOR, [np.full(50, NAN), np.zeros(0)]) == expected(PRIOR, [])
 
 
-def test_a_drive_as_the_prior_expects_it_leaves_the_mean_and_narrows_the_deviation():
+def test_a_drive_as_the_prior_expects_it_leaves_the_mean_and_narrows_what_drives_differ_by():
     found = expected(PRIOR, [drive(-2.0, within=0.3)])
     assert found.mean == pytest.approx(-2.0, abs=0.01)
-    assert found.deviation < expected(PRIOR, []).deviation
-    assert found.deviation == pytest.approx(deviation_of(0.3, 0.4 * math.sqrt(4 / 5), 1), rel=0.03)
+    between = deviation_of(0.0, 0.4 * math.sqrt(4 / 5), 1)
+    assert found.between == pytest.approx(between, rel=0.03)
+    assert found.between < expected(PRIOR, []).between
     assert (found.drives, found.samples) == (1, 400)
 
 
