@@ -283,8 +283,10 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:
     """Why no three of the sensors present were compared in a frame."""
     missing = f"{listed(outside)} missing: " if outside else ""
+    if system.of_scans and present:
+        return missing + _NO_SCAN_BEFORE
     if system.by_time and not outside:
-        return _STANDS if system.triples else _NO_SCAN_BEFORE
+        return _STANDS
     if len(present) < FEWEST_COMPARED:
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
     possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]

@@ -109,16 +109,20 @@ class Lidar:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of a LiDAR alone there are none.
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of LiDARs alone there are none.
 
-    Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
-    in the views they are rectified to.
+    `others` are the LiDARs S_1.. that overlap a LiDAR S_0 without cameras. Raises RigError where there are cameras as
+    well, where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows in the
+    views they are rectified to.
     """
 
     lidar: Lidar | None
     cameras: tuple[Camera, ...]
+    others: tuple[Lidar, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.others and (self.cameras or self.lidar is None):
+            raise RigError("several LiDARs are a rig without cameras, the first of them S_0", where="rig")
         if [camera.number for camera in self.cameras] != list(range(1, len(self.cameras) + 1)):
             raise RigError("cameras must be numbered 1..n", where="rig")
         rectified = all(camera.rectified for camera in self.cameras)
@@ -130,7 +134,7 @@ class Rig:
     @property
     def units_m(self) -> dict[str, float]:
         """By topic the unit of the points of a LiDAR that are in no metres."""
-        return {self.lidar.topic: self.lidar.unit_m} if self.lidar and self.lidar.unit_m is not None else {}
+        return {lidar.topic: lidar.unit_m for lidar in self.lidars.values() if lidar.unit_m is not None}
 
     @property
     def n(self) -> int:
@@ -140,7 +144,12 @@ class Rig:
     @property
     def sensors(self) -> tuple[int, ...]:
         """Numbers of all sensors, ascending."""
-        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + 1))
+        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + len(self.others) + 1))
+
+    @cached_property
+    def lidars(self) -> dict[int, Lidar]:
+        """All LiDARs by their numbers."""
+        return dict(enumerate((self.lidar, *self.others), LIDAR)) if self.lidar else {}
 
     @property
     def by_time(self) -> bool:
@@ -189,21 +198,21 @@ class Rig:
 
     def name(self, sensor: int) -> str:
         """The recording's own name of a sensor."""
-        if sensor == LIDAR:
-            return self.lidar.name if self.lidar else ""
-        return self.camera(sensor).name
+        if sensor in self.lidars:
+            return self.lidars[sensor].name
+        return self.camera(sensor).name if sensor != LIDAR else ""
 
     def topic(self, sensor: int) -> str:
         """The topic that carries a sensor's data."""
-        if sensor == LIDAR:
-            return self.lidar.topic if self.lidar else ""
-        return self.camera(sensor).topic
+        if sensor in self.lidars:
+            return self.lidars[sensor].topic
+        return self.camera(sensor).topic if sensor != LIDAR else ""
 
     @property
     def offsets_ns(self) -> dict[int, int]:
         """By sensor how far its stamps lie behind the leftmost camera's, in nanoseconds, where that is known."""
         known = {camera.number: camera.offset_ns for camera in self.cameras}
-        known[LIDAR] = self.lidar.offset_ns if self.lidar else None
+        known |= {sensor: lidar.offset_ns for sensor, lidar in self.lidars.items()}
         return {sensor: offset_ns for sensor, offset_ns in sorted(known.items()) if offset_ns is not None}
 
     def baseline_m(self, i: int, k: int) -> float:
@@ -212,6 +221,14 @@ class Rig:
         if right.rectified and left.rectified:
             return float(right.centre_m[0] - left.centre_m[0])
         return float(np.linalg.norm(right.centre_m - left.centre_m))
+
+    def beside_m(self, i: int, k: int) -> Matrix:
+        """(3,) where LiDAR k lies as seen from LiDAR i, in the axes of the rig."""
+        return np.asarray(self.lidars[k].rig_SE3_lidar[:3, 3] - self.lidars[i].rig_SE3_lidar[:3, 3])
+
+    def alone(self, sensor: int) -> "Rig":
+        """One of the LiDARs as a rig of its own, in which it is S_0."""
+        return Rig(self.lidars[sensor], ())
 
     def pair(self, i: int, k: int) -> "Rig":
         """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
@@ -245,11 +262,12 @@ class Rig:
         pairs = list(pairwise(range(1, self.n + 1)))
         if not self.shares_view:
             pairs += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in pairs]
+        apart_m = tuple(float(np.linalg.norm(self.beside_m(i, i + 1))) for i in range(len(self.others)))
         return RigKind(
             lidar=self.lidar is not None,
             sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
             focals_px=tuple(camera.focal_px for camera in self.cameras),
-            baselines_m=tuple(self.baseline_m(*pair) for pair in pairs),
+            baselines_m=apart_m or tuple(self.baseline_m(*pair) for pair in pairs),
         )
 
     @cached_property
@@ -260,17 +278,10 @@ class Rig:
 
     def to_dict(self) -> dict[str, Any]:
         """A plain description that `from_dict` reads back; every number survives exactly."""
-        lidar = None
-        if self.lidar:
-            lidar = {
-                "name": self.lidar.name,
-                "topic": self.lidar.topic,
-                "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
-                **_given(offset_ns=self.lidar.offset_ns, unit_m=self.lidar.unit_m),
-                **_sweep_to_dict(self.lidar.sweep),
-            }
+        others = {"others": [_lidar_to_dict(lidar) for lidar in self.others]} if self.others else {}
         return {
-            "lidar": lidar,
+            "lidar": _lidar_to_dict(self.lidar) if self.lidar else None,
+            **others,
             "cameras": [
                 {
                     "number": camera.number,
@@ -293,7 +304,8 @@ class Rig:
         fields = Fields("the rig", description)
         lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
         cameras = fields.tables("cameras", "camera") if lidar is None or "cameras" in fields else ()
-        return cls(lidar, tuple(map(_camera, cameras)))
+        others = fields.tables("others", "LiDAR") if "others" in fields else ()
+        return cls(lidar, tuple(map(_camera, cameras)), tuple(map(_lidar, others)))
 
 
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
@@ -317,6 +329,16 @@ def fallback_of(n: int, *, lidar: bool) -> Triple | None:
     It is the paper's Scenario 1 for frames without any other reference: with it every three sensors can be compared.
     """
     return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
+
+
+def _lidar_to_dict(lidar: Lidar) -> dict[str, Any]:
+    return {
+        "name": lidar.name,
+        "topic": lidar.topic,
+        "rig_SE3_lidar": lidar.rig_SE3_lidar.tolist(),
+        **_given(offset_ns=lidar.offset_ns, unit_m=lidar.unit_m),
+        **_sweep_to_dict(lidar.sweep),
+    }
 
 
 def _lidar(fields: Fields) -> Lidar:

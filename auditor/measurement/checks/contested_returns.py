@@ -1,0 +1,121 @@
+"""A LiDAR against another one: what stands, by its points, where the other's beams passed at the same moment.
+
+Two LiDARs look from different places, and turn on their own. So what the other does not see, behind something or outside
+its beams, says nothing: its beams around a point have to end clearly behind it. What moves may have been elsewhere when
+the other looked: nothing of the other may stand near. Posts, wires and boards are missed by beams: what is contested
+has to be wide and tall.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.free_space_conflict import (
+    SIDE,
+    Scan,
+    Shift,
+    above_ground_m,
+    around_thing,
+    cells_from_above,
+    near,
+    widths_m,
+    within_reach,
+)
+from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
+from auditor.measurement.checks.scattered_returns import scattered, share_in_view
+from auditor.model.arrays import Floats32, Image, Indices, Mask, Points
+from auditor.model.optics.geometry import Matrix
+from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.rig import Rig
+
+_CHOSEN = "KITTI's scans split in two, and streets 46000 to 46063, clean and attacked (docs/decisions.md)"
+
+
+@dataclass(frozen=True)
+class ContestedReturns:
+    """What stands where the beams of another LiDAR passed, seen from above in cells."""
+
+    nearest_m: float = parameter(4.0, unit="m: nearer is the vehicle itself, whose parts few beams meet", source=BY_HAND)
+    apart_s: float = parameter(0.15, unit="s between two beams of a frame: half a period and a sweep", source=BY_HAND)
+    fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
+    least_share: float = parameter(0.5, unit="of an object's points that are asked about", source=_CHOSEN)
+    narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source=_CHOSEN)
+    lowest_m: float = parameter(0.4, unit="m from its lowest to its highest: less is a board or a wire", source=_CHOSEN)
+    most_share: float = parameter(
+        0.06, unit="of the cells with objects that both see: beyond it they do not fit", source=_CHOSEN
+    )
+    most_cells: int = parameter(16, unit="such cells, where few hold objects at all", source="walls fill 6 to 14")
+
+
+NUMBERS = ContestedReturns()
+
+_STILL = Shift(0, 0)
+
+
+class Contested(NamedTuple):
+    """Of the points (M, 3) of a scan those that another LiDAR contests, and which of all it looks at, both (M,)."""
+
+    points: Mask
+    looked_at: Mask
+
+
+def contested(now: Scan, other: Scan, beside_m: Matrix, way: Shift) -> Contested | None:
+    """What another LiDAR's scan of the same frame says of the points of one; None where the two do not fit together.
+
+    `beside_m` (3,) is where the other lies, in the rig's axes; `way` is how what stands still moved since the scan
+    before.
+    """
+    offset = beside_m.astype(np.float32)[:, None]
+    asked = np.flatnonzero(now.clearly & (np.hypot(now.xyz_m[0], now.xyz_m[2]) > NUMBERS.nearest_m))
+    nothing = Contested(np.zeros_like(now.clearly), np.zeros_like(now.clearly))
+    if not asked.size or not other.xyz_m.size:
+        return nothing
+    beams = other.beams_around(now.xyz_m[:, asked] - offset)
+    seen, passed = (asked[beams.ended_behind(by_m)] for by_m in (-FREE_SPACE.behind_m, FREE_SPACE.behind_m))
+    there = near(_things(now, other.xyz_m + offset), _STILL, around_thing(way, NUMBERS.apart_s)).take(now.cell[passed])
+    alone = passed[~there]
+    cells, of_all = (np.unique(now.cell[some]).size for some in (alone, seen))
+    if cells > max(NUMBERS.most_share * of_all, NUMBERS.most_cells):
+        return None
+    looked_at = nothing.looked_at.copy()
+    looked_at[seen] = True
+    return Contested(_objects(now, asked, alone), looked_at)
+
+
+def measure_contested_returns(points: Points, rig: Rig) -> float:
+    """The statistic, 0 to 1, of those of the contested points (K, 3) that do not scatter as in dust."""
+    return share_in_view(points[~scattered(points, rig)], rig)
+
+
+def _things(now: Scan, xyz_m: Floats32) -> Image:
+    """(SIDE, SIDE) 1 where another LiDAR's points (3, M), seen from the first, stand above the ground of both."""
+    xyz_m = xyz_m.take(within_reach(xyz_m), axis=1)
+    row, column = cells_from_above(np.concatenate([xyz_m, now.xyz_m], axis=1))
+    above = above_ground_m(row, column, np.concatenate([xyz_m[1], now.xyz_m[1]]))
+    standing = np.flatnonzero(above[: xyz_m.shape[1]] > FREE_SPACE.stands_m)
+    grid = np.zeros((SIDE, SIDE), dtype=np.uint8)
+    grid[row[standing], column[standing]] = 1
+    return grid
+
+
+def _objects(now: Scan, asked: Indices, alone: Indices) -> Mask:
+    """(M,) the points that stand alone of objects most of whose points do, and that are wide and tall."""
+    count, objects = cv2.connectedComponents(now.things)
+    of = np.asarray(objects, dtype=np.intp).take(now.cell)
+    every, contested_ones = (np.bincount(of[some], minlength=count) for some in (asked, alone))
+    found = contested_ones >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
+    found &= widths_m(of[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
+    found &= _heights_m(of[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
+    mask = np.zeros(of.size, dtype=np.bool_)
+    mask[alone[found[of[alone]]]] = True
+    return mask
+
+
+def _heights_m(of: Indices, down_m: Floats32, count: int) -> Floats32:
+    """(count,) how tall the points (K,) of each object are."""
+    least, most = np.full(count, np.inf, np.float32), np.full(count, -np.inf, np.float32)
+    np.minimum.at(least, of, down_m)
+    np.maximum.at(most, of, down_m)
+    return most - least
