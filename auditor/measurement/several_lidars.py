@@ -8,7 +8,7 @@ import numpy as np
 from auditor.measurement.checks.collect import BY_SCANS
 from auditor.measurement.checks.contested_returns import contested, measure_contested_returns
 from auditor.measurement.checks.found import measuring
-from auditor.measurement.checks.free_space_conflict import OwnScans
+from auditor.measurement.checks.free_space_conflict import OwnScans, upright
 from auditor.model.arrays import Indices
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import Frame
@@ -41,8 +41,9 @@ class SeveralLidars:
                 shares |= {SensorCheck(check, sensor, ()): share for check, share in said.items()}
         scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
         lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
+        ended_m = {sensor: upright(frame.clouds[sensor].xyz_m, self._rig.alone(sensor)) for sensor in scans}
         for i, k in permutations(scans, 2):
-            found = contested(scans[i], scans[k], self._rig.beside_m(i, k), self._own[i].way)
+            found = contested(scans[i], ended_m[k], self._rig.beside_m(i, k), self._own[i].way)
             if found is not None:
                 lookers[i] += found.looked_at
                 points = scans[i].points[found.points]

@@ -18,7 +18,9 @@ from auditor.measurement.checks.free_space_conflict import (
     Shift,
     above_ground_m,
     around_thing,
+    beams_around,
     cells_from_above,
+    ellipse,
     near,
     widths_m,
     within_reach,
@@ -39,6 +41,9 @@ class ContestedReturns:
 
     nearest_m: float = parameter(4.0, unit="m: nearer is the vehicle itself, whose parts few beams meet", source=BY_HAND)
     apart_s: float = parameter(0.15, unit="s between two beams of a frame: half a period and a sweep", source=BY_HAND)
+    behind_m: float = parameter(1.5, unit="m behind it at which beams ended, at least", source=_CHOSEN)
+    usual_s: float = parameter(0.1, unit="s between two scans, by which the vehicle's way is taken", source=BY_HAND)
+    beside_m: float = parameter(1.0, unit="m beside it that what stands still may seem to be", source=BY_HAND)
     fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
     least_share: float = parameter(0.5, unit="of an object's points that are asked about", source=_CHOSEN)
     narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source=_CHOSEN)
@@ -61,27 +66,46 @@ class Contested(NamedTuple):
     looked_at: Mask
 
 
-def contested(now: Scan, other: Scan, beside_m: Matrix, way: Shift) -> Contested | None:
-    """What another LiDAR's scan of the same frame says of the points of one; None where the two do not fit together.
+def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Contested | None:
+    """What another LiDAR says of the points of a scan; None where the two do not fit together.
 
-    `beside_m` (3,) is where the other lies, in the rig's axes; `way` is how what stands still moved since the scan
-    before.
+    `other_m` (3, N) are its points of the same frame, right, down and ahead of it, and `beside_m` (3,) is where it lies
+    beside the first one. `way` is how what stands still moved since the scan before.
     """
     offset = beside_m.astype(np.float32)[:, None]
     asked = np.flatnonzero(now.clearly & (np.hypot(now.xyz_m[0], now.xyz_m[2]) > NUMBERS.nearest_m))
     nothing = Contested(np.zeros_like(now.clearly), np.zeros_like(now.clearly))
-    if not asked.size or not other.xyz_m.size:
+    if not asked.size or not other_m.size:
         return nothing
-    beams = other.beams_around(now.xyz_m[:, asked] - offset)
-    seen, passed = (asked[beams.ended_behind(by_m)] for by_m in (-FREE_SPACE.behind_m, FREE_SPACE.behind_m))
-    there = near(_things(now, other.xyz_m + offset), _STILL, around_thing(way, NUMBERS.apart_s)).take(now.cell[passed])
-    alone = passed[~there]
+    range_m, ended_m, scanned = beams_around(now.xyz_m[:, asked] - offset, other_m)
+    seen = asked[scanned & (ended_m > range_m - NUMBERS.behind_m)]
+    passed = asked[scanned & (ended_m > range_m + NUMBERS.behind_m)]
+    alone = _alone(now, passed, _things(now, other_m + offset), way)
     cells, of_all = (np.unique(now.cell[some]).size for some in (alone, seen))
     if cells > max(NUMBERS.most_share * of_all, NUMBERS.most_cells):
         return None
     looked_at = nothing.looked_at.copy()
     looked_at[seen] = True
     return Contested(_objects(now, asked, alone), looked_at)
+
+
+def _alone(now: Scan, passed: Indices, there: Image, way: Shift) -> Indices:
+    """Those of the points at some places that nothing of the other LiDAR's `there` can be.
+
+    What stands still lies near. What moves lies farther away, where the first LiDAR sees nothing.
+    """
+    beside = _still(way)
+    alone = passed[~near(there, _STILL, beside).take(now.cell[passed])]
+    known = now.solid.copy()
+    known[alone] = False
+    moved = there * ~near(now.cells(known), _STILL, beside)
+    return alone[~near(moved, _STILL, around_thing(way, NUMBERS.apart_s)).take(now.cell[alone])]
+
+
+def _still(way: Shift) -> Image:
+    """The cells around a thing in which it can be if it stands still: an ellipse along the vehicle's way."""
+    beside = NUMBERS.beside_m / FREE_SPACE.cell_m
+    return ellipse(way, float(np.hypot(*way)) * NUMBERS.apart_s / NUMBERS.usual_s + beside, beside)
 
 
 def measure_contested_returns(points: Points, rig: Rig) -> float:

@@ -78,18 +78,6 @@ class Shift(NamedTuple):
     right: int
 
 
-class Beams(NamedTuple):
-    """How far K points are away, where the first of the beams around each ended, and whether it was scanned; (K,)."""
-
-    range_m: Floats32
-    ended_m: Floats32
-    scanned: Mask
-
-    def ended_behind(self, by_m: float) -> Mask:
-        """(K,) the points around which beams went on by so much at least, or missed as much at most where negative."""
-        return np.asarray(self.scanned & (self.ended_m > self.range_m + by_m))
-
-
 @dataclass(frozen=True, eq=False)
 class Scan:
     """One scan, its points within reach, seen from above.
@@ -109,10 +97,7 @@ class Scan:
     @classmethod
     def of(cls, cloud: PointCloud, rig: Rig) -> "Scan":
         """The scan of a cloud, upright as the rig is."""
-        assert rig.lidar is not None
-        rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(cloud.xyz_m.T)
-        # Row by row: a product of so thin matrices takes several cores longer than this takes one.
-        xyz = np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in rotation])
+        xyz = upright(cloud.xyz_m, rig)
         within = within_reach(xyz)
         xyz = xyz.take(within, axis=1)
         right, down, ahead = xyz
@@ -146,21 +131,8 @@ class Scan:
 
     def passed(self, xyz_m: Floats32) -> Mask:
         """(K,) whether its beams around points (3, K) of the next scan went on behind them, and none ended before."""
-        return self.beams_around(xyz_m).ended_behind(NUMBERS.behind_m)
-
-    def beams_around(self, xyz_m: Floats32) -> Beams:
-        """Its beams around points (3, K)."""
-        down, around, range_m = _directions(xyz_m)
-        its_down, its_around, its_range_m = _directions(self._towards(xyz_m))
-        nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
-        np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
-        grid = nearest.reshape(_DOWN, _AROUND)
-        beside = NUMBERS.scanned_cells
-        hit = _ring(np.any(grid < _NOWHERE_M, axis=0, keepdims=True).astype(np.float32), beside)
-        closed = np.asarray(cv2.morphologyEx(hit, cv2.MORPH_CLOSE, np.ones((1, 5), np.uint8)), dtype=np.float32)
-        scanned = _eroded(closed, np.ones((1, 2 * beside + 1), dtype=np.uint8))[0, beside:-beside]
-        near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
-        return Beams(range_m, near_m, np.asarray((near_m < _NOWHERE_M) & (scanned[around] > 0)))
+        range_m, near_m, scanned = beams_around(xyz_m, self._towards(xyz_m))
+        return np.asarray(scanned & (near_m > range_m + NUMBERS.behind_m))
 
     def _towards(self, xyz_m: Floats32) -> Floats32:
         """(3, M) the scan's points in the directions around points (3, K), and as far aside as `passed` asks."""
@@ -213,6 +185,14 @@ class OwnScans:
 def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> float:
     """The statistic, 0 to 1, of those of the points (K, 3) in the view of a camera that do not scatter as in dust."""
     return share_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
+
+
+def upright(points: Points, rig: Rig) -> Floats32:
+    """(3, N) points (N, 3) of the LiDAR, right, down and ahead of it."""
+    assert rig.lidar is not None
+    rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(points.T)
+    # Row by row: a product of so thin matrices takes several cores longer than this takes one.
+    return np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in rotation])
 
 
 def within_reach(xyz_m: Floats32) -> Indices:
@@ -286,11 +266,16 @@ def near(there: Image, shift: Shift, around: Image) -> Mask:
 def around_thing(shift: Shift, seconds: float) -> Image:
     """The cells around a thing that stands still in which it can be if it does not: an ellipse along the way."""
     along = NUMBERS.moves_m_s * seconds / NUMBERS.cell_m
+    # Of a vehicle that stands nobody knows the way.
+    return ellipse(shift, along, NUMBERS.beside_m / NUMBERS.cell_m if any(shift) else along)
+
+
+def ellipse(way: Shift, along: float, across: float) -> Image:
+    """The cells around one within an ellipse, so many of them along a way and across it; ahead without a way."""
     half = int(along)
     ahead, right = np.mgrid[-half : half + 1, -half : half + 1]
-    way = float(np.hypot(*shift))
-    to_ahead, to_right = (shift.ahead / way, shift.right / way) if way else (1.0, 0.0)
-    across = NUMBERS.beside_m / NUMBERS.cell_m if way else along  # of a vehicle that stands nobody knows the way
+    length = float(np.hypot(*way))
+    to_ahead, to_right = (way.ahead / length, way.right / length) if length else (1.0, 0.0)
     along_way, across_way = ahead * to_ahead + right * to_right, right * to_ahead - ahead * to_right
     return np.asarray((along_way / along) ** 2 + (across_way / across) ** 2 <= 1, dtype=np.uint8)
 
@@ -304,6 +289,24 @@ def widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:
         np.maximum.at(most, of, along)
         sides.append(most - least)
     return np.asarray(np.maximum(*sides))
+
+
+def beams_around(xyz_m: Floats32, ended_m: Floats32) -> tuple[Floats32, Floats32, Mask]:
+    """(K,) the range of points (3, K), where the first of the beams around each ended, and whether it was scanned.
+
+    The beams are those that ended at (3, M).
+    """
+    down, around, range_m = _directions(xyz_m)
+    its_down, its_around, its_range_m = _directions(ended_m)
+    nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
+    np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
+    grid = nearest.reshape(_DOWN, _AROUND)
+    beside = NUMBERS.scanned_cells
+    hit = _ring(np.any(grid < _NOWHERE_M, axis=0, keepdims=True).astype(np.float32), beside)
+    closed = np.asarray(cv2.morphologyEx(hit, cv2.MORPH_CLOSE, np.ones((1, 5), np.uint8)), dtype=np.float32)
+    scanned = _eroded(closed, np.ones((1, 2 * beside + 1), dtype=np.uint8))[0, beside:-beside]
+    near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
+    return range_m, near_m, np.asarray((near_m < _NOWHERE_M) & (scanned[around] > 0))
 
 
 def _directions(xyz_m: Floats32) -> tuple[Indices, Indices, Floats32]:
