@@ -44,9 +44,9 @@ class ContestedReturns:
     behind_m: float = parameter(1.5, unit="m behind it at which beams ended, at least", source=_CHOSEN)
     usual_s: float = parameter(0.1, unit="s between two scans, by which the vehicle's way is taken", source=BY_HAND)
     beside_m: float = parameter(1.0, unit="m beside it that what stands still may seem to be", source=BY_HAND)
-    fewest: int = parameter(5, unit="points of an object where beams passed", source=_CHOSEN)
-    least_share: float = parameter(0.5, unit="of an object's points that are asked about", source=_CHOSEN)
-    narrowest_m: float = parameter(0.5, unit="m: narrower is a post that beams miss", source=_CHOSEN)
+    fewest: int = parameter(10, unit="points of an object where beams passed", source=_CHOSEN)
+    least_share: float = parameter(0.7, unit="of an object's points that the other looks at", source=_CHOSEN)
+    narrowest_m: float = parameter(0.8, unit="m: narrower is a post that beams miss", source=_CHOSEN)
     lowest_m: float = parameter(0.4, unit="m from its lowest to its highest: less is a board or a wire", source=_CHOSEN)
     most_share: float = parameter(
         0.06, unit="of the cells with objects that both see: beyond it they do not fit", source=_CHOSEN
@@ -74,9 +74,8 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     """
     offset = beside_m.astype(np.float32)[:, None]
     asked = np.flatnonzero(now.clearly & (np.hypot(now.xyz_m[0], now.xyz_m[2]) > NUMBERS.nearest_m))
-    nothing = Contested(np.zeros_like(now.clearly), np.zeros_like(now.clearly))
     if not asked.size or not other_m.size:
-        return nothing
+        return Contested(_flags(now, asked[:0]), _flags(now, asked[:0]))
     range_m, ended_m, scanned = beams_around(now.xyz_m[:, asked] - offset, other_m)
     seen = asked[scanned & (ended_m > range_m - NUMBERS.behind_m)]
     passed = asked[scanned & (ended_m > range_m + NUMBERS.behind_m)]
@@ -84,9 +83,7 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     cells, of_all = (np.unique(now.cell[some]).size for some in (alone, seen))
     if cells > max(NUMBERS.most_share * of_all, NUMBERS.most_cells):
         return None
-    looked_at = nothing.looked_at.copy()
-    looked_at[seen] = True
-    return Contested(_objects(now, asked, alone), looked_at)
+    return Contested(_objects(now, seen, alone), _flags(now, seen))
 
 
 def _alone(now: Scan, passed: Indices, there: Image, way: Shift) -> Indices:
@@ -124,17 +121,23 @@ def _things(now: Scan, xyz_m: Floats32) -> Image:
     return grid
 
 
-def _objects(now: Scan, asked: Indices, alone: Indices) -> Mask:
-    """(M,) the points that stand alone of objects most of whose points do, and that are wide and tall."""
-    count, objects = cv2.connectedComponents(now.things)
-    of = np.asarray(objects, dtype=np.intp).take(now.cell)
-    every, contested_ones = (np.bincount(of[some], minlength=count) for some in (asked, alone))
-    found = contested_ones >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
+def _objects(now: Scan, seen: Indices, alone: Indices) -> Mask:
+    """(M,) the points that stand alone in connected cells most of whose points do, and that are wide and tall."""
+    count, numbers = cv2.connectedComponents(now.cells(_flags(now, alone)))
+    of = np.asarray(numbers, dtype=np.intp).take(now.cell)
+    every, found_ones = (np.bincount(of[some], minlength=count) for some in (seen, alone))
+    found = found_ones >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
+    found[0] = False
     found &= widths_m(of[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
     found &= _heights_m(of[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
-    mask = np.zeros(of.size, dtype=np.bool_)
-    mask[alone[found[of[alone]]]] = True
-    return mask
+    return _flags(now, alone[found[of[alone]]])
+
+
+def _flags(now: Scan, places: Indices) -> Mask:
+    """(M,) the points of a scan at some places."""
+    flags = np.zeros(now.cell.size, dtype=np.bool_)
+    flags[places] = True
+    return flags
 
 
 def _heights_m(of: Indices, down_m: Floats32, count: int) -> Floats32:
