@@ -44,6 +44,7 @@ class ContestedReturns:
     behind_m: float = parameter(1.5, unit="m behind it at which beams ended, at least", source=_CHOSEN)
     usual_s: float = parameter(0.1, unit="s between two scans, by which the vehicle's way is taken", source=BY_HAND)
     beside_m: float = parameter(1.0, unit="m beside it that what stands still may seem to be", source=BY_HAND)
+    places: int = parameter(5, unit="places along its way at which a point is asked about", source=BY_HAND)
     fewest: int = parameter(10, unit="points of an object where beams passed", source=_CHOSEN)
     least_share: float = parameter(0.7, unit="of an object's points that the other looks at", source=_CHOSEN)
     narrowest_m: float = parameter(0.8, unit="m: narrower is a post that beams miss", source=_CHOSEN)
@@ -80,6 +81,8 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     seen = asked[scanned & (ended_m > range_m - NUMBERS.behind_m)]
     passed = asked[scanned & (ended_m > range_m + NUMBERS.behind_m)]
     alone = _alone(now, passed, _things(now, other_m + offset), way)
+    if alone.size:
+        alone = alone[_passed_all_along(now.xyz_m[:, alone] - offset, other_m, way)]
     cells, of_all = (np.unique(now.cell[some]).size for some in (alone, seen))
     if cells > max(NUMBERS.most_share * of_all, NUMBERS.most_cells):
         return None
@@ -97,6 +100,16 @@ def _alone(now: Scan, passed: Indices, there: Image, way: Shift) -> Indices:
     known[alone] = False
     moved = there * ~near(now.cells(known), _STILL, beside)
     return alone[~near(moved, _STILL, around_thing(way, NUMBERS.apart_s)).take(now.cell[alone])]
+
+
+def _passed_all_along(xyz_m: Floats32, other_m: Floats32, way: Shift) -> Mask:
+    """(K,) whether beams went on behind points (3, K) wherever they were when the other looked, if they stand still."""
+    moved_m = FREE_SPACE.cell_m * NUMBERS.apart_s / NUMBERS.usual_s * np.array([way.right, 0, way.ahead])
+    steps = np.linspace(-1, 1, NUMBERS.places)
+    places = np.stack([xyz_m + (step * moved_m).astype(np.float32)[:, None] for step in steps], axis=1)
+    range_m, ended_m, scanned = beams_around(places.reshape(3, -1), other_m)
+    passed = scanned & (ended_m > range_m + NUMBERS.behind_m)
+    return np.asarray(passed.reshape(len(steps), -1).all(axis=0))
 
 
 def _still(way: Shift) -> Image:
