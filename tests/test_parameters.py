@@ -68,7 +68,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "N - 3 is positive; N - 3",
     ),
     "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
-    "measurement/checks/moving_things.py": ((3,), "cells that touch"),
+    "measurement/moving_things.py": ((3,), "cells that touch"),
     "measurement/checks/parallax_conflict.py": (
         (10, 9, 256, 2048),
         "nanoseconds; points and patches compared at once, to bound memory",

@@ -59,7 +59,6 @@ _BY_TIME = (
     "camera that moves as a scene at another range would",
 )
 
-
 _BY_SCANS = (
     "a LiDAR alone is checked by its own last scan: what stands up where its beams passed a moment ago, within "
     f"{FREE_SPACE.farthest_m:g} m, with nothing near from which it can have come, names S_0; also while the vehicle "
@@ -73,8 +72,8 @@ _BY_OTHER_SCANS = (
     "several LiDARs: in every frame each is compared with the others where both look, within "
     f"{FREE_SPACE.farthest_m:g} m: what stands by its points where another one's beams went on behind; so also what is "
     "there from the first frame on is seen",
-    "two that contradict each other do not say which is attacked: an incident names neither, unless what one shows came "
-    "from nowhere by its own last scan, or a third LiDAR agrees with the other",
+    "two that contradict each other do not say which is attacked: an incident names neither, unless what one shows "
+    "came from nowhere by its own last scan, or a third LiDAR agrees with the other",
     "not looked at: what only one of them sees, as behind things or beyond the other's beams; what is near something "
     "that the other sees, or moves; posts, wires and boards; points that scatter",
 )

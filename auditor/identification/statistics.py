@@ -22,7 +22,7 @@ from auditor.model.checks import (
     CountedPair,
     SensorCheck,
 )
-from auditor.model.checks.kind import Counted, Of, Vote
+from auditor.model.checks.kind import Counted, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 

@@ -97,7 +97,11 @@ class Attacker:
     def change_cloud(self, cloud: PointCloud) -> PointCloud:
         """The cloud, attacked within the plan's time."""
         attack = cast("OnLidar | None", self._attack_on(cloud))
-        return cloud if attack is None else attack.apply(cloud, self.rig.alone(self.plan.sensor) if self.rig.others else self.rig)
+        return (
+            cloud
+            if attack is None
+            else attack.apply(cloud, self.rig.alone(self.plan.sensor) if self.rig.others else self.rig)
+        )
 
     @property
     def label(self) -> AttackLabel | None:

@@ -1,9 +1,9 @@
 """A LiDAR against another one: what stands, by its points, where the other's beams passed at the same moment.
 
-Two LiDARs look from different places, and turn on their own. So what the other does not see, behind something or outside
-its beams, says nothing: its beams around a point have to end clearly behind it. What moves may have been elsewhere when
-the other looked: nothing of the other may stand near. Posts, wires and boards are missed by beams: what is contested
-has to be wide and tall.
+Two LiDARs look from different places, and turn on their own. So what the other does not see, behind something or
+outside its beams, says nothing: its beams around a point have to end clearly behind it. What moves may have been
+elsewhere when the other looked: nothing of the other may stand near. Posts, wires and boards are missed by beams: what
+is contested has to be wide and tall.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
 from auditor.measurement.checks.free_space_conflict import (
     SIDE,
     Scan,
@@ -25,7 +26,6 @@ from auditor.measurement.checks.free_space_conflict import (
     widths_m,
     within_reach,
 )
-from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
 from auditor.measurement.checks.scattered_returns import scattered, share_in_view
 from auditor.model.arrays import Floats32, Image, Indices, Mask, Points
 from auditor.model.optics.geometry import Matrix
@@ -39,7 +39,7 @@ _CHOSEN = "KITTI's scans split in two, and streets 46000 to 46063, clean and att
 class ContestedReturns:
     """What stands where the beams of another LiDAR passed, seen from above in cells."""
 
-    nearest_m: float = parameter(4.0, unit="m: nearer is the vehicle itself, whose parts few beams meet", source=BY_HAND)
+    nearest_m: float = parameter(4.0, unit="m: nearer is the vehicle itself", source=BY_HAND)
     apart_s: float = parameter(0.15, unit="s between two beams of a frame: half a period and a sweep", source=BY_HAND)
     behind_m: float = parameter(1.5, unit="m behind it at which beams ended, at least", source=_CHOSEN)
     usual_s: float = parameter(0.1, unit="s between two scans, by which the vehicle's way is taken", source=BY_HAND)
@@ -106,8 +106,8 @@ def _passed_all_along(xyz_m: Floats32, other_m: Floats32, way: Shift) -> Mask:
     """(K,) whether beams went on behind points (3, K) wherever they were when the other looked, if they stand still."""
     moved_m = FREE_SPACE.cell_m * NUMBERS.apart_s / NUMBERS.usual_s * np.array([way.right, 0, way.ahead])
     steps = np.linspace(-1, 1, NUMBERS.places)
-    places = np.stack([xyz_m + (step * moved_m).astype(np.float32)[:, None] for step in steps], axis=1)
-    range_m, ended_m, scanned = beams_around(places.reshape(3, -1), other_m)
+    places = np.concatenate([xyz_m + (step * moved_m).astype(np.float32)[:, None] for step in steps], axis=1)
+    range_m, ended_m, scanned = beams_around(places, other_m)
     passed = scanned & (ended_m > range_m + NUMBERS.behind_m)
     return np.asarray(passed.reshape(len(steps), -1).all(axis=0))
 

@@ -63,7 +63,7 @@ class SensorCheck(NamedTuple):
 
     @property
     def nameable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where it fires: two cameras, or two LiDARs, alone cannot tell which.
+        """The sensors one of which must be attacked where it fires: two cameras, or LiDARs, alone cannot tell which.
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
@@ -108,7 +108,7 @@ def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
 @cache
 def _of_scans(lidars: tuple[int, ...]) -> tuple[SensorCheck, ...]:
     """The checks of LiDARs without cameras: each by its own last scan, and by the others."""
-    subjects = {
+    subjects: Mapping[Of, Sequence[tuple[int, tuple[int, ...]]]] = {
         Of.OWN_SCANS: [(one, ()) for one in lidars],
         Of.OTHER_SCANS: [(one, others) for one in lidars for others in _voters(tuple(k for k in lidars if k != one))],
     }
