@@ -303,7 +303,7 @@ class Check(StrEnum):
                 "has points where the beams of other LiDARs passed",
                 "S_{i} has points where the beams of other LiDARs passed",
                 "one of the two has points where the other's beams passed",
-                "S_{i} has points where the beams of S_{k} passed",
+                "S_{i} has points where the beams of S_{k} passed: two LiDARs do not tell which of them is wrong",
             ),
             (_SELDOM,),
             vote=Vote.SMALLEST,
