@@ -187,10 +187,13 @@ def _explained(
 
 
 def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
-    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest."""
+    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest.
+
+    Of LiDARs alone none else: what one shows by its own past says nothing of what another one contests.
+    """
     columns = of_sensor(system, gone, sensor).tolist()
     found = [(float(z[c]), system.sensor_checks[c]) for c in columns if not np.isnan(z[c])]
-    return [one for one in found if one[0] > limit] or sorted(found)[-1:]
+    return [one for one in found if one[0] > limit] or ([] if system.of_scans else sorted(found)[-1:])
 
 
 def _fired(found: _Explained, limit: float) -> frozenset[tuple[int, ...]]:

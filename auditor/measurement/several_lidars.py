@@ -24,7 +24,10 @@ class OfLidars(NamedTuple):
 
 
 class SeveralLidars:
-    """Compares the LiDARs of one recording, frame after frame."""
+    """Compares the LiDARs of one recording, frame after frame.
+
+    Two are compared with each other where both have a scan of just before: by that is known how the vehicle moves.
+    """
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -37,19 +40,19 @@ class SeveralLidars:
             rig = self._rig.alone(sensor)
             from_nowhere = own.conflicts(frame.clouds.get(sensor), rig)
             if from_nowhere is not None:
-                said = {check: measuring(check)(from_nowhere, rig) for check in BY_SCANS}
-                shares |= {SensorCheck(check, sensor, ()): share for check, share in said.items()}
+                shares |= {SensorCheck(check, sensor, ()): measuring(check)(from_nowhere, rig) for check in BY_SCANS}
         scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
+        ways = {sensor: own.way for sensor, own in self._own.items() if own.way is not None}
         lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
         ended_m = {sensor: upright(frame.clouds[sensor].xyz_m, self._rig.alone(sensor)) for sensor in scans}
-        for i, k in permutations(scans, 2):
-            found = contested(scans[i], ended_m[k], self._rig.beside_m(i, k), self._own[i].way)
-            if found is not None:
+        said = {
+            (i, k): contested(scans[i], ended_m[k], self._rig.beside_m(i, k), ways[i]) for i, k in permutations(ways, 2)
+        }
+        for (i, k), found in said.items():
+            if found.fits(said[k, i]):
                 lookers[i] += found.looked_at
-                points = scans[i].points[found.points]
-                shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = measure_contested_returns(
-                    points, self._rig.alone(i)
-                )
+                share = measure_contested_returns(scans[i].points[found.points], self._rig.alone(i))
+                shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
         clouds = frame.clouds.items()
         coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds}
         return OfLidars(shares, coverage)

@@ -49,10 +49,11 @@ class ContestedReturns:
     least_share: float = parameter(0.7, unit="of an object's points that the other looks at", source=_CHOSEN)
     narrowest_m: float = parameter(0.8, unit="m: narrower is a post that beams miss", source=_CHOSEN)
     lowest_m: float = parameter(0.4, unit="m from its lowest to its highest: less is a board or a wire", source=_CHOSEN)
-    most_share: float = parameter(
-        0.06, unit="of the cells with objects that both see: beyond it they do not fit", source=_CHOSEN
+    most_things: int = parameter(
+        2,
+        unit="things that two LiDARs each contest of the other: beyond it their places do not fit",
+        source="3 and more where one is turned by 3 degrees or moved by 1.4 m, 0 of a ghost (docs/decisions.md)",
     )
-    most_cells: int = parameter(16, unit="such cells, where few hold objects at all", source="walls fill 6 to 14")
 
 
 NUMBERS = ContestedReturns()
@@ -61,14 +62,26 @@ _STILL = Shift(0, 0)
 
 
 class Contested(NamedTuple):
-    """Of the points (M, 3) of a scan those that another LiDAR contests, and which of all it looks at, both (M,)."""
+    """What another LiDAR says of the points (M, 3) of a scan.
+
+    Those that it contests and those that it looks at, both (M,), and how many things it contests, narrow ones as well.
+    """
 
     points: Mask
     looked_at: Mask
+    things: int
+
+    def fits(self, other: "Contested") -> bool:
+        """Whether two LiDARs may be where they are said to be, by what each says of the other.
+
+        Whoever attacks one of them makes things that the other contests. Where each contests several of the other the
+        same things are seen at two places.
+        """
+        return min(self.things, other.things) <= NUMBERS.most_things
 
 
-def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Contested | None:
-    """What another LiDAR says of the points of a scan; None where the two do not fit together.
+def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Contested:
+    """What another LiDAR says of the points of a scan.
 
     `other_m` (3, N) are its points of the same frame, right, down and ahead of it, and `beside_m` (3,) is where it lies
     beside the first one. `way` is how what stands still moved since the scan before.
@@ -76,17 +89,16 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     offset = beside_m.astype(np.float32)[:, None]
     asked = np.flatnonzero(now.clearly & (np.hypot(now.xyz_m[0], now.xyz_m[2]) > NUMBERS.nearest_m))
     if not asked.size or not other_m.size:
-        return Contested(_flags(now, asked[:0]), _flags(now, asked[:0]))
+        return Contested(_flags(now, asked[:0]), _flags(now, asked[:0]), 0)
     range_m, ended_m, scanned = beams_around(now.xyz_m[:, asked] - offset, other_m)
     seen = asked[scanned & (ended_m > range_m - NUMBERS.behind_m)]
     passed = asked[scanned & (ended_m > range_m + NUMBERS.behind_m)]
     alone = _alone(now, passed, _things(now, other_m + offset), way)
     if alone.size:
         alone = alone[_passed_all_along(now.xyz_m[:, alone] - offset, other_m, way)]
-    cells, of_all = (np.unique(now.cell[some]).size for some in (alone, seen))
-    if cells > max(NUMBERS.most_share * of_all, NUMBERS.most_cells):
-        return None
-    return Contested(_objects(now, seen, alone), _flags(now, seen))
+    count, numbers = cv2.connectedComponents(now.cells(_flags(now, alone)))
+    thing = np.asarray(numbers, dtype=np.intp).take(now.cell)
+    return Contested(_objects(now, seen, alone, thing, count), _flags(now, seen), count - 1)
 
 
 def _alone(now: Scan, passed: Indices, there: Image, way: Shift) -> Indices:
@@ -134,16 +146,16 @@ def _things(now: Scan, xyz_m: Floats32) -> Image:
     return grid
 
 
-def _objects(now: Scan, seen: Indices, alone: Indices) -> Mask:
-    """(M,) the points that stand alone in connected cells most of whose points do, and that are wide and tall."""
-    count, numbers = cv2.connectedComponents(now.cells(_flags(now, alone)))
-    of = np.asarray(numbers, dtype=np.intp).take(now.cell)
-    every, found_ones = (np.bincount(of[some], minlength=count) for some in (seen, alone))
-    found = found_ones >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
-    found[0] = False
-    found &= widths_m(of[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
-    found &= _heights_m(of[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
-    return _flags(now, alone[found[of[alone]]])
+def _objects(now: Scan, seen: Indices, alone: Indices, thing: Indices, count: int) -> Mask:
+    """(M,) the points that stand alone of things most of whose points do, and that are wide and tall.
+
+    `thing` (M,) is the number of each point's thing, of `count`; 0 is none.
+    """
+    every, own = (np.bincount(thing[some], minlength=count) for some in (seen, alone))
+    found = own >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
+    found &= widths_m(thing[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
+    found &= _heights_m(thing[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
+    return _flags(now, alone[found[thing[alone]]])
 
 
 def _flags(now: Scan, places: Indices) -> Mask:

@@ -151,7 +151,7 @@ class OwnScans:
 
     def __init__(self) -> None:
         self._last: Scan | None = None
-        self._way = Shift(0, 0)
+        self._way: Shift | None = None
         self.asked_share = 0.0
 
     @property
@@ -160,13 +160,13 @@ class OwnScans:
         return self._last
 
     @property
-    def way(self) -> Shift:
-        """By how many cells what stands still moved in the last scan; none where that is not known."""
+    def way(self) -> Shift | None:
+        """By how many cells what stands still moved since the scan before; None where there was none."""
         return self._way
 
     def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
         """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
-        before, self._last, self._way = self._last, None, Shift(0, 0)
+        before, self._last, self._way = self._last, None, None
         self.asked_share = 0.0
         if cloud is None or rig.lidar is None:
             return None
