@@ -195,15 +195,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/setting_keywords.py": ((110,), "columns of a docstring"),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
-    "model/rig.py": (
-        (
-            3,
-            4,
-            8,
-            16,
-        ),
-        "dimensions, and N - 3; bits of a pixel",
-    ),
+    "model/rig.py": ((3, 4), "dimensions, and N - 3"),
+    "model/optics/sensors.py": ((8, 16), "bits of a pixel"),
 }
 """By module the numbers that are definitions, not choices."""
 
