@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
+from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Lidar, Rig
 from auditor.recordings import write_mcap
 from tests.making.audits import ask
 from tests.making.removed_topics import without_sensors
 from tests.making.restamped import Told, rewritten
-from tests.making.several_lidars import BUMPER, REAR, ROOF, SCAN_NS, attacked, rig_of, street
+from tests.making.several_lidars import BUMPER, REAR, ROOF, SCAN_NS, attacked, merged, rig_of, street
 
 FRAMES = 8
 GHOST = GhostCar(points=60, range_m=8.0, seed=1)
@@ -97,6 +99,41 @@ def test_two_lidars_that_agree_name_a_third_one(tmp_path: Path, capfd: pytest.Ca
     frames = [attacked(one, rig, 1, GHOST) for one in street(three, 46001, FRAMES)]
     assert scanned(path, rig, frames, capfd, *ALL_SEEN)[0] == 1
     assert found(path) == [("attacked", [1])]
+
+
+@pytest.fixture(scope="module")
+def beside_cameras() -> tuple[SyntheticDrive, list[Frame]]:
+    """A drive with cameras and a LiDAR, to which a second one is added at the same place."""
+    drive = make_drive(2, FRAMES, n_cameras=2, width_px=310, height_px=94)
+    return drive, list(drive.frames())
+
+
+@pytest.mark.parametrize("on", ["", "side", "top"])
+def test_a_lidar_beside_that_of_cameras_is_compared_with_it(
+    beside_cameras: tuple[SyntheticDrive, list[Frame]], on: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    drive, whole = beside_cameras
+    assert drive.rig.lidar
+    side = Rig(replace(drive.rig.lidar, name="side", topic="/side/points"), ())
+    wall = BogusWall(8.0, 0.0)
+    clouds = [one.cloud and (wall.apply(one.cloud, drive.rig) if on == "side" else one.cloud) for one in whole]
+    cars = [replace(one, cloud=one.cloud and wall.apply(one.cloud, drive.rig)) if on == "top" else one for one in whole]
+    write_mcap(tmp_path / "cars.mcap", drive.rig, cars)
+    presence = [{LIDAR: one.presence[LIDAR]} for one in whole]
+    beside = [
+        replace(one, cloud=cloud, images={}, presence=there)
+        for one, cloud, there in zip(whole, clouds, presence, strict=True)
+    ]
+    write_mcap(tmp_path / "beside.mcap", side, beside)
+    path = merged(tmp_path / "drive.mcap", tmp_path / "cars.mcap", tmp_path / "beside.mcap")
+    code = run(["scan", str(path), "--store", str(path.with_suffix(".audit")), "--pictures", "none", *ALL_SEEN])
+    capfd.readouterr()
+    rigs = ask(path.with_suffix(".audit"), "SELECT kind, n FROM rigs ORDER BY n")
+    assert [(row["kind"][:9], row["n"]) for row in rigs] == [("2 LiDARs ", 0), ("LiDAR + 2", 2)]
+    assert code == (1 if on else 0)
+    assert (
+        found(path) == {"": [], "side": [("unidentified", [])], "top": [("unidentified", []), ("unidentified", [])]}[on]
+    )
 
 
 def test_a_lidar_that_is_missing_for_some_frames_leaves_the_other_to_its_own_past(

@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from auditor.lab.attacks.kinds import OnLidar
 from auditor.lab.simulation.published_rigs import PublishedLidar, PublishedRig
@@ -75,3 +77,24 @@ def rings_of(cloud: PointCloud) -> Integers:
     """(N,) the ring of each point: KITTI writes one after the other, each from straight ahead on."""
     azimuth = np.arctan2(cloud.xyz_m[:, 1], cloud.xyz_m[:, 0])
     return np.concatenate([[0], np.cumsum((azimuth[1:] >= 0) & (azimuth[:-1] < 0))])
+
+
+def merged(target: Path, *sources: Path) -> Path:
+    """One MCAP file of all messages of several, in the order of time."""
+    messages = []
+    for source in sources:
+        with source.open("rb") as stream:
+            messages += list(make_reader(stream).iter_messages())
+    with target.open("wb") as out:
+        writer = Writer(out)
+        writer.start("ros2")
+        channels: dict[tuple[str, int], int] = {}
+        for schema, channel, message in sorted(messages, key=lambda one: one[2].log_time):
+            assert schema
+            key = channel.topic, len(schema.data)
+            if key not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[key] = writer.register_channel(channel.topic, channel.message_encoding, known)
+            writer.add_message(channels[key], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    return target
