@@ -57,15 +57,16 @@ def quietly(*words: str) -> int:
         return run(words)
 
 
-def told(store: Path, code: int, sensor: int | None) -> Counter[str]:
-    incidents = ask(store, "SELECT attacked FROM incidents WHERE grade = 'incident'")
-    named = [set(row["attacked"]) for row in incidents if row["attacked"]]
+def told(store: Path, code: int, attacked_one: str) -> Counter[str]:
+    """What is told of a recording by the names of its LiDARs: the larger cloud's is S_0, whatever the rig has first."""
+    incidents = ask(store, "SELECT attacked_names FROM incidents WHERE grade = 'incident'")
+    named = [{name.split(" ", 1)[1] for name in row["attacked_names"]} for row in incidents if row["attacked_names"]]
     return Counter(
         recordings=1,
         incidents=bool(incidents),
-        named={sensor} in named,
+        named={attacked_one} in named,
         found=code in FOUND,
-        innocent=any(one != {sensor} for one in named),
+        innocent=any(one != {attacked_one} for one in named),
     )
 
 
@@ -75,10 +76,11 @@ def tried(drive: Drive, frames: Iterable[Frame], sensor: int | None, clean: Path
         path, store = Path(place) / "drive.mcap", Path(place) / "audit"
         write_mcap(path, drive.rig, frames, compression="none")
         code = quietly("scan", str(path), "--store", str(store), "--jobs", "1", "--pictures", "none")
-        of = {"prior": told(store, code, sensor)}
+        name = "" if sensor is None else drive.rig.name(sensor)
+        of = {"prior": told(store, code, name)}
         if clean is not None:
             quietly("calibrate", str(clean), "--store", str(store))
-            of["learnt"] = told(store, quietly("judge", "--store", str(store)), sensor)
+            of["learnt"] = told(store, quietly("judge", "--store", str(store)), name)
     return of
 
 
