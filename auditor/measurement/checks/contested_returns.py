@@ -32,7 +32,7 @@ from auditor.model.optics.geometry import Matrix
 from auditor.model.parameter import BY_HAND, parameter
 from auditor.model.rig import Rig
 
-_CHOSEN = "KITTI's scans split in two, and streets 46000 to 46063, clean and attacked (docs/decisions.md)"
+_CHOSEN = "KITTI's scans split in two, and streets 46000 to 46259, clean and attacked (docs/decisions.md)"
 
 
 @dataclass(frozen=True)
