@@ -76,7 +76,7 @@ def test_a_ghost_that_stands_from_the_first_frame_on_is_an_incident_of_one_of_th
     assert found(path) == [("unidentified", [])]
     first, *reasons = ask(path.with_suffix(".audit"), "SELECT kind, reason FROM verdicts ORDER BY frame")
     assert first["kind"] == "not_auditable"
-    assert all("S_0 (50 %) or S_1 (50 %)" in row["reason"] for row in reasons)
+    assert all(f"S_{sensor} (50 %) or S_{1 - sensor} (50 %)" in row["reason"] for row in reasons)
     assert run(["report", "--store", str(path.with_suffix(".audit"))]) == 0
     pages = [page.read_text() for page in (path.with_suffix(".audit") / "reports").rglob("*.html")]
     assert any("has points where the other" in page for page in pages)
