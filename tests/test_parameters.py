@@ -68,7 +68,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "N - 3 is positive; N - 3",
     ),
     "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
-    "measurement/checks/moving_things.py": ((3,), "cells that touch"),
+    "measurement/moving_things.py": ((3,), "cells that touch"),
     "measurement/checks/parallax_conflict.py": (
         (10, 9, 256, 2048),
         "nanoseconds; points and patches compared at once, to bound memory",
@@ -195,15 +195,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/setting_keywords.py": ((110,), "columns of a docstring"),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
-    "model/rig.py": (
-        (
-            3,
-            4,
-            8,
-            16,
-        ),
-        "dimensions, and N - 3; bits of a pixel",
-    ),
+    "model/rig.py": ((3, 4), "dimensions, and N - 3"),
+    "model/optics/sensors.py": ((8, 16), "bits of a pixel"),
 }
 """By module the numbers that are definitions, not choices."""
 

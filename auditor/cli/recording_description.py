@@ -59,13 +59,23 @@ _BY_TIME = (
     "camera that moves as a scene at another range would",
 )
 
-
 _BY_SCANS = (
     "a LiDAR alone is checked by its own last scan: what stands up where its beams passed a moment ago, within "
     f"{FREE_SPACE.farthest_m:g} m, with nothing near from which it can have come, names S_0; also while the vehicle "
     "stands",
     "not looked at: what is there from the first frame on; points that are removed or moved; what is less than "
     f"{FREE_SPACE.clearly_m:g} m above the ground; scans more than {FREE_SPACE.most_s:g} s apart",
+)
+
+
+_BY_OTHER_SCANS = (
+    "several LiDARs: in every frame each is compared with the others where both look, within "
+    f"{FREE_SPACE.farthest_m:g} m: what stands by its points where another one's beams went on behind; so also what is "
+    "there from the first frame on is seen",
+    "two that contradict each other do not say which is attacked: an incident names neither, unless what one shows "
+    "came from nowhere by its own last scan, or a third LiDAR agrees with the other",
+    "not looked at: what only one of them sees, as behind things or beyond the other's beams; what is near something "
+    "that the other sees, or moves; posts, wires and boards; points that scatter",
 )
 
 
@@ -78,7 +88,7 @@ def short_pairs(rig: Rig) -> list[Pair]:
 def capabilities(rig: Rig) -> list[str]:
     """What can be identified at most, which cameras check the LiDAR, and what is missing for more."""
     if rig.by_time:
-        return list(_BY_TIME if rig.cameras else _BY_SCANS)
+        return list(_BY_TIME if rig.cameras else (*_BY_OTHER_SCANS, *_BY_SCANS) if rig.others else _BY_SCANS)
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:
@@ -324,9 +334,9 @@ def _rig(rig: Rig, health: Health) -> dict[str, Any]:
     view = measured_view(rig)
     measured_in = None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px}
     compared = compared_shares(rig)
-    sensors: list[dict[str, Any]] = []
-    if rig.lidar:
-        sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
+    sensors: list[dict[str, Any]] = [
+        {"sensor": f"S_{number}", "name": lidar.name, "topic": lidar.topic} for number, lidar in rig.lidars.items()
+    ]
     sensors += [
         {
             "sensor": f"S_{camera.number}",

@@ -7,7 +7,7 @@ fitted to attacked and clean frames of real drives and streets (multinomial logi
 the clean frames carry that the curves were fitted to: what happens less often than once in them nobody has seen.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from itertools import combinations
 from math import comb
@@ -47,11 +47,12 @@ def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int])
     """No attack, each sensor alone, and sets of `suspects`: of sensors that are there, as many as can be told apart.
 
     Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. Of a
-    lone camera and a LiDAR each is told by the other and by the camera's past, a LiDAR alone by its own past.
+    lone camera and a LiDAR each is told by the other and by the camera's past, LiDARs alone by their own past and by
+    each other.
     """
     present = [sensor for sensor in system.sensors if sensor not in absent]
     if system.by_time:
-        return [(), *((sensor,) for sensor in present)] if LIDAR in present else [()]
+        return [(), *((sensor,) for sensor in present)] if LIDAR in present or system.of_scans else [()]
     most = min(len(present) - FEWEST_COMPARED, MOST_LEFT_OUT + 1)
     if most < 1:
         return [()]
@@ -82,7 +83,8 @@ def log_likelihood_ratios(z: Floats, system: System, absent: frozenset[int], set
     `z` are (F, M) normalised scores of frames without the `absent` sensors, NaN where not measured. No attack is held
     less likely than the likeliest set by the largest ratio at most.
     """
-    found = np.stack([_log_likelihood(explained(z, system, absent, attacked)) for attacked in sets], axis=1)
+    seen = (explained(z, system, absent, attacked) for attacked in sets)
+    found = np.stack([_log_likelihood(one, system.lidars) for one in seen], axis=1)
     clean = np.maximum(found[:, 0], found.max(axis=1) - LARGEST_RATIO)
     return np.asarray(np.concatenate([clean[:, None], found[:, 1:]], axis=1) - clean[:, None])
 
@@ -99,7 +101,7 @@ def _prior(size: int, sensors: int) -> float:
     return LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size) if size else 1.0
 
 
-def _log_likelihood(seen: Explained) -> Floats:
+def _log_likelihood(seen: Explained, lidars: Collection[int]) -> Floats:
     """(F,) the logarithm of a set's likelihood, but for what all sets of a frame have in common.
 
     Several sensors explain nothing where one of them has no vote: a smaller set says as much.
@@ -107,7 +109,7 @@ def _log_likelihood(seen: Explained) -> Floats:
     found = np.interp(seen.rest, LIKELIHOOD.rest_at, LIKELIHOOD.of_rest)
     for sensor, own in seen.own.items():
         found = found + np.interp(
-            own, LIKELIHOOD.own_at, LIKELIHOOD.of_lidar if sensor == LIDAR else LIKELIHOOD.of_camera
+            own, LIKELIHOOD.own_at, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera
         )
     if len(seen.own) < 2:
         return np.asarray(found)

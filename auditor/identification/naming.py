@@ -7,7 +7,7 @@ are compared, each by the votes of those outside it (`likelihood`). The likelies
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isnan, log10
+from math import inf, isnan, log10
 
 import numpy as np
 
@@ -156,8 +156,19 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
         chances = posteriors(ratios, sets, len(system.sensors) - len(absent))
         for frame, of_frame, its_ratios in zip(frames, chances.tolist(), ratios, strict=True):
             likely = sorted(zip(sets, of_frame, strict=True), key=lambda one: -one[1])
+            if system.of_scans and _is_undecided(likely):
+                likely.sort(key=lambda one: -_contested(one[0], z[frame], system))
             found[frame] = _explained(z[frame], system, absent, limit, likely, dict(zip(sets, its_ratios, strict=True)))
     return [one for one in found if one is not None]
+
+
+def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
+    """The largest z of what other LiDARs contest of the points of a set: of two candidates alike it goes first.
+
+    Which of them is named over a whole incident is not said by frames in which the other one's points are contested.
+    """
+    own = [float(z[c]) for c, one in enumerate(system.sensor_checks) if one.sensor in attacked and one.others]
+    return max((value for value in own if not isnan(value)), default=-inf)
 
 
 def _explained(
@@ -187,10 +198,13 @@ def _explained(
 
 
 def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
-    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest."""
+    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest.
+
+    Of LiDARs alone none else: what one shows by its own past says nothing of what another one contests.
+    """
     columns = of_sensor(system, gone, sensor).tolist()
     found = [(float(z[c]), system.sensor_checks[c]) for c in columns if not np.isnan(z[c])]
-    return [one for one in found if one[0] > limit] or sorted(found)[-1:]
+    return [one for one in found if one[0] > limit] or ([] if system.of_scans else sorted(found)[-1:])
 
 
 def _fired(found: _Explained, limit: float) -> frozenset[tuple[int, ...]]:
@@ -258,12 +272,18 @@ def _undecided(found: _Explained) -> str:
     """Why none of the attack sets is likely enough; empty where one is."""
     attacks = [(one, chance) for one, chance in found.likely if one]  # r alone says how sure it is that there is one
     whole = sum(chance for _, chance in attacks)
-    if attacks[0][1] / whole < NAMING.least_probability:
+    if _is_undecided(found.likely):
         shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
         beside = sorted({sensor for one in found.outside for sensor in one.nameable})
         more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
         return f"{shares}: less than {_percent(NAMING.least_probability)} for any set of sensors{more}"
     return ""
+
+
+def _is_undecided(likely: Sequence[tuple[AttackSet, float]]) -> bool:
+    """Whether the likeliest attack set is not likely enough among all that are one."""
+    attacks = [chance for one, chance in likely if one]
+    return attacks[0] / sum(attacks) < NAMING.least_probability
 
 
 def _percent(share: float) -> str:
@@ -283,8 +303,10 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:
     """Why no three of the sensors present were compared in a frame."""
     missing = f"{listed(outside)} missing: " if outside else ""
+    if system.of_scans and present:
+        return missing + _NO_SCAN_BEFORE
     if system.by_time and not outside:
-        return _STANDS if system.triples else _NO_SCAN_BEFORE
+        return _STANDS
     if len(present) < FEWEST_COMPARED:
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
     possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]

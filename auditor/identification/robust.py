@@ -252,7 +252,9 @@ class _Judge:
         Where none can be named, those that find an attack. What only two cameras say, that nobody else can vote on, is
         no evidence in time; and what is weak, constant and on several lenses is the sun.
         """
-        names_one = self._system.by_time or len(self._system.sensors) >= FEWEST_SENSORS
+        system = self._system
+        several = system.of_scans and len(system.sensors) > 1  # two that disagree, and no third that looks there
+        names_one = not several and (system.by_time or len(system.sensors) >= FEWEST_SENSORS)
         verdicts = self.verdicts(np.flatnonzero(self.beyond > 0).tolist())
         return {
             place: verdict

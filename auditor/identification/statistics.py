@@ -15,13 +15,14 @@ from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mas
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
+    OF_ALIKE,
     SHARE_CHECKS,
     SIGNED_CHECKS,
     Check,
     CountedPair,
     SensorCheck,
 )
-from auditor.model.checks.kind import Counted, Of, Vote
+from auditor.model.checks.kind import Counted, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 
@@ -98,7 +99,7 @@ def sensor_statistics(
         """What the voters of a check say together; None where one that it needs says nothing."""
         kind = one.check.kind
         if one.check in SHARE_CHECKS:
-            return _least_share(one, shares) if kind.of is Of.CAMERAS else shares.get(one)
+            return _least_share(one, shares) if kind.of in OF_ALIKE else shares.get(one)
         if one.check in DIRECTION_CHECKS:
             grids = of_subjects.get((one.check, one.sensor), [])
             pairs = [place for place, pair in enumerate(grids) if {pair.i, pair.k} <= set(one.others)]
@@ -116,7 +117,7 @@ def sensor_statistics(
 
 
 def _least_share(one: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
-    """The least of what each voter alone says of a camera; None where one of them says nothing."""
+    """The least of what each voter alone says of a sensor; None where one of them says nothing."""
     said = [shares.get(one._replace(others=(other,))) for other in one.others]
     known = [share for share in said if share is not None]
     return min(known) if len(known) == len(said) else None

@@ -15,6 +15,9 @@ _RARE = frozenset({*ADDED_LATER})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
 
 
+_OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
+
+
 @dataclass(frozen=True)
 class System:
     """The sensor checks, triples and sensors of a rig, in their fixed orders.
@@ -31,8 +34,18 @@ class System:
 
     @cached_property
     def by_time(self) -> bool:
-        """Whether sensors are checked by their own past: a lone camera's and a LiDAR, or a LiDAR alone."""
-        return self.sensors == (LIDAR,) or any(one.check.kind.of is Of.LONE_CAMERA for one in self.sensor_checks)
+        """Whether sensors are checked by their own past: a lone camera's and a LiDAR, or LiDARs alone."""
+        return self.of_scans or any(one.check.kind.of is Of.LONE_CAMERA for one in self.sensor_checks)
+
+    @cached_property
+    def of_scans(self) -> bool:
+        """Whether all sensors are LiDARs, which scans alone are compared of."""
+        return all(one.check.kind.of in _OF_SCANS for one in self.sensor_checks)
+
+    @cached_property
+    def lidars(self) -> frozenset[int]:
+        """The LiDARs among the sensors."""
+        return frozenset(self.sensors) if self.of_scans else frozenset({LIDAR})
 
     @property
     def judged_together(self) -> int:

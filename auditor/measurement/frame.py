@@ -24,6 +24,7 @@ from auditor.measurement.looked_at import looked_at
 from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
+from auditor.measurement.several_lidars import SeveralLidars
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
@@ -119,16 +120,32 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
 class _Past:
     """What frames of a recording are compared with: the LiDAR's last scan, and of a lone camera its own past.
 
-    `drawn` is what was drawn into the pictures of cameras that others are compared with.
+    `drawn` is what was drawn into the pictures of cameras that others are compared with. Several LiDARs without cameras
+    have a past of their own.
     """
 
     scans: OwnScans
     camera: OwnPast | None
     drawn: DrawnPixels
+    lidars: SeveralLidars | None = None
 
     @classmethod
     def of(cls, rig: Rig) -> "_Past":
-        return cls(OwnScans(), OwnPast() if rig.by_time and rig.cameras else None, DrawnPixels())
+        own = OwnPast() if rig.by_time and rig.cameras else None
+        return cls(OwnScans(), own, DrawnPixels(), SeveralLidars(rig) if rig.others else None)
+
+    def with_scans(self, frame: Frame, arrays: FrameArrays) -> FrameArrays:
+        """The arrays with what the LiDAR's last scan says of its points."""
+        from_nowhere = self.scans.conflicts(frame.cloud, arrays.rig)
+        checks = with_scans(arrays.frame_checks, from_nowhere, arrays.lidar, arrays.rig)
+        return replace(arrays, frame_checks=checks)
+
+    def of_clouds(self, frame: Frame, arrays: FrameArrays) -> tuple[FrameArrays, dict[int, Coverage]]:
+        """The arrays and the coverage of a frame of LiDARs alone."""
+        if self.lidars is None:
+            return self.with_scans(frame, arrays), _of_scan(frame, self.scans.asked_share)
+        shares, coverage = self.lidars.compare(frame)
+        return replace(arrays, frame_checks=replace(arrays.frame_checks, of_lidars=shares)), coverage
 
     def hide(self, prepared: _PreparedFrame) -> _PreparedFrame:
         """The frame without what was drawn into its pictures, where these are compared with others."""
@@ -232,14 +249,17 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Mea
     else:
         arrays = compare(prepared.whole, maps[0])
     frame, comparisons = prepared.whole.frame, arrays.comparisons
-    from_nowhere = past.scans.conflicts(frame.cloud, arrays.rig)
-    arrays = replace(arrays, frame_checks=with_scans(arrays.frame_checks, from_nowhere, arrays.lidar, arrays.rig))
+    if arrays.rig.cameras:
+        arrays = past.with_scans(frame, arrays)
+        coverage = _coverage(prepared, arrays)
+    else:
+        arrays, coverage = past.of_clouds(frame, arrays)
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.measured_triples),
-        coverage=_coverage(prepared, arrays) if arrays.rig.cameras else _of_scan(frame, past.scans.asked_share),
+        coverage=coverage,
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
         unmasked_cells=arrays.frame_checks.unmasked_cells,

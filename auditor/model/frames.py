@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from auditor.model.arrays import Image, Points
+from auditor.model.rig import LIDAR
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +55,22 @@ class Presence:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """D: one synchronised set of all sensors' data. `presence` has an entry for each sensor of the rig."""
+    """D: one synchronised set of all sensors' data. `presence` has an entry for each sensor of the rig.
+
+    `others` are the clouds of LiDARs beside S_0, by their numbers.
+    """
 
     number: int
     stamp_ns: int
     presence: Mapping[int, Presence]
     cloud: PointCloud | None
     images: Mapping[int, CameraImage]
+    others: Mapping[int, PointCloud] = field(default_factory=dict)
+
+    @property
+    def clouds(self) -> dict[int, PointCloud]:
+        """The clouds of all LiDARs that are there, by their numbers."""
+        return {**({} if self.cloud is None else {LIDAR: self.cloud}), **self.others}
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,16 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.fields import Fields
-from auditor.model.optics.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
-from auditor.model.optics.lenses import NO_LENS, PINHOLE, Lens
+from auditor.model.optics.geometry import Matrix, beside_line_m
+from auditor.model.optics.lenses import PINHOLE, Lens
+from auditor.model.optics.sensors import LIDAR as LIDAR  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import MOST_BITS as MOST_BITS  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import PIXEL_BITS as PIXEL_BITS  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import Camera as Camera  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import Lidar as Lidar  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import Sweep as Sweep  # noqa: PLC0414 - also its home for who reads rigs
 from auditor.model.parameters import RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
-
-LIDAR = 0
-"""The number of the LiDAR S_0."""
-
-PIXEL_BITS, MOST_BITS = 8, 16
-"""The bits of a pixel that is measured, and the most that a recorded value has."""
 
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
@@ -36,89 +36,21 @@ class Triple(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
-    """One camera S_number.
-
-    `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
-    their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis. `offset_ns`
-    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording. Of recorded values
-    of `depth_bits` (None: 8) the upper 8 are the pixels.
-    """
-
-    number: int
-    name: str
-    topic: str
-    width_px: int
-    height_px: int
-    projection: Matrix
-    rectified: bool = True
-    lens: Lens = NO_LENS
-    offset_ns: int | None = None
-    depth_bits: int | None = None
-
-    @property
-    def focal_px(self) -> float:
-        """Horizontal focal length in pixels."""
-        return float(self.intrinsics[0, 0])
-
-    @cached_property
-    def intrinsics(self) -> Matrix:
-        """K, (3, 3): the camera frame's directions to pixels."""
-        return intrinsics_and_rotation(self.projection)[0]
-
-    @cached_property
-    def rotation(self) -> Matrix:
-        """R, (3, 3): directions of the rig frame to those of the camera frame (x right, y down, z forward)."""
-        return intrinsics_and_rotation(self.projection)[1]
-
-    @cached_property
-    def centre_m(self) -> Matrix:
-        """Optical centre, (3,) metres in the rig frame."""
-        return camera_centre(self.projection)
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """How the clouds of a LiDAR, of another sector each, make sweeps. Angles are around its z axis, from its x axis.
-
-    A sweep begins at the seam, turns in the `direction` (1: from x to y) by a step a cloud, and has so many `parts` at
-    least. Its time is that of the part nearest to `time_rad`, which looks ahead as the cameras do.
-    """
-
-    seam_rad: float
-    step_rad: float
-    time_rad: float
-    direction: int
-    parts: int
-
-
-@dataclass(frozen=True, eq=False)
-class Lidar:
-    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera.
-
-    `sweep` says how its clouds are put together; None: each is whole. `unit_m` is that of its points; None: metres.
-    """
-
-    name: str
-    topic: str
-    rig_SE3_lidar: Matrix
-    offset_ns: int | None = None
-    sweep: Sweep | None = None
-    unit_m: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Rig:
-    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of a LiDAR alone there are none.
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left; of LiDARs alone there are none.
 
-    Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
-    in the views they are rectified to.
+    `others` are the LiDARs S_1.. that overlap a LiDAR S_0 without cameras. Raises RigError where there are cameras as
+    well, where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows in the
+    views they are rectified to.
     """
 
     lidar: Lidar | None
     cameras: tuple[Camera, ...]
+    others: tuple[Lidar, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.others and (self.cameras or self.lidar is None):
+            raise RigError("several LiDARs are a rig without cameras, the first of them S_0", where="rig")
         if [camera.number for camera in self.cameras] != list(range(1, len(self.cameras) + 1)):
             raise RigError("cameras must be numbered 1..n", where="rig")
         rectified = all(camera.rectified for camera in self.cameras)
@@ -130,7 +62,7 @@ class Rig:
     @property
     def units_m(self) -> dict[str, float]:
         """By topic the unit of the points of a LiDAR that are in no metres."""
-        return {self.lidar.topic: self.lidar.unit_m} if self.lidar and self.lidar.unit_m is not None else {}
+        return {lidar.topic: lidar.unit_m for lidar in self.lidars.values() if lidar.unit_m is not None}
 
     @property
     def n(self) -> int:
@@ -140,7 +72,12 @@ class Rig:
     @property
     def sensors(self) -> tuple[int, ...]:
         """Numbers of all sensors, ascending."""
-        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + 1))
+        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + len(self.others) + 1))
+
+    @cached_property
+    def lidars(self) -> dict[int, Lidar]:
+        """All LiDARs by their numbers."""
+        return dict(enumerate((self.lidar, *self.others), LIDAR)) if self.lidar else {}
 
     @property
     def by_time(self) -> bool:
@@ -189,21 +126,21 @@ class Rig:
 
     def name(self, sensor: int) -> str:
         """The recording's own name of a sensor."""
-        if sensor == LIDAR:
-            return self.lidar.name if self.lidar else ""
-        return self.camera(sensor).name
+        if sensor in self.lidars:
+            return self.lidars[sensor].name
+        return self.camera(sensor).name if sensor != LIDAR else ""
 
     def topic(self, sensor: int) -> str:
         """The topic that carries a sensor's data."""
-        if sensor == LIDAR:
-            return self.lidar.topic if self.lidar else ""
-        return self.camera(sensor).topic
+        if sensor in self.lidars:
+            return self.lidars[sensor].topic
+        return self.camera(sensor).topic if sensor != LIDAR else ""
 
     @property
     def offsets_ns(self) -> dict[int, int]:
         """By sensor how far its stamps lie behind the leftmost camera's, in nanoseconds, where that is known."""
         known = {camera.number: camera.offset_ns for camera in self.cameras}
-        known[LIDAR] = self.lidar.offset_ns if self.lidar else None
+        known |= {sensor: lidar.offset_ns for sensor, lidar in self.lidars.items()}
         return {sensor: offset_ns for sensor, offset_ns in sorted(known.items()) if offset_ns is not None}
 
     def baseline_m(self, i: int, k: int) -> float:
@@ -212,6 +149,14 @@ class Rig:
         if right.rectified and left.rectified:
             return float(right.centre_m[0] - left.centre_m[0])
         return float(np.linalg.norm(right.centre_m - left.centre_m))
+
+    def beside_m(self, i: int, k: int) -> Matrix:
+        """(3,) where LiDAR k lies as seen from LiDAR i, in the axes of the rig."""
+        return np.asarray(self.lidars[k].rig_SE3_lidar[:3, 3] - self.lidars[i].rig_SE3_lidar[:3, 3])
+
+    def alone(self, sensor: int) -> "Rig":
+        """One of the LiDARs as a rig of its own, in which it is S_0."""
+        return Rig(self.lidars[sensor], ())
 
     def pair(self, i: int, k: int) -> "Rig":
         """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
@@ -245,11 +190,12 @@ class Rig:
         pairs = list(pairwise(range(1, self.n + 1)))
         if not self.shares_view:
             pairs += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in pairs]
+        apart_m = tuple(float(np.linalg.norm(self.beside_m(i, i + 1))) for i in range(len(self.others)))
         return RigKind(
             lidar=self.lidar is not None,
             sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
             focals_px=tuple(camera.focal_px for camera in self.cameras),
-            baselines_m=tuple(self.baseline_m(*pair) for pair in pairs),
+            baselines_m=apart_m or tuple(self.baseline_m(*pair) for pair in pairs),
         )
 
     @cached_property
@@ -260,17 +206,10 @@ class Rig:
 
     def to_dict(self) -> dict[str, Any]:
         """A plain description that `from_dict` reads back; every number survives exactly."""
-        lidar = None
-        if self.lidar:
-            lidar = {
-                "name": self.lidar.name,
-                "topic": self.lidar.topic,
-                "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
-                **_given(offset_ns=self.lidar.offset_ns, unit_m=self.lidar.unit_m),
-                **_sweep_to_dict(self.lidar.sweep),
-            }
+        others = {"others": [_lidar_to_dict(lidar) for lidar in self.others]} if self.others else {}
         return {
-            "lidar": lidar,
+            "lidar": _lidar_to_dict(self.lidar) if self.lidar else None,
+            **others,
             "cameras": [
                 {
                     "number": camera.number,
@@ -293,7 +232,8 @@ class Rig:
         fields = Fields("the rig", description)
         lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
         cameras = fields.tables("cameras", "camera") if lidar is None or "cameras" in fields else ()
-        return cls(lidar, tuple(map(_camera, cameras)))
+        others = fields.tables("others", "LiDAR") if "others" in fields else ()
+        return cls(lidar, tuple(map(_camera, cameras)), tuple(map(_lidar, others)))
 
 
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
@@ -317,6 +257,16 @@ def fallback_of(n: int, *, lidar: bool) -> Triple | None:
     It is the paper's Scenario 1 for frames without any other reference: with it every three sensors can be compared.
     """
     return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
+
+
+def _lidar_to_dict(lidar: Lidar) -> dict[str, Any]:
+    return {
+        "name": lidar.name,
+        "topic": lidar.topic,
+        "rig_SE3_lidar": lidar.rig_SE3_lidar.tolist(),
+        **_given(offset_ns=lidar.offset_ns, unit_m=lidar.unit_m),
+        **_sweep_to_dict(lidar.sweep),
+    }
 
 
 def _lidar(fields: Fields) -> Lidar:

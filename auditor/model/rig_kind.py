@@ -16,11 +16,15 @@ class Similarity(StrEnum):
 
 
 class ComparedTo(StrEnum):
-    """What is compared in a rig: cameras with others, a lone one with its own past, or the scans of a LiDAR alone."""
+    """What is compared in a rig: cameras with others, a lone one with its own past, or scans.
+
+    Those of a LiDAR alone, or of several LiDARs without cameras.
+    """
 
     CAMERAS = "cameras"
     PAST = "past"
     SCANS = "scans"
+    LIDARS = "lidars"
 
 
 class Tolerance(NamedTuple):
@@ -57,7 +61,7 @@ class RigKind:
     """What two vehicles of one model share: sensors and order, image sizes, focal lengths and baselines.
 
     `baselines_m` are those of neighbouring cameras, right to left; where cameras do not stand on one line, those of all
-    other pairs follow.
+    other pairs follow. Of several LiDARs without cameras they are the distances from each to the next.
     """
 
     lidar: bool
@@ -70,7 +74,9 @@ class RigKind:
         """What is compared: with one camera and a LiDAR there is no other camera, and a LiDAR alone has none."""
         if not self.lidar or len(self.sizes_px) > 1:
             return ComparedTo.CAMERAS
-        return ComparedTo.PAST if self.sizes_px else ComparedTo.SCANS
+        if self.sizes_px:
+            return ComparedTo.PAST
+        return ComparedTo.LIDARS if self.baselines_m else ComparedTo.SCANS
 
     def similarity(self, other: "RigKind") -> Similarity:
         """SAME where sizes are equal and lengths agree within 2 % or 5 mm, SIMILAR within 5 % or 2 cm.
@@ -97,13 +103,13 @@ class RigKind:
         )
 
     def __str__(self) -> str:
+        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         if not self.sizes_px:
-            return "LiDAR alone"
+            return f"{len(self.baselines_m) + 1} LiDARs b={baselines}m" if self.baselines_m else "LiDAR alone"
         sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         if len(self.sizes_px) == 1:
             return f"LiDAR + 1 camera {sizes} f={focals}px"
-        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
 
 

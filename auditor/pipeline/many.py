@@ -10,7 +10,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import Rig
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.settings import Criteria, Engine, MeasureSettings, settings_of
 from auditor.model.verdict import JudgedBy, Method
@@ -248,10 +248,10 @@ class Judge:
     def judge(self, measurement: str) -> Judged:
         """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it.
 
-        A LiDAR alone that a person declares to be no sensor leaves nothing unaudited, whatever is found of it.
+        LiDARs alone that a person declares to be no sensors leave nothing unaudited, whatever is found of them.
         """
         judged, rig = self._judge(measurement), self._rig(measurement)
-        declared = not rig.cameras and rig.topic(LIDAR) in self._settings.criteria.no_sensors
+        declared = not rig.cameras and {*map(rig.topic, rig.sensors)} <= {*self._settings.criteria.no_sensors}
         return replace(judged, complete=True, gaps=()) if declared else judged
 
     def _judge(self, measurement: str) -> Judged:
@@ -311,10 +311,10 @@ class Judge:
     def _fitting(self, measurement: str) -> Calibration | None:
         """The calibration that a measurement is judged by; None where there is none.
 
-        By triples a LiDAR alone is never judged, and a calibration that was given for cameras is none for it.
+        By triples LiDARs alone are never judged, and a calibration that was given for cameras is none for them.
         """
         given, kind = self._settings.calibration, self._rig(measurement).kind
-        if kind.compared_to is ComparedTo.SCANS:
+        if kind.compared_to in (ComparedTo.SCANS, ComparedTo.LIDARS):
             if self._settings.criteria.method is Method.PAPER:
                 return None
             given = given if given is not None and given.rig_kind.matches(kind) else None

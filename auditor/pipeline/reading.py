@@ -83,9 +83,17 @@ def reading_of(
 def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = ()) -> Iterator[str]:
     """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`.
 
-    And a LiDAR alone, unless its topic is declared to be no sensor: nothing that is there all along is seen of it.
+    And LiDARs alone, unless their topics are declared to be no sensors: of one nothing is seen that is there all along,
+    of several what stands where another one looks too.
     """
-    if not rig.cameras and min_view > 0 and rig.topic(LIDAR) not in no_sensors:
+    lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in no_sensors]
+    if rig.others and min_view > 0 and lidars:
+        named = " and ".join(f"S_{one} {rig.name(one)}" for one in lidars)
+        yield (
+            f"{named}: compared with each other's points where both look, and else looked at for what appears, by "
+            "their own past alone; no camera of this rig sees what they see"
+        )
+    elif min_view > 0 and lidars:
         yield (
             f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees "
             "(where one should, auditor inspect says which place is missing)"

@@ -166,6 +166,18 @@ class LidarChoice:
 
 
 @dataclass(frozen=True)
+class LidarOverlap:
+    """Which LiDARs are compared with each other; another rig has another id."""
+
+    cell_m: float = parameter(4.0, unit="m, side of the cells from above that points of both fall into", source=BY_HAND)
+    nearest_m: float = parameter(3.0, unit="m: nearer is the vehicle itself", source=BY_HAND)
+    farthest_m: float = parameter(35.0, unit="m: as far as they are compared", source=BY_HAND)
+    least_share: float = parameter(0.3, unit="of the points of one that the other's stand beside", source=BY_HAND)
+    slowest_s: float = parameter(0.16, unit="s between two scans, of each", source="scans at 10 Hz; by hand")
+    most: int = parameter(6, unit="LiDARs a rig: 30 comparisons a frame", source="bounds the work; by hand")
+
+
+@dataclass(frozen=True)
 class PointUnits:
     """Which clouds are in metres at all; the others are not read."""
 
@@ -265,6 +277,7 @@ class SensorLike:
 RIG_LIMITS = RigLimits()
 SWEEPS = Sweeps()
 LIDAR_CHOICE = LidarChoice()
+LIDAR_OVERLAP = LidarOverlap()
 MOVING_FRAMES = MovingFrames()
 POINT_UNITS = PointUnits()
 CAMERA_LIMITS = CameraLimits()
@@ -288,6 +301,7 @@ RIG_FINDING = (
     ODD_PICTURES,
     SWEEPS,
     LIDAR_CHOICE,
+    LIDAR_OVERLAP,
     POINT_UNITS,
     MOVING_FRAMES,
 )

@@ -81,8 +81,7 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
     cameras: dict[str, Seen] = {}
     for placed in rigs:
         rig, common_SE3_rig = placed.rig, placed.common_SE3_rig
-        if rig.lidar is not None:
-            places[rig.lidar.topic] = rig.lidar.name, (common_SE3_rig @ rig.lidar.rig_SE3_lidar)[:3, 3]
+        places |= {one.topic: (one.name, (common_SE3_rig @ one.rig_SE3_lidar)[:3, 3]) for one in rig.lidars.values()}
         for camera in rig.cameras:
             if camera.topic not in cameras:
                 cameras[camera.topic] = _camera(placed, camera, axes)

@@ -104,7 +104,7 @@ def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: S
     column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
     for name, values in columns.items():
         values[row, column] = table[name].to_numpy()
-    cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
+    cameras = tuple(camera.number for camera in rig.cameras)
     of_cameras = {name: values[:, len(rig.sensors) - len(cameras) :] for name, values in coverage.items()}
     return FrameFaultFeatures(frames, stamps_ns, rig.pairs, columns, cameras, of_cameras)
 

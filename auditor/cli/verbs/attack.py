@@ -169,7 +169,9 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> No
         start_ns = min(sample.time_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
         attackers = [Attacker(plan, known) for plan in _plans(wanted, start_ns)]
         changes = {
-            known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
+            known.topic(attacker.plan.sensor): attacker.change_cloud
+            if attacker.plan.sensor in known.lidars
+            else attacker.change_image
             for attacker in attackers
         }
         depths = {camera.topic: camera.depth_bits for camera in known.cameras if camera.depth_bits is not None}

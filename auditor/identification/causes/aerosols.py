@@ -14,7 +14,8 @@ from auditor.model.verdict import FINDINGS, Cause, Evidence, FaultHypothesis, Ve
 
 def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     """An aerosol, where the strongest of what fired is that returns scatter."""
-    return (FaultHypothesis(Cause.AEROSOL, LIDAR),) if _scatters(verdict.evidence) else ()
+    strongest = _strongest(verdict.evidence)
+    return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and _scatters(verdict.evidence) else ()
 
 
 def name_beside_aerosols(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
@@ -38,5 +39,9 @@ def _beside_aerosol(verdict: Verdict) -> bool:
 
 
 def _scatters(evidence: Sequence[Evidence]) -> bool:
-    strongest = max(evidence, key=lambda one: one.score, default=None)
+    strongest = _strongest(evidence)
     return strongest is not None and Check(strongest.check_name).kind.of_aerosol
+
+
+def _strongest(evidence: Sequence[Evidence]) -> Evidence | None:
+    return max(evidence, key=lambda one: one.score, default=None)

@@ -19,7 +19,7 @@ from auditor.lab.attacks.catalogue import (
 from auditor.lab.attacks.interference import LaserPattern
 from auditor.lab.attacks.kinds import Drawing, OnCamera, OnLidar
 from auditor.model.frames import CameraImage, PointCloud
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import Rig
 from auditor.model.verdict import AttackLabel
 
 _DELAY_FRAMES = 1
@@ -56,7 +56,7 @@ class AttackPlan:
         """
         rng = np.random.default_rng([self.seed, self.sensor, stamp_ns if self.moving else 0])
         drawing = Drawing(rng, self.strength, self.size, self.options)
-        if self.sensor == LIDAR:
+        if self.sensor in rig.lidars:
             return ON_LIDAR[self.kind or "wall"](drawing)
         return self.pattern or ON_CAMERA[self.kind or "facula"](drawing, rig.camera(self.sensor))
 
@@ -83,7 +83,7 @@ class Attacker:
             known = ", ".join(f"S_{sensor}" for sensor in self.rig.sensors)
             raise SettingError(f"the rig has no S_{plan.sensor}", where="--on", remedy=f"it has {known}")
         if plan.kind is not None:
-            check_kind(plan.kind, lidar=plan.sensor == LIDAR)
+            check_kind(plan.kind, lidar=plan.sensor in self.rig.lidars)
         if plan.kind == PATTERN and plan.pattern is None:
             raise SettingError("a pattern needs the picture of one", where="--kind", remedy="name it with --pattern")
         if plan.kind in (DELAYED, FROZEN):
@@ -97,7 +97,11 @@ class Attacker:
     def change_cloud(self, cloud: PointCloud) -> PointCloud:
         """The cloud, attacked within the plan's time."""
         attack = cast("OnLidar | None", self._attack_on(cloud))
-        return cloud if attack is None else attack.apply(cloud, self.rig)
+        return (
+            cloud
+            if attack is None
+            else attack.apply(cloud, self.rig.alone(self.plan.sensor) if self.rig.others else self.rig)
+        )
 
     @property
     def label(self) -> AttackLabel | None:

@@ -47,7 +47,7 @@ Subject = TypeVar("Subject", bound=tuple[int, ...])
 _BY_PAIRS = tuple(one for one in Check if one in DIRECTION_CHECKS and one.kind.of in (Of.PAIRS, Of.SEVERAL_PAIRS))
 _OF_CAMERAS = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
 _IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
-_BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
+BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
 """The checks measured by their names: of pairs that check the LiDAR, of matched pairs, of views, of its last scan."""
 
 
@@ -74,6 +74,7 @@ class FrameChecks:
     `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
     `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
     LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
+    `of_lidars` are the statistics of several LiDARs without cameras.
     `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted: they are not stored.
     """
 
@@ -90,6 +91,7 @@ class FrameChecks:
     lights: Mapping[Pair, LightDifference]
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
     from_nowhere: Points | None = None
+    of_lidars: Mapping[SensorCheck, float | None] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
@@ -120,7 +122,7 @@ class FrameChecks:
             for check, of in self.of_pasts.items()
             for k, one in of.items()
         }
-        every = in_views | by_cameras | by_past
+        every = in_views | by_cameras | by_past | dict(self.of_lidars)
         return {check: share for check, share in every.items() if share is not None} | shares_of_ranges(self.ranges)
 
 
@@ -237,7 +239,7 @@ def with_scans(found: FrameChecks, from_nowhere: Points | None, views: Iterable[
     if from_nowhere is None:
         return found
     in_views: list[tuple[int, ...]] = [(k,) for k in views] if rig.cameras else [()]
-    said = {check: {view: measuring(check)(from_nowhere, rig, *view) for view in in_views} for check in _BY_SCANS}
+    said = {check: {view: measuring(check)(from_nowhere, rig, *view) for view in in_views} for check in BY_SCANS}
     return replace(found, of_views={**found.of_views, **said}, from_nowhere=from_nowhere)
 
 

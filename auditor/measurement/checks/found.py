@@ -32,12 +32,13 @@ _IN_VIEWS = _numbers(Of.VIEW, Of.OWN_SCANS)
 _BY_PAIRS = _numbers(Of.PAIRS, Of.SEVERAL_PAIRS, Of.CAMERAS)
 _BY_THE_PAST = _numbers(Of.LONE_CAMERA, Of.LIDAR)
 
-_OF_CHECKS = (*_IN_VIEWS, *_BY_PAIRS, *_BY_THE_PAST)
+_OF_CHECKS = (*_IN_VIEWS, *_BY_PAIRS, *_BY_THE_PAST, *_numbers(Of.OTHER_SCANS))
 
 MEASURED_BY: Mapping[ComparedTo, tuple["DataclassInstance", ...]] = {
     ComparedTo.CAMERAS: (*OF_ANY_RIG, *OF_PAIRS, *_IN_VIEWS, *_BY_PAIRS),
     ComparedTo.PAST: (*OF_ANY_RIG, *OF_THE_PAST, *_IN_VIEWS, *_BY_THE_PAST),
     ComparedTo.SCANS: _numbers(Of.OWN_SCANS),
+    ComparedTo.LIDARS: _numbers(Of.OWN_SCANS, Of.OTHER_SCANS),
 }
 """All that can change a count or a measured statistic, by what a rig compares."""
 

@@ -61,17 +61,17 @@ class FreeSpaceConflict:
 NUMBERS = FreeSpaceConflict()
 
 _REACH_M = NUMBERS.farthest_m + NUMBERS.most_shift_cells * NUMBERS.cell_m
-_SIDE = -(-int(2 * _REACH_M / NUMBERS.cell_m) // NUMBERS.ground_cells) * NUMBERS.ground_cells
-_GROUND_SIDE = _SIDE // NUMBERS.ground_cells
+SIDE = -(-int(2 * _REACH_M / NUMBERS.cell_m) // NUMBERS.ground_cells) * NUMBERS.ground_cells
+_GROUND_SIDE = SIDE // NUMBERS.ground_cells
 _LOWER_M = np.float32(NUMBERS.slope * NUMBERS.ground_cells * NUMBERS.cell_m)
 _DOWN, _AROUND = int(np.pi / NUMBERS.beam_rad) + 1, int(2 * np.pi / NUMBERS.beam_rad) + 1
 _BESIDE = np.ones((3, 3), dtype=np.uint8)
 _NOWHERE_M = np.float32(1e6)
-_AZIMUTH = np.arctan2(*(np.indices((_SIDE, _SIDE))[::-1] - _SIDE / 2 + 0.5)).ravel().astype(np.float32)
+_AZIMUTH = np.arctan2(*(np.indices((SIDE, SIDE))[::-1] - SIDE / 2 + 0.5)).ravel().astype(np.float32)
 """By cell: to the right of ahead, in radians."""
 
 
-class _Shift(NamedTuple):
+class Shift(NamedTuple):
     """By how many cells what stands still lay elsewhere a moment ago: ahead and to the right."""
 
     ahead: int
@@ -79,7 +79,7 @@ class _Shift(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Scan:
+class Scan:
     """One scan, its points within reach, seen from above.
 
     `xyz_m` is (3, M), right, down and ahead; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that
@@ -95,23 +95,20 @@ class _Scan:
     from_nowhere: Mask
 
     @classmethod
-    def of(cls, cloud: PointCloud, rig: Rig) -> "_Scan":
+    def of(cls, cloud: PointCloud, rig: Rig) -> "Scan":
         """The scan of a cloud, upright as the rig is."""
-        assert rig.lidar is not None
-        rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(cloud.xyz_m.T)
-        # Row by row: a product of so thin matrices takes several cores longer than this takes one.
-        xyz = np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in rotation])
-        within = np.flatnonzero(np.maximum(np.abs(xyz[0]), np.abs(xyz[2])) < _REACH_M - NUMBERS.cell_m)
+        xyz = upright(cloud.xyz_m, rig)
+        within = within_reach(xyz)
         xyz = xyz.take(within, axis=1)
         right, down, ahead = xyz
-        row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for axis in (ahead, right))
-        above = _above_ground_m(row, column, down)
+        row, column = cells_from_above(xyz)
+        above = above_ground_m(row, column, down)
         away = right * right + ahead * ahead
         solid = (above > NUMBERS.stands_m) & (away > NUMBERS.nearest_m**2)
         clearly = solid & (above > NUMBERS.clearly_m) & (away < NUMBERS.farthest_m**2)
         nothing = np.zeros(within.size, dtype=np.bool_)
         points = cloud.xyz_m.take(within, axis=0)
-        return cls(cloud.stamp_ns, points, xyz, row * _SIDE + column, solid, clearly, nothing)
+        return cls(cloud.stamp_ns, points, xyz, row * SIDE + column, solid, clearly, nothing)
 
     @cached_property
     def things(self) -> Image:
@@ -119,33 +116,23 @@ class _Scan:
         return self.cells(self.solid)
 
     def cells(self, some: Mask) -> Image:
-        """(_SIDE, _SIDE) 1 where a cell holds some (M,) of its points."""
-        grid = np.zeros(_SIDE * _SIDE, dtype=np.uint8)
+        """(SIDE, SIDE) 1 where a cell holds some (M,) of its points."""
+        grid = np.zeros(SIDE * SIDE, dtype=np.uint8)
         grid[self.cell.take(np.flatnonzero(some))] = 1
-        return grid.reshape(_SIDE, _SIDE)
+        return grid.reshape(SIDE, SIDE)
 
-    def after_s(self, before: "_Scan") -> float:
+    def after_s(self, before: "Scan") -> float:
         """The seconds from another scan to this one."""
         return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
 
-    def follows(self, before: "_Scan") -> bool:
+    def follows(self, before: "Scan") -> bool:
         """Whether the other scan is the one of a moment ago."""
         return 0 < self.after_s(before) <= NUMBERS.most_s
 
     def passed(self, xyz_m: Floats32) -> Mask:
         """(K,) whether its beams around points (3, K) of the next scan went on behind them, and none ended before."""
-        down, around, range_m = _directions(xyz_m)
-        its_down, its_around, its_range_m = _directions(self._towards(xyz_m))
-        nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
-        np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
-        grid = nearest.reshape(_DOWN, _AROUND)
-        beside = NUMBERS.scanned_cells
-        hit = _ring(np.any(grid < _NOWHERE_M, axis=0, keepdims=True).astype(np.float32), beside)
-        closed = np.asarray(cv2.morphologyEx(hit, cv2.MORPH_CLOSE, np.ones((1, 5), np.uint8)), dtype=np.float32)
-        scanned = _eroded(closed, np.ones((1, 2 * beside + 1), dtype=np.uint8))[0, beside:-beside]
-        near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
-        behind = (near_m < _NOWHERE_M) & (near_m > range_m + NUMBERS.behind_m)
-        return np.asarray(behind & (scanned[around] > 0))
+        range_m, near_m, scanned = beams_around(xyz_m, self._towards(xyz_m))
+        return np.asarray(scanned & (near_m > range_m + NUMBERS.behind_m))
 
     def _towards(self, xyz_m: Floats32) -> Floats32:
         """(3, M) the scan's points in the directions around points (3, K), and as far aside as `passed` asks."""
@@ -163,17 +150,31 @@ class OwnScans:
     """
 
     def __init__(self) -> None:
-        self._last: _Scan | None = None
+        self._last: Scan | None = None
+        self._way: Shift | None = None
         self.asked_share = 0.0
+
+    @property
+    def now(self) -> Scan | None:
+        """The last scan, None where there was none."""
+        return self._last
+
+    @property
+    def way(self) -> Shift | None:
+        """By how many cells what stands still moved since the scan before; None where there was none."""
+        return self._way
 
     def conflicts(self, cloud: PointCloud | None, rig: Rig) -> Points | None:
         """(K, 3) the points of the next cloud that stand where its beams passed; None without a scan just before."""
-        before, self._last = self._last, None
+        before, self._last, self._way = self._last, None, None
         self.asked_share = 0.0
         if cloud is None or rig.lidar is None:
             return None
-        now = _Scan.of(cloud, rig)
-        found = _from_nowhere(now, before) if before is not None and now.follows(before) else None
+        now = Scan.of(cloud, rig)
+        found = None
+        if before is not None and now.follows(before):
+            self._way = _shift(now.things, before.things)
+            found = _from_nowhere(now, before, self._way)
         self._last = now if found is None else replace(now, from_nowhere=found)
         if found is None:
             return None
@@ -186,7 +187,26 @@ def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> f
     return share_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
 
 
-def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
+def upright(points: Points, rig: Rig) -> Floats32:
+    """(3, N) points (N, 3) of the LiDAR, right, down and ahead of it."""
+    assert rig.lidar is not None
+    rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(points.T)
+    # Row by row: a product of so thin matrices takes several cores longer than this takes one.
+    return np.stack([sum(by * axis for by, axis in zip(row, along, strict=True)) for row in rotation])
+
+
+def within_reach(xyz_m: Floats32) -> Indices:
+    """The places of those of points (3, M) that are seen from above."""
+    return np.flatnonzero(np.maximum(np.abs(xyz_m[0]), np.abs(xyz_m[2])) < _REACH_M - NUMBERS.cell_m)
+
+
+def cells_from_above(xyz_m: Floats32) -> tuple[Indices, Indices]:
+    """The row and the column (M,) of the cells of points (3, M) within reach, seen from above."""
+    row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for axis in (xyz_m[2], xyz_m[0]))
+    return row, column
+
+
+def above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
     """(M,) how far points are above the lowest one in their cell of ground, or in those around it less a slope."""
     ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
     lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
@@ -197,14 +217,13 @@ def _above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32
     return np.asarray(np.maximum(lowest, around - _LOWER_M)[ground] - down_m)
 
 
-def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:
+def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
     """(M,) the points of objects that came from nowhere, or that did earlier and are still alone.
 
     None where too much did: a recording that was cut or put together goes on at another place.
     """
-    shift = _shift(now.things, before.things)
-    around = _around(shift, now.after_s(before))
-    alone = ~_near(before.cells(before.solid & ~before.from_nowhere), shift, around).take(now.cell)
+    around = around_thing(shift, now.after_s(before))
+    alone = ~near(before.cells(before.solid & ~before.from_nowhere), shift, around).take(now.cell)
     unexplained = now.clearly & alone
     asked = np.flatnonzero(unexplained)
     if not asked.size:
@@ -212,51 +231,56 @@ def _from_nowhere(now: _Scan, before: _Scan) -> Mask | None:
     here, there = (np.count_nonzero(now.cells(some)) for some in (unexplained, now.clearly))
     if here > max(NUMBERS.most_alone * there, NUMBERS.most_cells):
         return None
-    earlier = _near(before.cells(before.from_nowhere), shift, around)
+    earlier = near(before.cells(before.from_nowhere), shift, around)
     new = asked[before.passed(now.xyz_m[:, asked]) | earlier.take(now.cell[asked])]
     count, objects = cv2.connectedComponents(now.things)
     of = np.asarray(objects, dtype=np.intp).take(now.cell)
     no_other, every = (
         np.bincount(of.take(np.flatnonzero(mask)), minlength=count) for mask in (now.solid & alone, now.solid)
     )
-    wide = _widths_m(of[new], now.xyz_m[:, new], count) >= NUMBERS.narrowest_m
+    wide = widths_m(of[new], now.xyz_m[:, new], count) >= NUMBERS.narrowest_m
     found = (np.bincount(of[new], minlength=count) >= NUMBERS.fewest) & wide
     found &= no_other >= NUMBERS.least_share * every
     return np.asarray(now.solid & found.take(of))
 
 
-def _shift(now: Image, before: Image) -> _Shift:
+def _shift(now: Image, before: Image) -> Shift:
     """How what stands still moved: by the shift at which most cells that hold objects now did so before."""
     most = NUMBERS.most_shift_cells
     here, there = (cells.astype(np.float32) for cells in (now, before))
     together = cv2.GaussianBlur(cv2.matchTemplate(there, here[most:-most, most:-most], cv2.TM_CCORR), (3, 3), 0)
     row, column = np.unravel_index(int(np.argmax(together)), together.shape)
-    return _Shift(int(row) - most, int(column) - most)
+    return Shift(int(row) - most, int(column) - most)
 
 
-def _near(there: Image, shift: _Shift, around: Image) -> Mask:
+def near(there: Image, shift: Shift, around: Image) -> Mask:
     """By cell of now: whether a thing of the marked cells of a moment ago can have come there."""
     row, column = np.nonzero(there)
     row, column = row - shift.ahead, column - shift.right
-    within = (row >= 0) & (row < _SIDE) & (column >= 0) & (column < _SIDE)
+    within = (row >= 0) & (row < SIDE) & (column >= 0) & (column < SIDE)
     here = np.zeros_like(there)
     here[row[within], column[within]] = 1
     return np.asarray(cv2.dilate(here, around)) > 0
 
 
-def _around(shift: _Shift, seconds: float) -> Image:
+def around_thing(shift: Shift, seconds: float) -> Image:
     """The cells around a thing that stands still in which it can be if it does not: an ellipse along the way."""
     along = NUMBERS.moves_m_s * seconds / NUMBERS.cell_m
+    # Of a vehicle that stands nobody knows the way.
+    return ellipse(shift, along, NUMBERS.beside_m / NUMBERS.cell_m if any(shift) else along)
+
+
+def ellipse(way: Shift, along: float, across: float) -> Image:
+    """The cells around one within an ellipse, so many of them along a way and across it; ahead without a way."""
     half = int(along)
     ahead, right = np.mgrid[-half : half + 1, -half : half + 1]
-    way = float(np.hypot(*shift))
-    to_ahead, to_right = (shift.ahead / way, shift.right / way) if way else (1.0, 0.0)
-    across = NUMBERS.beside_m / NUMBERS.cell_m if way else along  # of a vehicle that stands nobody knows the way
+    length = float(np.hypot(*way))
+    to_ahead, to_right = (way.ahead / length, way.right / length) if length else (1.0, 0.0)
     along_way, across_way = ahead * to_ahead + right * to_right, right * to_ahead - ahead * to_right
     return np.asarray((along_way / along) ** 2 + (across_way / across) ** 2 <= 1, dtype=np.uint8)
 
 
-def _widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:
+def widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:
     """(count,) how wide the points (3, K) of each object are, seen from above: the longer side."""
     sides = []
     for along in (xyz_m[0], xyz_m[2]):
@@ -265,6 +289,24 @@ def _widths_m(of: Indices, xyz_m: Floats32, count: int) -> Floats:
         np.maximum.at(most, of, along)
         sides.append(most - least)
     return np.asarray(np.maximum(*sides))
+
+
+def beams_around(xyz_m: Floats32, ended_m: Floats32) -> tuple[Floats32, Floats32, Mask]:
+    """(K,) the range of points (3, K), where the first of the beams around each ended, and whether it was scanned.
+
+    The beams are those that ended at (3, M).
+    """
+    down, around, range_m = _directions(xyz_m)
+    its_down, its_around, its_range_m = _directions(ended_m)
+    nearest = np.full(_DOWN * _AROUND, _NOWHERE_M, dtype=np.float32)
+    np.minimum.at(nearest, its_down * _AROUND + its_around, its_range_m)
+    grid = nearest.reshape(_DOWN, _AROUND)
+    beside = NUMBERS.scanned_cells
+    hit = _ring(np.any(grid < _NOWHERE_M, axis=0, keepdims=True).astype(np.float32), beside)
+    closed = np.asarray(cv2.morphologyEx(hit, cv2.MORPH_CLOSE, np.ones((1, 5), np.uint8)), dtype=np.float32)
+    scanned = _eroded(closed, np.ones((1, 2 * beside + 1), dtype=np.uint8))[0, beside:-beside]
+    near_m = _eroded(_ring(grid, 1), _BESIDE)[:, 1:-1][down, around]
+    return range_m, near_m, np.asarray((near_m < _NOWHERE_M) & (scanned[around] > 0))
 
 
 def _directions(xyz_m: Floats32) -> tuple[Indices, Indices, Floats32]:

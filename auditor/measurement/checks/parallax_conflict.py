@@ -17,12 +17,12 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.checks.moving_things import FoundElsewhere, moving
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import textured
 from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
+from auditor.measurement.moving_things import FoundElsewhere, moving
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask

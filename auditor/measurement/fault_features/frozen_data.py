@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT
-from auditor.model.rig import LIDAR
 
 _WHITE = 255
 
@@ -17,8 +16,7 @@ _WHITE = 255
 def fingerprints(frame: Frame) -> dict[int, int]:
     """The fingerprint of each sensor present that has one."""
     prints = {number: fingerprint_of_image(image.pixels) for number, image in frame.images.items()}
-    if frame.cloud is not None:
-        prints[LIDAR] = fingerprint_of_points(frame.cloud.xyz_m)
+    prints |= {number: fingerprint_of_points(cloud.xyz_m) for number, cloud in frame.clouds.items()}
     return {sensor: known for sensor, known in prints.items() if known != NO_FINGERPRINT}
 
 

@@ -39,6 +39,9 @@ SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOT
 SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
+OF_ALIKE = frozenset({Of.CAMERAS, Of.OTHER_SCANS})
+"""The sorts of checks of a sensor by others of its own sort."""
+
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
 
@@ -60,7 +63,7 @@ class SensorCheck(NamedTuple):
 
     @property
     def nameable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where the check fires: two cameras alone cannot tell which.
+        """The sensors one of which must be attacked where it fires: two cameras, or LiDARs, alone cannot tell which.
 
         Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
         """
@@ -70,7 +73,7 @@ class SensorCheck(NamedTuple):
 @cache
 def _nameable(check: SensorCheck) -> tuple[int, ...]:
     kind = check.check.kind
-    alone = len(check.others) < FEWEST_VOTERS and kind.of is Of.CAMERAS and not kind.of_colours
+    alone = len(check.others) < FEWEST_VOTERS and kind.of in OF_ALIKE and not kind.of_colours
     return check.needed if alone else (check.sensor,)
 
 
@@ -95,11 +98,21 @@ class CountedPair(NamedTuple):
 def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
     """The checks that frames of a rig are judged by, in their fixed order."""
     if not rig.cameras:
-        return tuple(SensorCheck(one, LIDAR, ()) for one in Check if one.kind.of is Of.OWN_SCANS)
+        return _of_scans(rig.sensors)
     if rig.by_time:  # of a camera that looks anywhere nobody knows where its view has points
         return sensor_checks_of((), (), (), rig.references)
     views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}
     return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views))
+
+
+@cache
+def _of_scans(lidars: tuple[int, ...]) -> tuple[SensorCheck, ...]:
+    """The checks of LiDARs without cameras: each by its own last scan, and by the others."""
+    subjects: Mapping[Of, Sequence[tuple[int, tuple[int, ...]]]] = {
+        Of.OWN_SCANS: [(one, ()) for one in lidars],
+        Of.OTHER_SCANS: [(one, others) for one in lidars for others in _voters(tuple(k for k in lidars if k != one))],
+    }
+    return tuple(SensorCheck(check, *subject) for check in Check for subject in subjects.get(check.kind.of, ()))
 
 
 def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
@@ -130,6 +143,7 @@ def sensor_checks_of(
         Of.SEVERAL_PAIRS: [(LIDAR, cameras) for cameras in by_pairs if len(cameras) > FEWEST_VOTERS],
         Of.VIEW: [(LIDAR, (k,)) for k in views],
         Of.OWN_SCANS: [(LIDAR, (k,)) for k in (*views, *pasts)],
+        Of.OTHER_SCANS: [],
         Of.LONE_CAMERA: [(LIDAR, (k,)) for k in pasts],
         Of.CAMERAS: [(one, others) for one in sorted(partners) for others in _voters(tuple(sorted(partners[one])))],
         Of.LIDAR: [(k, (LIDAR,)) for k in pasts],

@@ -293,6 +293,23 @@ class Check(StrEnum):
         ),
     )
 
+    CONTESTED_RETURNS = (
+        "contested_returns",
+        Kind(
+            Of.OTHER_SCANS,
+            Words(
+                "contested returns",
+                "points stand where another LiDAR's beams passed",
+                "has points where the beams of other LiDARs passed",
+                "S_{i} has points where the beams of other LiDARs passed",
+                "one of the two has points where the other's beams passed",
+                "S_{i} has points where the beams of S_{k} passed: two LiDARs do not tell which of them is wrong",
+            ),
+            (_SELDOM,),
+            vote=Vote.SMALLEST,
+        ),
+    )
+
     _value_: str
     kind: Kind
 

@@ -42,7 +42,7 @@ IDENTIFYING = 4
 
 
 class FoundRigs(NamedTuple):
-    """The rigs of a recording, largest first, and the reasons why other cameras and LiDARs are not part of them."""
+    """The rigs of a recording, with cameras and large ones first, and why other cameras and LiDARs are in none."""
 
     rigs: tuple[Rig, ...]
     left_out: tuple[Reason, ...]
@@ -75,7 +75,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
     attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
     they are measured. Each camera that is in no such rig is one of its own with the LiDAR: its own past stands in for a
-    second camera. Each LiDAR that is in no rig with a camera is one alone: it is compared with its own past.
+    second camera. LiDARs that overlap are a rig besides. Each that is in no rig is one alone, with its own past.
     """
     reasons: list[Reason] = []
     rigs: list[Rig] = []
@@ -91,7 +91,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
     rigs.extend(lidars_alone(rigs, survey, frames))
     if rigs and survey.images and not any(rig.cameras for rig in rigs):
         reasons.extend(map(Reason, _lacking_calibration(survey)))
-    rigs.sort(key=lambda rig: -len(rig.sensors))
+    rigs.sort(key=lambda rig: (not rig.cameras, -len(rig.sensors)))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras] or [rig.name(LIDAR)])}" for rig in rigs)
     rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))

@@ -22,6 +22,7 @@ _HEAD = """\
 # (its coefficients) describe the lens; K is that of a pinhole that shows the middle of the picture alike.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
+# others: further LiDARs S_1.. that overlap S_0, of a vehicle without cameras, in the same rig frame.
 # lidar.sweep, where each cloud is a part of one: angles around the LiDAR's z axis, where sweeps begin, from part to
 # part, and of the part that has the sweep's time; whether it turns from x to y (1) or back (-1); parts a sweep.
 # unit_m, of a LiDAR whose points are in no metres (centimetres: 0.01): how many metres the unit of its x, y and z is.
@@ -62,17 +63,10 @@ def _lines(rig: Rig) -> Iterator[str]:
     yield _HEAD
     if rig.lidar:
         yield "[lidar]"
-        yield f"name = {_text(rig.lidar.name)}"
-        yield f"topic = {_text(rig.lidar.topic)}"
-        yield from _offset(rig.lidar)
-        if rig.lidar.unit_m is not None:
-            yield f"unit_m = {rig.lidar.unit_m!r}"
-        yield f"rig_SE3_lidar = {_matrix(rig.lidar.rig_SE3_lidar)}"
-        if sweep := rig.lidar.sweep:
-            yield "[lidar.sweep]"
-            yield f"seam_step_time_rad = [{sweep.seam_rad!r}, {sweep.step_rad!r}, {sweep.time_rad!r}]"
-            yield f"direction = {sweep.direction}"
-            yield f"parts = {sweep.parts}"
+        yield from _of_lidar(rig.lidar, "lidar")
+    for number, lidar in enumerate(rig.others, start=1):
+        yield f"\n[[others]]  # S_{number}"
+        yield from _of_lidar(lidar, "others")
     for camera in rig.cameras:
         yield f"\n[[cameras]]  # S_{camera.number}, x = {camera.centre_m[0]:+.4f} m"
         yield f"number = {camera.number}"
@@ -88,6 +82,20 @@ def _lines(rig: Rig) -> Iterator[str]:
         if camera.depth_bits is not None:
             yield f"depth_bits = {camera.depth_bits}"
         yield f"projection = {_matrix(camera.projection)}"
+
+
+def _of_lidar(lidar: Lidar, table: str) -> Iterator[str]:
+    yield f"name = {_text(lidar.name)}"
+    yield f"topic = {_text(lidar.topic)}"
+    yield from _offset(lidar)
+    if lidar.unit_m is not None:
+        yield f"unit_m = {lidar.unit_m!r}"
+    yield f"rig_SE3_lidar = {_matrix(lidar.rig_SE3_lidar)}"
+    if sweep := lidar.sweep:
+        yield f"[{table}.sweep]"
+        yield f"seam_step_time_rad = [{sweep.seam_rad!r}, {sweep.step_rad!r}, {sweep.time_rad!r}]"
+        yield f"direction = {sweep.direction}"
+        yield f"parts = {sweep.parts}"
 
 
 def _offset(sensor: Camera | Lidar) -> Iterator[str]:

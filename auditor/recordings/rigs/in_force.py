@@ -116,7 +116,8 @@ def _needs(rig: Rig, survey: Survey) -> Mapping[Key, int]:
         if view is not None:
             needs[Key("info", view.info_topic)] = offset_ns[camera.number]
             frames.append(view.frame_id)
-    frames += [cloud.frame_id for cloud in survey.clouds if rig.lidar and cloud.topic.name == rig.lidar.topic]
+    topics = {lidar.topic for lidar in rig.lidars.values()}
+    frames += [cloud.frame_id for cloud in survey.clouds if cloud.topic.name in topics]
     return needs | {Key("transform", *link): 0 for link in _links(survey.transforms, frames)}
 
 
@@ -281,7 +282,8 @@ def _alike(a: Rig, b: Rig) -> bool:
     """True for two rigs of the same sensors at the same places."""
     if [a.topic(sensor) for sensor in a.sensors] != [b.topic(sensor) for sensor in b.sensors]:
         return False
-    if (a.lidar and b.lidar) and not same_numbers(a.lidar.rig_SE3_lidar, b.lidar.rig_SE3_lidar):
+    places = zip(a.lidars.values(), b.lidars.values(), strict=False)
+    if not all(same_numbers(one.rig_SE3_lidar, other.rig_SE3_lidar) for one, other in places):
         return False
     return all(_same_camera(one, other) for one, other in zip(a.cameras, b.cameras, strict=True))
 

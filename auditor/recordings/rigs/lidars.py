@@ -1,16 +1,18 @@
 """LiDARs at their places in rigs, and the rigs of those alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import LIDAR, Lidar, Rig
+from auditor.recordings.parameters import LIDAR_OVERLAP, RIG_LIMITS
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.sectors import sweep_of
+from auditor.recordings.synchronisation.stamps import usual_period_ns
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 _BODIES = ("base_link", "base_footprint")
@@ -50,16 +52,78 @@ def on_vehicle(survey: Survey, frames: FrameTree, reasons: list[Reason]) -> tupl
 
 
 def lidars_alone(rigs: Sequence[Rig], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
-    """A rig of each LiDAR that is in none of some rigs; further topics of one LiDAR, by their frame, are left out.
+    """The rigs of LiDARs that no camera is needed for: each that is in none of some rigs, and all that overlap others.
 
-    Its axes are those of the vehicle's body where tf knows that, else the LiDAR's own, x ahead and z up (REP 103).
+    Those that overlap, at places that tf knows, are one rig; so LiDARs of rigs with cameras may be in one as well.
+    Further topics of one LiDAR, by their frame, are left out. The axes are those of the vehicle's body where tf knows
+    that, else those of the first LiDAR, x ahead and z up (REP 103).
     """
     taken = {rig.topic(LIDAR) for rig in rigs}
-    held = {cloud.frame_id for cloud in survey.clouds if cloud.topic.name in taken} - {""}
-    for cloud in sorted(survey.clouds, key=lambda cloud: -cloud.points):
-        if cloud.topic.name in taken or cloud.frame_id in held:
-            continue
-        held.update({cloud.frame_id} - {""})
-        body = next((place for name in _BODIES if (place := frames.between(name, cloud.frame_id)) is not None), None)
-        turn = _OPTICAL_SO3_BODY if body is None else _OPTICAL_SO3_BODY @ body[:3, :3]
-        yield Rig(lidar_of(cloud, motion(turn, np.zeros(3)), np.array([0.0, 0.0, 1.0])), ())
+    left = _of_each_lidar(survey, taken)
+    while left:
+        first = left.pop(0)
+        together = _overlapping(first, left, frames)
+        left = [cloud for cloud in left if cloud not in together]
+        if together or first.topic.name not in taken:
+            yield _rig_of(first, together, frames)
+
+
+def _of_each_lidar(survey: Survey, taken: Collection[str]) -> list[CloudTopic]:
+    """One topic of each LiDAR, first those that are not taken, the larger clouds first."""
+    by_frame: dict[str, CloudTopic] = {}
+    by_points = sorted(survey.clouds, key=lambda cloud: -cloud.points)
+    for cloud in sorted(by_points, key=lambda cloud: cloud.topic.name not in taken):
+        by_frame.setdefault(cloud.frame_id or cloud.topic.name, cloud)
+    return sorted(by_frame.values(), key=lambda cloud: (cloud.topic.name in taken, -cloud.points))
+
+
+def _rig_of(first: CloudTopic, others: Sequence[CloudTopic], frames: FrameTree) -> Rig:
+    body = next((place for name in _BODIES if (place := frames.between(name, first.frame_id)) is not None), None)
+    turn = motion(_OPTICAL_SO3_BODY if body is None else _OPTICAL_SO3_BODY @ body[:3, :3], np.zeros(3))
+    ahead = np.array([0.0, 0.0, 1.0])
+    beside = ((cloud, frames.between(first.frame_id, cloud.frame_id)) for cloud in others)
+    placed = tuple(lidar_of(cloud, turn @ place, ahead) for cloud, place in beside if place is not None)
+    return Rig(lidar_of(first, turn, ahead), (), placed)
+
+
+def _overlapping(first: CloudTopic, others: Sequence[CloudTopic], frames: FrameTree) -> list[CloudTopic]:
+    """Those of other LiDARs that overlap the first, or one that does."""
+    together: list[CloudTopic] = []
+    for cloud in others:
+        if len(together) + 1 < LIDAR_OVERLAP.most and any(_overlap(one, cloud, frames) for one in (first, *together)):
+            together.append(cloud)
+    return together
+
+
+def _overlap(one: CloudTopic, other: CloudTopic, frames: FrameTree) -> bool:
+    """Whether two LiDARs look at the same things, and often enough, from places that tf knows.
+
+    Points that were put into the frame of the vehicle's body are not compared: where their LiDAR was is not known.
+    """
+    one_SE3_other = frames.between(one.frame_id, other.frame_id)
+    if one_SE3_other is None or not {one.frame_id, other.frame_id}.isdisjoint(_BODIES):
+        return False
+    if np.linalg.norm(one_SE3_other[:3, 3]) > RIG_LIMITS.most_apart_m or not (_is_fast(one) and _is_fast(other)):
+        return False
+    a, b = _from_above(one, np.eye(4)), _from_above(other, one_SE3_other)
+    return max(_beside(a, b), _beside(b, a)) >= LIDAR_OVERLAP.least_share
+
+
+def _is_fast(cloud: CloudTopic) -> bool:
+    period_ns = usual_period_ns(cloud.samples)
+    return period_ns is not None and period_ns <= LIDAR_OVERLAP.slowest_s * 1e9
+
+
+def _from_above(cloud: CloudTopic, common_SE3_lidar: Matrix) -> list[tuple[int, int]]:
+    """The cells from above of some points of a LiDAR within its reach, in its frame or another with z up."""
+    some_m = np.zeros((0, 3)) if cloud.some_m is None else cloud.some_m.astype(np.float64)
+    away_m = np.linalg.norm(some_m, axis=1)
+    some_m = some_m[(away_m > LIDAR_OVERLAP.nearest_m) & (away_m < LIDAR_OVERLAP.farthest_m)]
+    placed = some_m @ common_SE3_lidar[:3, :3].T + common_SE3_lidar[:3, 3]
+    return [(int(x), int(y)) for x, y in np.floor(placed[:, :2] / LIDAR_OVERLAP.cell_m)]
+
+
+def _beside(cells: Sequence[tuple[int, int]], others: Sequence[tuple[int, int]]) -> float:
+    """The share of points, by their cells, in or beside whose cell others lie."""
+    near = {(x + right, y + ahead) for x, y in others for right in (-1, 0, 1) for ahead in (-1, 0, 1)}
+    return sum(cell in near for cell in cells) / max(len(cells), 1)

@@ -29,7 +29,7 @@ def unused_lidars(survey: Survey, rigs: Sequence[Rig], no_sensors: Collection[st
     Topics that are declared to be no sensors are left out.
     """
     frames, root = FrameTree(survey.transforms), _root(survey)
-    topics = {rig.lidar.topic for rig in rigs if rig.lidar}
+    topics = {lidar.topic for rig in rigs for lidar in rig.lidars.values()}
     used = {cloud.frame_id for cloud in survey.clouds if cloud.topic.name in topics}
     others = [one for one in survey.clouds if one.topic.name not in {*topics, *no_sensors}]
     others = [one for one in others if one.frame_id not in used]

@@ -45,9 +45,10 @@ class Timing:
 def learn_timing(rig: Rig, survey: Survey) -> Timing:
     """Learn offsets and periods from a survey's sample stamps (all medians); offsets that the rig gives are kept."""
     samples = {sensor: survey.samples(rig.topic(sensor)) for sensor in rig.sensors}
-    if rig.lidar and rig.lidar.sweep:
-        parts, sectors = samples[LIDAR], survey.sectors(rig.lidar.topic)
-        samples[LIDAR] = tuple(parts[place] for place in whole_sweeps(rig.lidar.sweep, sectors))
+    for sensor, lidar in rig.lidars.items():
+        if lidar.sweep:
+            places = whole_sweeps(lidar.sweep, survey.sectors(lidar.topic))
+            samples[sensor] = tuple(samples[sensor][place] for place in places)
     found = {sensor: usual_period_ns(taken) for sensor, taken in samples.items()}
     periods = {sensor: period for sensor, period in found.items() if period}
     period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
-from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig import Rig
 from auditor.recordings.decoding import Decoders, sensor_types
 from auditor.recordings.decoding.other_types import is_of_radar, is_other, raw_data_of
 from auditor.recordings.parameters import SENSOR_LIKE
@@ -107,7 +107,7 @@ def _of_sensor(
     return TopicCoverage(
         topic,
         schema,
-        sensor_types.LIDAR if sensor == LIDAR else sensor_types.CAMERA,
+        sensor_types.LIDAR if sensor in rig.lidars else sensor_types.CAMERA,
         TopicState.UNREADABLE if unread else TopicState.READ,
         sensor,
         rig.name(sensor),

@@ -96,7 +96,7 @@ class FrameStream:
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(self._recording.definition, self._rig.units_m, self._survey.metadata)
         return _FrameMaker(
-            self._rig, self._decoders, self._counts, self._time, self._lidar_starts_ns, colour=self._colour
+            self._rig, self._decoders, self._counts, self._time, self._lidars_start_ns, colour=self._colour
         )
 
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
@@ -132,32 +132,33 @@ class FrameStream:
         self, messages: Iterator[Message], by_topic: Mapping[str, int], decoders: Decoders
     ) -> Iterator[tuple[int, Waiting]]:
         checks = {sensor: self.timing.stamp_check(sensor) for sensor in by_topic.values()}
-        sweeps = self._assembly(decoders)
+        sweeps = {sensor: self._assembly(sensor, decoders) for sensor in by_topic.values()}
         for order, message in enumerate(messages):
             sensor = by_topic[message.topic]
             self._counts[sensor].read += 1
             waiting = self._placed(message, order, self.timing.offset_ns[sensor], checks[sensor], decoders)
             if waiting is None:
                 self._counts[sensor].skip_duplicate()
-            elif sensor == LIDAR and sweeps is not None:
-                yield from self._whole(sweeps.add(waiting))
+            elif (parts := sweeps[sensor]) is not None:
+                yield from self._whole(sensor, parts.add(waiting))
             else:
                 yield sensor, waiting
-        if sweeps is not None:
-            yield from self._whole(sweeps.rest())
+        for sensor, parts in sweeps.items():
+            if parts is not None:
+                yield from self._whole(sensor, parts.rest())
 
-    def _assembly(self, decoders: Decoders) -> SweepAssembly | None:
-        """What puts the LiDAR's clouds together, where they are parts of sweeps."""
-        sweep = self._rig.lidar.sweep if self._rig.lidar else None
-        period_ns = self.timing.own_period_ns.get(LIDAR, self.timing.period_ns)
+    def _assembly(self, sensor: int, decoders: Decoders) -> SweepAssembly | None:
+        """What puts the clouds of a LiDAR together, where they are parts of sweeps."""
+        sweep = self._rig.lidars[sensor].sweep if sensor in self._rig.lidars else None
+        period_ns = self.timing.own_period_ns.get(sensor, self.timing.period_ns)
         return SweepAssembly(sweep, period_ns, decoders) if sweep is not None else None
 
-    def _whole(self, sweeps: Iterator[Assembled]) -> Iterator[tuple[int, Waiting]]:
+    def _whole(self, sensor: int, sweeps: Iterator[Assembled]) -> Iterator[tuple[int, Waiting]]:
         for sweep in sweeps:
             if sweep.cut:
-                self._counts[LIDAR].skip(EDGE, messages=len(sweep.waiting.messages))
+                self._counts[sensor].skip(EDGE, messages=len(sweep.waiting.messages))
             else:
-                yield LIDAR, sweep.waiting
+                yield sensor, sweep.waiting
 
     def _placed(
         self, message: Message, order: int, offset_ns: int, check: StampCheck, decoders: Decoders
@@ -187,15 +188,16 @@ class FrameStream:
             decoder.follow(message)
 
     @property
-    def _lidar_starts_ns(self) -> int:
-        """When the LiDAR's first cloud with points was recorded; 0 where its first one has."""
-        topic = self._rig.lidar.topic if self._rig.lidar else ""
-        return next((cloud.starts_ns for cloud in self._survey.clouds if cloud.topic.name == topic), 0)
+    def _lidars_start_ns(self) -> dict[int, int]:
+        """When the first cloud with points was recorded of each LiDAR whose first one has none."""
+        starts_ns = {cloud.topic.name: cloud.starts_ns for cloud in self._survey.clouds if cloud.starts_ns}
+        lidars = self._rig.lidars.items()
+        return {sensor: starts_ns[lidar.topic] for sensor, lidar in lidars if lidar.topic in starts_ns}
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on clocks that were put together, and on what of the last iteration's messages was put right."""
-        start = [f"{self._rig.name(LIDAR)} {_STARTS}"] if self._lidar_starts_ns else []
+        start = [f"{self._rig.name(sensor)} {_STARTS}" for sensor in self._lidars_start_ns]
         return (*self.timing.remarks, *start, *self._decoders.repairs)
 
     @property
@@ -268,7 +270,7 @@ class _FrameMaker:
         decoders: Decoders,
         counts: Mapping[int, Counts],
         time: TimeLedger,
-        lidar_starts_ns: int,
+        lidars_start_ns: Mapping[int, int],
         *,
         colour: bool,
     ) -> None:
@@ -276,7 +278,7 @@ class _FrameMaker:
         self.decoders = decoders
         self._counts = counts
         self._time = time
-        self._lidar_starts_ns = lidar_starts_ns
+        self._lidars_start_ns = lidars_start_ns
         self._colour = colour
 
     def leave(self, group: Group) -> None:
@@ -290,16 +292,16 @@ class _FrameMaker:
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
         if group.edge or reason:
             return self._skip(group, stamp_ns, EDGE if group.edge else reason, group.members)
-        fewest = min(MIN_SENSORS, len(self._rig.sensors))
+        fewest = 1 if self._rig.others else min(MIN_SENSORS, len(self._rig.sensors))
         if len(group.members) < fewest:
             return self._skip(group, stamp_ns, TOO_FEW, group.members)
         images: dict[int, CameraImage] = {}
-        cloud: PointCloud | None = None
+        clouds: dict[int, PointCloud] = {}
         problems: dict[int, str] = {}
         for sensor, waiting in group.members.items():
             try:
-                if sensor == LIDAR:
-                    cloud = self._cloud(waiting)
+                if sensor in self._rig.lidars:
+                    clouds[sensor] = self._cloud(sensor, waiting)
                 else:
                     images[sensor] = self._image(sensor, waiting)
             except DecodingError as error:
@@ -313,7 +315,7 @@ class _FrameMaker:
         self._time.add(group.chunk, group.time_ns, [sensor for sensor, waiting in good.items() if not waiting.against])
         stamp_ns = self._stamp_ns(good)
         presence = {sensor: self._presence(sensor, group, stamp_ns, problems) for sensor in self._rig.sensors}
-        return Frame(group.number, stamp_ns, presence, cloud, images)
+        return Frame(group.number, stamp_ns, presence, clouds.pop(LIDAR, None), images, clouds)
 
     def _presence(self, sensor: int, group: Group, stamp_ns: int, problems: Mapping[int, str]) -> Presence:
         waiting = group.members.get(sensor)
@@ -350,11 +352,11 @@ class _FrameMaker:
         check_received(pixels)
         return CameraImage(sensor, waiting.stamp_ns, grey_if_grey(pixels))
 
-    def _cloud(self, waiting: Waiting) -> PointCloud:
+    def _cloud(self, sensor: int, waiting: Waiting) -> PointCloud:
         decoder = self.decoders.cloud(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not a point cloud", where=waiting.message.topic)
-        if waiting.messages[-1].log_time_ns < self._lidar_starts_ns:
-            raise DecodingError(f"{self._rig.name(LIDAR)} {_STARTS}", where=waiting.message.topic)
+        if waiting.messages[-1].log_time_ns < self._lidars_start_ns.get(sensor, 0):
+            raise DecodingError(f"{self._rig.name(sensor)} {_STARTS}", where=waiting.message.topic)
         parts = [decoder.xyz_m(message) for message in waiting.messages]
         return PointCloud(waiting.stamp_ns, parts[0] if len(parts) == 1 else np.concatenate(parts))

@@ -140,17 +140,16 @@ def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], how: How) 
             yield _Outgoing(info_topics[number], schemas.CAMERA_INFO, image.stamp_ns, info)
             schema, data = maker.image(image.pixels, image.stamp_ns, frame_id, form)
             yield _Outgoing(camera.topic, schema, image.stamp_ns, data)
-        if frame.cloud is not None and rig.lidar is not None:
-            points = np.zeros((len(frame.cloud.xyz_m), 4), np.float32)
-            points[:, :3] = frame.cloud.xyz_m
-            data = maker.point_cloud(points, frame.cloud.stamp_ns, frame_ids[0])
-            yield _Outgoing(rig.lidar.topic, schemas.POINT_CLOUD, frame.cloud.stamp_ns, data)
+        for number, cloud in frame.clouds.items() if rig.lidar else ():
+            points = np.zeros((len(cloud.xyz_m), 4), np.float32)
+            points[:, :3] = cloud.xyz_m
+            data = maker.point_cloud(points, cloud.stamp_ns, frame_ids[number])
+            yield _Outgoing(rig.topic(number), schemas.POINT_CLOUD, cloud.stamp_ns, data)
 
 
 def _transforms(maker: MessageMaker, rig: Rig, frame_ids: dict[int, str], stamp_ns: int) -> _Outgoing:
     children = {frame_ids[camera.number]: motion(camera.rotation.T, camera.centre_m) for camera in rig.cameras}
-    if rig.lidar:
-        children[frame_ids[0]] = rig.lidar.rig_SE3_lidar
+    children |= {frame_ids[number]: lidar.rig_SE3_lidar for number, lidar in rig.lidars.items()}
     return _Outgoing(TRANSFORMS_TOPIC, schemas.TRANSFORMS, stamp_ns, maker.transforms(RIG_FRAME, children, stamp_ns))
 
 

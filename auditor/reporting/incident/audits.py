@@ -129,7 +129,10 @@ def _called(store: Store, recording_ids: Iterable[str]) -> tuple[str, ...]:
 
 
 def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
-    return tuple(SensorLine(sensor, rig.name(sensor), rig.topic(sensor)) for sensor in rig.sensors)
+    return tuple(
+        SensorLine(sensor, rig.name(sensor), rig.topic(sensor), "LiDAR" if sensor in rig.lidars else "camera")
+        for sensor in rig.sensors
+    )
 
 
 def _provenance(store: Store, audit: Audit, calibration_recordings: CalibrationRecordings) -> Provenance:

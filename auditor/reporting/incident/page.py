@@ -9,7 +9,7 @@ from auditor.model.checks.kinds import found_of
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
-from auditor.model.rig import LIDAR, Triple
+from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
@@ -46,11 +46,15 @@ class Clock:
 
 @dataclass(frozen=True)
 class SensorLine:
-    """One sensor: what the recording calls it, in how many frames it was there, and the medians of its coverage."""
+    """One sensor: what the recording calls it, in how many frames it was there, and the medians of its coverage.
+
+    `what` it is: LiDAR or camera.
+    """
 
     number: int
     name: str
     topic: str
+    what: str
     present: int = 0
     missing: int = 0
     damaged: int = 0
@@ -59,11 +63,6 @@ class SensorLine:
     returns: float | None = None
     compared_share: float | None = None
     compared_by_two_share: float | None = None
-
-    @property
-    def what(self) -> str:
-        """LiDAR or camera."""
-        return "LiDAR" if self.number == LIDAR else "camera"
 
 
 @dataclass(frozen=True)

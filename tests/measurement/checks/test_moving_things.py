@@ -1,6 +1,6 @@
 import numpy as np
 
-from auditor.measurement.checks.moving_things import FoundElsewhere, _alike_parts, _neighbours, moving
+from auditor.measurement.moving_things import FoundElsewhere, _alike_parts, _neighbours, moving
 
 K = np.array([[700.0, 0, 310], [0, 700, 90], [0, 0, 1]])
 MOVED_M = np.array([0.3, 0.0, 0.8])

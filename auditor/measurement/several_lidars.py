@@ -1,0 +1,65 @@
+"""A rig of LiDARs without cameras: each is compared with its own last scan, and with the others' scans of its frame."""
+
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from auditor.measurement.checks.collect import BY_SCANS
+from auditor.measurement.checks.contested_returns import contested, measure_contested_returns
+from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.free_space_conflict import OwnScans, upright
+from auditor.model.arrays import Indices
+from auditor.model.checks import Check, SensorCheck
+from auditor.model.frames import Frame
+from auditor.model.measurement import Coverage
+from auditor.model.rig import Rig
+
+
+class OfLidars(NamedTuple):
+    """The statistics of the checks of a frame's LiDARs, None where they cannot be told, and their coverage."""
+
+    shares: dict[SensorCheck, float | None]
+    coverage: dict[int, Coverage]
+
+
+class SeveralLidars:
+    """Compares the LiDARs of one recording, frame after frame.
+
+    Two are compared with each other where both have a scan of just before: by that is known how the vehicle moves.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._own = {sensor: OwnScans() for sensor in rig.lidars}
+
+    def compare(self, frame: Frame) -> OfLidars:
+        """What the next frame shows; the shares of points that others look at are the coverage."""
+        shares: dict[SensorCheck, float | None] = {}
+        for sensor, own in self._own.items():
+            rig = self._rig.alone(sensor)
+            from_nowhere = own.conflicts(frame.clouds.get(sensor), rig)
+            if from_nowhere is not None:
+                shares |= {SensorCheck(check, sensor, ()): measuring(check)(from_nowhere, rig) for check in BY_SCANS}
+        scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
+        ways = {sensor: own.way for sensor, own in self._own.items() if own.way is not None}
+        lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
+        ended_m = {sensor: upright(frame.clouds[sensor].xyz_m, self._rig.alone(sensor)) for sensor in scans}
+        said = {
+            (i, k): contested(scans[i], ended_m[k], self._rig.beside_m(i, k), ways[i]) for i, k in permutations(ways, 2)
+        }
+        for (i, k), found in said.items():
+            if found.fits(said[k, i]):
+                lookers[i] += found.looked_at
+                share = measure_contested_returns(scans[i].points[found.points], self._rig.alone(i))
+                shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
+        clouds = frame.clouds.items()
+        coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds}
+        return OfLidars(shares, coverage)
+
+
+def _coverage(points: int, lookers: Indices | None) -> Coverage:
+    """Of a LiDAR of so many points, of which those within reach (M,) were looked at by so many others."""
+    by_one, by_two = (0 if lookers is None else np.count_nonzero(lookers >= least) for least in (1, 2))
+    whole = max(points, 1)
+    return Coverage(returns=points, compared_share=by_one / whole, compared_by_two_share=by_two / whole)
