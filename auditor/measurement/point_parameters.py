@@ -48,6 +48,7 @@ class IsolatedPoints:
         unit="share of the view's points at which the statistic is a half",
         source=f"{_DECISIONS}, scattered points",
     )
+    above_road_m: float = parameter(0.25, unit="m above the road, of those beyond, at least", source=BY_HAND)
     together_m: float = parameter(4.0, unit="m around one of those beyond, in which a plume's lie", source=_PLUMES)
     together_share: float = parameter(0.5, unit="of those beyond that lie there: more are a plume's", source=_PLUMES)
     together_fewest: int = parameter(

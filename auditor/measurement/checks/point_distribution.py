@@ -33,6 +33,7 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
+    beyond &= view.below_m < view.road_m - np.float32(ISOLATED_POINTS.above_road_m)
     middle = view.row[(view.row.size - 1) // 2 : view.row.size // 2 + 1].mean()  # the median: points lie row by row
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > middle)
     count = np.bincount(part, minlength=2 * _ACROSS)
@@ -66,7 +67,10 @@ def isolated_ratio(found: IsolatedShares) -> float | None:
     """
     if isnan(found.isolated_beyond):
         return None
-    more = max(found.isolated_beyond - ISOLATED_POINTS.near_weight * found.isolated_near, 0.0)
+    drops = ISOLATED_POINTS.near_weight * found.isolated_near
+    if drops > found.isolated_beyond:
+        return None
+    more = found.isolated_beyond - drops
     return more / (more + ISOLATED_POINTS.half_share)
 
 
