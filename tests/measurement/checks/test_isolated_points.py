@@ -79,6 +79,29 @@ def test_points_that_lie_together_as_those_of_dust_do_not_count():
     assert ending(9, 19, chosen) > 50
 
 
+ROAD_M = 1.0
+
+
+def on_the_road(xyz):
+    """What lies lower than a road is moved nearer along its ray, onto the road."""
+    return xyz * np.minimum(1, ROAD_M / np.maximum(-xyz[:, 2:], 1e-3)).astype(np.float32)
+
+
+def test_what_wet_ground_leaves_of_the_road_and_mirrors_below_it_does_not_count():
+    rng = np.random.default_rng(3)
+    road = on_the_road(PLANE.xyz_m)
+    low, far = -PLANE.xyz_m[:, 2] > ROAD_M, np.linalg.norm(road, axis=1) > 10
+    sparse = road[~(low & far) | (rng.random(len(road)) < 0.02)]
+    mirrored = road.copy()
+    some = rng.choice(np.flatnonzero(low & far), 60, replace=False)
+    mirrored[some] *= rng.uniform(1.4, 2, (60, 1)).astype(np.float32)
+    spoofed = road.copy()
+    some = rng.choice(np.flatnonzero(-PLANE.xyz_m[:, 2] < -0.5), 60, replace=False)
+    spoofed[some] *= rng.uniform(0.45, 0.9, (60, 1)).astype(np.float32)
+    assert seen(PointCloud(0, sparse)).isolated_beyond == seen(PointCloud(0, mirrored)).isolated_beyond == 0
+    assert seen(PointCloud(0, spoofed)).isolated_beyond * len(road) > 20
+
+
 def test_drops_in_one_part_of_the_view_are_no_rain():
     assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).isolated_near == 0
     assert seen(pulled(0.05, 1.5, 6)).isolated_near > 0.01
@@ -106,10 +129,14 @@ def test_they_are_fault_features_where_a_pair_can_check_the_lidar():
     assert isnan(blind[1, 3].isolated_shares.isolated_near)
 
 
-def test_isolated_points_far_away_count_and_neither_drops_nor_a_dry_view():
-    dry, rain, spoofed = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
-    assert isolated_ratio(dry) == isolated_ratio(rain) == 0
-    assert isolated_ratio(spoofed) > 0.6
+def test_isolated_points_far_away_count_and_those_of_a_dry_view_do_not():
+    assert isolated_ratio(seen(PLANE)) == 0
+    assert isolated_ratio(seen(pulled(0.02, 4, 19))) > 0.6
+
+
+def test_in_rain_they_say_nothing_and_not_that_the_drive_has_none():
+    assert isolated_ratio(seen(Rain(25, seed=1).apply(PLANE, RIG))) is None
+    assert isolated_ratio(IsolatedShares(0.002, 0.004)) > 0
     assert isolated_ratio(IsolatedShares()) is None
 
 

@@ -67,6 +67,41 @@ def test_what_wet_ground_mirrors_is_no_conflict():
     assert not (mirrored.valid | mirrored.lidar_conflicts | mirrored.votes.contradicted)[low].any()
 
 
+ROAD_M = 0.8
+
+
+def road_images(standing_m):
+    """The plane behind a road, or before it what stands on it that far away, as each camera sees them."""
+    rig, rows = plane_rig(), np.arange(HEIGHT)
+    away_m = np.minimum(standing_m, ROAD_M * FOCAL / np.maximum(rows - HEIGHT / 2, 1))
+    texture = np.random.default_rng(0).integers(0, 256, (HEIGHT, 3 * WIDTH)).astype(np.uint8)
+    images = {}
+    for camera in rig.cameras:
+        first = WIDTH + np.rint(FOCAL * camera.centre_m[0] / away_m).astype(int)
+        images[camera.number] = np.take_along_axis(texture, first[:, None] + np.arange(WIDTH), axis=1)
+    return images
+
+
+def returns_below_the_road():
+    """The plane behind a road, of which the beams of the right half that meet the road return from below it."""
+    cloud = on_the_road(plane_cloud(DEPTH_M), ROAD_M)
+    mirrored = (cloud[:, 1] < -0.1) & (cloud[:, 2] < -0.65)
+    cloud[mirrored] *= 1.7
+    return cloud
+
+
+def test_returns_from_below_the_road_are_in_conflict_with_what_stands_on_it_and_not_with_wet_ground():
+    shares = {}
+    for standing_m in (DEPTH_M, 3.6):
+        found = judged(returns_below_the_road(), road_images(standing_m))
+        below = (found.row >= 88) & (found.row < 100) & (found.column > 185) & (found.column < WIDTH - 24)
+        shares[standing_m] = [one[below].mean() for one in (found.valid, found.lidar_conflicts, found.votes.clear)]
+    wet, stands = shares.values()
+    assert wet[:2] == [0, 0]
+    assert wet[2] > 0.6, "a sector that is shifted is told by the road as well"
+    assert stands[1] > 0.9
+
+
 def test_a_bogus_wall_is_in_conflict_where_it_stands_and_nowhere_else():
     result = judged(with_wall(plane_cloud(DEPTH_M)))
     inside = np.abs(result.column - WIDTH / 2) < 25
@@ -200,12 +235,12 @@ def passes_over(rig, row, u, d0, disparity):
 
 
 def below_road(view, n, row, ds):
-    """Whether a point is of the road, and what stereo sees in its row lies a quarter of a metre below that."""
+    """Whether a point, or what stereo sees in its row, lies a quarter of a metre below the road, and the other by it."""
     ahead, _, up = view.point_m.T
     steep = -up[-up > 0.1 * np.hypot(ahead, view.point_m[:, 1])]
     road = np.median(steep) if steep.size else np.inf
     seen = (row - HEIGHT / 2) / FOCAL * FOCAL * BASELINE_M / ds - view.rig.lidar.rig_SE3_lidar[1, 3]
-    return bool(-up[n] > road - 0.25 and seen > road + 0.25)
+    return bool(min(-up[n], seen) > road - 0.25 and max(-up[n], seen) > road + 0.25)
 
 
 @pytest.mark.parametrize("most", [1000, 5, 2])
