@@ -50,7 +50,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSIONS: Mapping[ComparedTo, int] = {ComparedTo.CAMERAS: 30, ComparedTo.PAST: 30, ComparedTo.SCANS: 30}
+COUNTING_VERSIONS: Mapping[ComparedTo, int] = {ComparedTo.CAMERAS: 31, ComparedTo.PAST: 31, ComparedTo.SCANS: 30}
 """The next number of all whenever the same frame would give other counts: thresholds and measurements are bound to it.
 
 Each is of its own: what changes for lone cameras, or for LiDARs alone, leaves the measurements of other rigs as they

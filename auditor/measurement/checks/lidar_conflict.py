@@ -18,7 +18,7 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency, 
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
@@ -158,7 +158,21 @@ def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> tuple[Mask, Mask]:
     farther = d0 / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
     of_images = eye_m + (view.below_m - eye_m) * farther
     upper, lower = (view.road_m + side * LOST_RETURNS.above_road_m for side in (-1, 1))
-    return (view.below_m > upper) & (of_images > lower), (of_images > upper) & (view.below_m > lower)
+    of_images_below = (view.below_m > upper) & (of_images > lower)
+    return of_images_below, (of_images > upper) & (view.below_m > lower) & _beside_road(view, upper, lower)
+
+
+def _beside_road(view: LidarView, upper_m: float, lower_m: float) -> Mask:
+    """(M,) mask of the points in whose strip of directions more returns are the road's than lie below it.
+
+    Where a sector is shifted none is.
+    """
+    columns = COUNT_GRID.lidar_cells[1]
+    strip = np.clip(view.directions[1], 0, columns - 1)
+    below = view.below_m > lower_m
+    on_road = (view.below_m > upper_m) & ~below
+    some, others = (np.bincount(strip[mask], minlength=columns) for mask in (on_road, below))
+    return np.asarray((some > others)[strip])
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

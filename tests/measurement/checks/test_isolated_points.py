@@ -87,19 +87,33 @@ def on_the_road(xyz):
     return xyz * np.minimum(1, ROAD_M / np.maximum(-xyz[:, 2:], 1e-3)).astype(np.float32)
 
 
+ROAD = on_the_road(PLANE.xyz_m)
+ON_ROAD = (-PLANE.xyz_m[:, 2] > ROAD_M) & (np.linalg.norm(ROAD, axis=1) > 10)
+
+
+def ending(share, of, nearest, farthest):
+    """By how much some of a cloud's beams end farther, those moved at chance, and 1 of the others."""
+    rng = np.random.default_rng(5)
+    moved = of & (rng.random(len(ROAD)) < share)
+    return np.where(moved, rng.uniform(nearest, farthest, len(ROAD)), 1)
+
+
+def alone_of(farther, left=0.02):
+    """How many isolated points count where beams end that much farther, and so much of the road is left."""
+    shown = ~ON_ROAD | (farther != 1) | (np.random.default_rng(3).random(len(ROAD)) < left)
+    xyz = (ROAD * farther[:, None])[shown].astype(np.float32)
+    return seen(PointCloud(0, xyz)).isolated_beyond * len(xyz)
+
+
 def test_what_wet_ground_leaves_of_the_road_and_mirrors_below_it_does_not_count():
-    rng = np.random.default_rng(3)
-    road = on_the_road(PLANE.xyz_m)
-    low, far = -PLANE.xyz_m[:, 2] > ROAD_M, np.linalg.norm(road, axis=1) > 10
-    sparse = road[~(low & far) | (rng.random(len(road)) < 0.02)]
-    mirrored = road.copy()
-    some = rng.choice(np.flatnonzero(low & far), 60, replace=False)
-    mirrored[some] *= rng.uniform(1.4, 2, (60, 1)).astype(np.float32)
-    spoofed = road.copy()
-    some = rng.choice(np.flatnonzero(-PLANE.xyz_m[:, 2] < -0.5), 60, replace=False)
-    spoofed[some] *= rng.uniform(0.45, 0.9, (60, 1)).astype(np.float32)
-    assert seen(PointCloud(0, sparse)).isolated_beyond == seen(PointCloud(0, mirrored)).isolated_beyond == 0
-    assert seen(PointCloud(0, spoofed)).isolated_beyond * len(road) > 20
+    assert alone_of(ending(0.02, ON_ROAD, 1.4, 2)) == 0
+    assert alone_of(ending(0.02, PLANE.xyz_m[:, 2] > 0.5, 0.45, 0.9), left=1) > 20
+
+
+def test_noise_counts_below_the_road_as_well_as_above():
+    lower, higher = ending(0.02, ON_ROAD, 0.8, 2), ending(0.05, PLANE.xyz_m[:, 2] > 0.5, 0.4, 0.95)
+    assert alone_of(lower) == 0
+    assert alone_of(higher * lower) > alone_of(higher) + 50
 
 
 def test_drops_in_one_part_of_the_view_are_no_rain():
