@@ -34,7 +34,7 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
     middle = view.row[(view.row.size - 1) // 2 : view.row.size // 2 + 1].mean()  # the median: points lie row by row
-    across = view.column * _ACROSS // width_px
+    across = (view.column * _ACROSS // width_px).astype(np.intp)
     part = across + _ACROSS * (view.row > middle)
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
