@@ -50,8 +50,9 @@ class IsolatedPoints:
         source=f"{_DECISIONS}, scattered points",
     )
     above_road_m: float = parameter(0.25, unit="m above the road, of those beyond, at least", source=BY_HAND)
-    usual_above: int = parameter(6, unit="points above it in a part of the view, that no others count for", source=_WET)
-    lower_each: float = parameter(3.0, unit="points lower in that part that count for each more above", source=_WET)
+    rises: float = parameter(0.02, unit="m a metre that the road may rise", source=_WET)
+    usual_above: int = parameter(3, unit="points above it in a part of the view, that no others count for", source=_WET)
+    lower_each: float = parameter(5.0, unit="points lower in that part that count for each more above", source=_WET)
     together_m: float = parameter(4.0, unit="m around one of those beyond, in which a plume's lie", source=_PLUMES)
     together_share: float = parameter(0.5, unit="of those beyond that lie there: more are a plume's", source=_PLUMES)
     together_fewest: int = parameter(

@@ -48,7 +48,8 @@ def _alone(view: LidarView, beyond: Mask, across: Indices) -> float:
     Wet ground leaves single returns of the road and mirrors others, below it. Noise lies above it as well: so what lies
     lower counts beside more points above than a part has in clean frames.
     """
-    above = beyond & (view.below_m < view.road_m - np.float32(ISOLATED_POINTS.above_road_m))
+    highest = ISOLATED_POINTS.above_road_m + ISOLATED_POINTS.rises * view.range_m
+    above = beyond & (view.below_m < view.road_m - highest)
     more, lower = (np.bincount(across[mask], minlength=_ACROSS) for mask in (above, beyond & ~above))
     noise = np.minimum(lower, ISOLATED_POINTS.lower_each * np.maximum(more - ISOLATED_POINTS.usual_above, 0))
     return max(float(more.sum() + noise.sum()) - _of_a_plume(view.point_m[beyond]), 0.0)
