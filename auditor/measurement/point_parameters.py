@@ -59,7 +59,7 @@ class IsolatedPoints:
         16, unit="points there that count all the same: clean frames have up to 18", source=_PLUMES
     )
     together_most: int = parameter(
-        40, unit="of them that do not count at most: dust has 34, noise spoofed in 40 degrees 57", source=_PLUMES
+        50, unit="of them that do not count at most: dust has 34, noise spoofed in 40 degrees 57", source=_PLUMES
     )
     together_asked: int = parameter(500, unit="points beyond that are asked", source="bounds the work; by hand")
 
