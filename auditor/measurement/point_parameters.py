@@ -12,6 +12,7 @@ _FEET = "three real drives, streets 7000 to 7039, 7200 to 7239, 9800 to 9845 and
 _CLUSTERS = "three real drives and streets 30000 to 30013, clean and attacked: chosen on them (docs/decisions.md)"
 _REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 _PLUMES = "dust, wet roads, noise and saturation in KITTI drives 0009, 0001 and 04 (docs/decisions.md)"
+_WET = "wet roads, noise and saturation in KITTI drives 0009, 0001 and 04 (docs/decisions.md)"
 _FEWER_BEAMS = "KITTI drives 0009, 0001 and 04, with beams of eight other LiDARs (docs/decisions.md)"
 _ROUNDED = "62 frames of KITTI drives 0009, 0001 and 04, rounded to 2 to 20 cm (docs/decisions.md)"
 _THINNED = "KITTI drives 0009, 0001 and 04, every 4th and 8th point, a random 4th, voxels (docs/decisions.md)"
@@ -48,13 +49,17 @@ class IsolatedPoints:
         unit="share of the view's points at which the statistic is a half",
         source=f"{_DECISIONS}, scattered points",
     )
+    above_road_m: float = parameter(0.25, unit="m above the road, of those beyond, at least", source=BY_HAND)
+    rises: float = parameter(0.02, unit="m a metre that the road may rise", source=_WET)
+    usual_above: int = parameter(3, unit="points above it in a part of the view, that no others count for", source=_WET)
+    lower_each: float = parameter(5.0, unit="points lower in that part that count for each more above", source=_WET)
     together_m: float = parameter(4.0, unit="m around one of those beyond, in which a plume's lie", source=_PLUMES)
     together_share: float = parameter(0.5, unit="of those beyond that lie there: more are a plume's", source=_PLUMES)
     together_fewest: int = parameter(
         16, unit="points there that count all the same: clean frames have up to 18", source=_PLUMES
     )
     together_most: int = parameter(
-        40, unit="of them that do not count at most: dust has 34, noise spoofed in 40 degrees 57", source=_PLUMES
+        50, unit="of them that do not count at most: dust has 34, noise spoofed in 40 degrees 57", source=_PLUMES
     )
     together_asked: int = parameter(500, unit="points beyond that are asked", source="bounds the work; by hand")
 

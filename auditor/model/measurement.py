@@ -51,8 +51,8 @@ class Region:
 
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
-    ComparedTo.CAMERAS: 30,
-    ComparedTo.PAST: 30,
+    ComparedTo.CAMERAS: 31,
+    ComparedTo.PAST: 31,
     ComparedTo.SCANS: 30,
     ComparedTo.LIDARS: 31,
 }

@@ -33,6 +33,7 @@ from tests.benchmarks.cloud_series import Change, R, measured
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, drives_of
 from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.scenes import Case, Scene, keep, load
+from tests.benchmarks.wet_ground import spray, wet_ground
 
 CUT_IN = "car cuts in"
 LASTED = ("all", "a half")
@@ -138,6 +139,8 @@ def other_lidars(points: Points, rng: np.random.Generator, _place: np.random.Gen
 
 HAPPENINGS = {
     "wet road": wet_road,
+    "wet ground": wet_ground,
+    "spray": spray,
     "puddle that mirrors": puddle,
     "pane that mirrors": pane,
     "dust": dust,

@@ -18,7 +18,7 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency, 
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
@@ -75,11 +75,11 @@ def verify_conflicts(
     ncc_stereo = consistency.ncc.take(view.place(HALF, consistency.ncc.shape[1]))
     ds = stereo.disparity_px.take(place)
     over = inconsistent(d0, ds)
-    mirrored = over & _mirrored(view, d0, ds)
-    seen &= ~mirrored
-    over &= ~mirrored
+    images_mirror, lidar_mirrors = (over & one for one in _mirrored(view, d0, ds))
+    seen &= ~images_mirror
+    over &= ~images_mirror
 
-    valid = seen & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
+    valid = seen & ~lidar_mirrors & stereo.textured.take(place) & (ncc_stereo > PATCH_CORRELATION.consistent)
     clear = seen & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     clear &= (ncc_stereo > FALSE_RANGES.consistent) & (ds >= LIDAR_CONFLICT.smallest_px)
     conflicting, nearer = _Candidates.of(valid & over), _Candidates.of(clear & over & (d0 > ds))
@@ -147,16 +147,32 @@ class _Candidates(NamedTuple):
         return found
 
 
-def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> Mask:
-    """(M,) mask of the points of the road where stereo sees what lies below it, as wet ground mirrors what stands."""
+def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> tuple[Mask, Mask]:
+    """(M,) masks of the points where wet ground mirrors: stereo sees what lies below the road, or the LiDAR does.
+
+    The other one sees the road there, or what lies below it.
+    """
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
-    to_rig = rig.lidar.rig_SE3_lidar.astype(np.float32)
-    eye_m = camera.centre_m[1] - to_rig[1, 3]
-    below_m = view.point_m @ to_rig[1, :3]
+    eye_m = camera.centre_m[1] - rig.lidar.rig_SE3_lidar[1, 3].astype(np.float32)
     farther = d0 / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
-    on_road = below_m > view.road_m - LOST_RETURNS.above_road_m
-    return np.asarray(on_road & (eye_m + (below_m - eye_m) * farther > view.road_m + LOST_RETURNS.above_road_m))
+    of_images = eye_m + (view.below_m - eye_m) * farther
+    upper, lower = (view.road_m + side * LOST_RETURNS.above_road_m for side in (-1, 1))
+    of_images_below = (view.below_m > upper) & (of_images > lower)
+    return of_images_below, (of_images > upper) & (view.below_m > lower) & _beside_road(view, upper, lower)
+
+
+def _beside_road(view: LidarView, upper_m: float, lower_m: float) -> Mask:
+    """(M,) mask of the points in whose strip of directions more returns are the road's than lie below it.
+
+    Where a sector is shifted none is.
+    """
+    columns = COUNT_GRID.lidar_cells[1]
+    strip = np.clip(view.directions[1], 0, columns - 1)
+    below = view.below_m > lower_m
+    on_road = (view.below_m > upper_m) & ~below
+    some, others = (np.bincount(strip[mask], minlength=columns) for mask in (on_road, below))
+    return np.asarray((some > others)[strip])
 
 
 def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:

@@ -14,7 +14,7 @@ import numpy as np
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
-from auditor.model.arrays import Floats, Mask, Points
+from auditor.model.arrays import Floats, Indices, Mask, Points
 from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
@@ -34,11 +34,25 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
         return IsolatedShares()
     near, beyond = mask & (view.range_m < _NEAR_M), mask & (view.range_m >= _NEAR_M) & (view.range_m < _BEYOND_M)
     middle = view.row[(view.row.size - 1) // 2 : view.row.size // 2 + 1].mean()  # the median: points lie row by row
-    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > middle)
+    across = (view.column * _ACROSS // width_px).astype(np.intp)
+    part = across + _ACROSS * (view.row > middle)
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
-    alone = np.count_nonzero(beyond) - _of_a_plume(view.point_m[beyond])
+    alone = _alone(view, beyond, across)
     return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), alone / mask.size)
+
+
+def _alone(view: LidarView, beyond: Mask, across: Indices) -> float:
+    """How many of the isolated points `beyond` (M,) count, in the parts `across` (M,) of a view, less a plume's.
+
+    Wet ground leaves single returns of the road and mirrors others, below it. Noise lies above it as well: so what lies
+    lower counts beside more points above than a part has in clean frames.
+    """
+    highest = ISOLATED_POINTS.above_road_m + ISOLATED_POINTS.rises * view.range_m
+    above = beyond & (view.below_m < view.road_m - highest)
+    more, lower = (np.bincount(across[mask], minlength=_ACROSS) for mask in (above, beyond & ~above))
+    noise = np.minimum(lower, ISOLATED_POINTS.lower_each * np.maximum(more - ISOLATED_POINTS.usual_above, 0))
+    return max(float(more.sum() + noise.sum()) - _of_a_plume(view.point_m[beyond]), 0.0)
 
 
 def _of_a_plume(points: Points) -> float:
@@ -66,7 +80,10 @@ def isolated_ratio(found: IsolatedShares) -> float | None:
     """
     if isnan(found.isolated_beyond):
         return None
-    more = max(found.isolated_beyond - ISOLATED_POINTS.near_weight * found.isolated_near, 0.0)
+    drops = ISOLATED_POINTS.near_weight * found.isolated_near
+    if drops > found.isolated_beyond:
+        return None
+    more = found.isolated_beyond - drops
     return more / (more + ISOLATED_POINTS.half_share)
 
 

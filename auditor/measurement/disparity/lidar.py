@@ -54,6 +54,12 @@ class LidarView:
         return np.asarray(np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2]))
 
     @cached_property
+    def below_m(self) -> Floats32:
+        """(M,) how far the points are below the LiDAR, by the rig's axes."""
+        assert self.rig.lidar is not None
+        return np.asarray(self.point_m @ self.rig.lidar.rig_SE3_lidar[1, :3].astype(np.float32))
+
+    @cached_property
     def reach_m(self) -> tuple[float, float]:
         """How near and how far the points of the cloud are, but for a few of them, wherever they lie."""
         some = self.cloud_m[:: LIDAR_PROJECTION.reach_step]

@@ -79,6 +79,43 @@ def test_points_that_lie_together_as_those_of_dust_do_not_count():
     assert ending(9, 19, chosen) > 50
 
 
+ROAD_M = 1.0
+
+
+def on_the_road(xyz):
+    """What lies lower than a road is moved nearer along its ray, onto the road."""
+    return xyz * np.minimum(1, ROAD_M / np.maximum(-xyz[:, 2:], 1e-3)).astype(np.float32)
+
+
+ROAD = on_the_road(PLANE.xyz_m)
+ON_ROAD = (-PLANE.xyz_m[:, 2] > ROAD_M) & (np.linalg.norm(ROAD, axis=1) > 10)
+
+
+def ending(share, of, nearest, farthest):
+    """By how much some of a cloud's beams end farther, those moved at chance, and 1 of the others."""
+    rng = np.random.default_rng(5)
+    moved = of & (rng.random(len(ROAD)) < share)
+    return np.where(moved, rng.uniform(nearest, farthest, len(ROAD)), 1)
+
+
+def alone_of(farther, left=0.02):
+    """How many isolated points count where beams end that much farther, and so much of the road is left."""
+    shown = ~ON_ROAD | (farther != 1) | (np.random.default_rng(3).random(len(ROAD)) < left)
+    xyz = (ROAD * farther[:, None])[shown].astype(np.float32)
+    return seen(PointCloud(0, xyz)).isolated_beyond * len(xyz)
+
+
+def test_what_wet_ground_leaves_of_the_road_and_mirrors_below_it_does_not_count():
+    assert alone_of(ending(0.02, ON_ROAD, 1.4, 2)) == 0
+    assert alone_of(ending(0.02, PLANE.xyz_m[:, 2] > 0.5, 0.45, 0.9), left=1) > 20
+
+
+def test_noise_counts_below_the_road_as_well_as_above():
+    lower, higher = ending(0.02, ON_ROAD, 0.8, 2), ending(0.05, PLANE.xyz_m[:, 2] > 0.5, 0.4, 0.95)
+    assert alone_of(lower) == 0
+    assert alone_of(higher * lower) > alone_of(higher) + 50
+
+
 def test_drops_in_one_part_of_the_view_are_no_rain():
     assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).isolated_near == 0
     assert seen(pulled(0.05, 1.5, 6)).isolated_near > 0.01
@@ -106,10 +143,14 @@ def test_they_are_fault_features_where_a_pair_can_check_the_lidar():
     assert isnan(blind[1, 3].isolated_shares.isolated_near)
 
 
-def test_isolated_points_far_away_count_and_neither_drops_nor_a_dry_view():
-    dry, rain, spoofed = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
-    assert isolated_ratio(dry) == isolated_ratio(rain) == 0
-    assert isolated_ratio(spoofed) > 0.6
+def test_isolated_points_far_away_count_and_those_of_a_dry_view_do_not():
+    assert isolated_ratio(seen(PLANE)) == 0
+    assert isolated_ratio(seen(pulled(0.02, 4, 19))) > 0.6
+
+
+def test_in_rain_they_say_nothing_and_not_that_the_drive_has_none():
+    assert isolated_ratio(seen(Rain(25, seed=1).apply(PLANE, RIG))) is None
+    assert isolated_ratio(IsolatedShares(0.002, 0.004)) > 0
     assert isolated_ratio(IsolatedShares()) is None
 
 

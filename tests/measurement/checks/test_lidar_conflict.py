@@ -15,6 +15,7 @@ from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, textured
+from auditor.measurement.parameters import COUNT_GRID
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_images, plane_rig
 
@@ -65,6 +66,51 @@ def test_what_wet_ground_mirrors_is_no_conflict():
     low = mirrored.row > HEIGHT * 0.9
     assert low.sum() > 300
     assert not (mirrored.valid | mirrored.lidar_conflicts | mirrored.votes.contradicted)[low].any()
+
+
+ROAD_M, FAR_M = 1.6, 18.0
+
+
+def road_images(standing_m=FAR_M):
+    """The plane behind a road, or before it what stands on it that far away, as each camera sees them."""
+    rig, rows = plane_rig(), np.arange(HEIGHT)
+    away_m = np.minimum(standing_m, ROAD_M * FOCAL / np.maximum(rows - HEIGHT / 2, 1))
+    texture = np.random.default_rng(0).integers(0, 256, (HEIGHT, 3 * WIDTH)).astype(np.uint8)
+    images = {}
+    for camera in rig.cameras:
+        first = WIDTH + np.rint(FOCAL * camera.centre_m[0] / away_m).astype(int)
+        images[camera.number] = np.take_along_axis(texture, first[:, None] + np.arange(WIDTH), axis=1)
+    return images
+
+
+def returns_below_the_road(nearest_m):
+    """The plane behind a road, of which beams to the right return from below it, from somewhere on."""
+    cloud = on_the_road(plane_cloud(FAR_M), ROAD_M)
+    moved = (cloud[:, 1] < -0.1) & (cloud[:, 2] < -1.4) & (cloud[:, 0] > nearest_m)
+    cloud[moved] *= 1.7
+    return cloud
+
+
+def shares_below(nearest_m, standing_m=FAR_M):
+    """Of points below the road those valid, in conflict, and clear."""
+    found = judged(returns_below_the_road(nearest_m), road_images(standing_m))
+    below = (found.row >= 86) & (found.row < 95) & (found.column > 185) & (found.column < WIDTH - 24)
+    assert below.sum() > 100
+    return [one[below].mean() for one in (found.valid, found.lidar_conflicts, found.votes.clear)]
+
+
+def test_what_wet_ground_mirrors_to_the_lidar_is_no_conflict():
+    valid, conflicts, clear = shares_below(nearest_m=12.0)
+    assert valid == conflicts == 0
+    assert clear > 0.9, "a sector that is shifted is told by its road as well"
+
+
+def test_returns_from_below_the_road_are_in_conflict_with_what_stands_on_it():
+    assert shares_below(nearest_m=12.0, standing_m=9.0)[1] > 0.9
+
+
+def test_a_road_that_lies_lower_as_a_whole_is_shifted_and_in_conflict():
+    assert shares_below(nearest_m=0.0)[1] > 0.9
 
 
 def test_a_bogus_wall_is_in_conflict_where_it_stands_and_nowhere_else():
@@ -199,13 +245,20 @@ def passes_over(rig, row, u, d0, disparity):
     return bool(inside and disparity[row_there, column_there] < ds - 3)
 
 
-def below_road(view, n, row, ds):
-    """Whether a point is of the road, and what stereo sees in its row lies a quarter of a metre below that."""
-    ahead, _, up = view.point_m.T
-    steep = -up[-up > 0.1 * np.hypot(ahead, view.point_m[:, 1])]
+def mirrored(view, n, row, ds):
+    """Whether a point, or what stereo sees in its row, lies a quarter of a metre below the road, and the other by it.
+
+    Of such a point the road has to have more returns in its strip of directions than lie below it.
+    """
+    ahead, left, up = view.point_m.T
+    steep = -up[-up > 0.1 * np.hypot(ahead, left)]
     road = np.median(steep) if steep.size else np.inf
     seen = (row - HEIGHT / 2) / FOCAL * FOCAL * BASELINE_M / ds - view.rig.lidar.rig_SE3_lidar[1, 3]
-    return bool(-up[n] > road - 0.25 and seen > road + 0.25)
+    strip = np.floor(np.arctan2(-left, ahead) / COUNT_GRID.lidar_cell)
+    beside = -up[strip == strip[n]]
+    shows = np.sum(np.abs(beside - road) < 0.25) > np.sum(beside > road + 0.25)
+    of_images = -up[n] > road - 0.25 and seen > road + 0.25
+    return bool(of_images or (shows and seen > road - 0.25 and -up[n] > road + 0.25))
 
 
 @pytest.mark.parametrize("most", [1000, 5, 2])
@@ -251,7 +304,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and inside
         counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
-        counted[n] &= not (over[n] and below_road(view, n, row[n], ds))
+        counted[n] &= not (over[n] and mirrored(view, n, row[n], ds))
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
     flagged = np.flatnonzero(counted & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
