@@ -26,7 +26,7 @@ from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
 from tests import digests
 
 WRITTEN_BY = "python -m tests.digests keeps the new digest"
@@ -53,11 +53,20 @@ PARAMETER_FILES = (
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
     "measurement/thumbnails.py": "thumbnails for the report",
+    "measurement/localisation/": "where damage is shown, once it was found",
     "measurement/drawing/": "pictures of frames that were measured before",
 }
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "identification/likelihood.py": ((6,), "sensors that sets of several are made of"),
+    "identification/causes/faults.py": (
+        (0.2, 0.01),
+        "the score from which on causes are listed; a logarithm that is finite",
+    ),
+    "measurement/fault_features/calibration_check.py": ((5, 200, 20), "frames that are looked at for a warning"),
+    "measurement/ego_motion.py": ((0.99,), "the confidence of RANSAC"),
+    "measurement/disparity/lidar.py": ((7,), "points of which one is asked"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
     "identification/algorithm2.py": (
@@ -131,7 +140,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/disparity/matchers/own_networks.py": ((4,), "axes"),
     "measurement/disparity/matchers/onnx_models.py": ((3,), "a log level"),
     "measurement/disparity/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
-    "measurement/disparity/matchers/sgbm.py": ((16, 255, 256), "OpenCV's unit of a disparity; white; levels of a byte"),
+    "measurement/disparity/matchers/sgbm.py": (
+        (16, 255, 256, 20),
+        "OpenCV's unit of a disparity; white; levels of a byte; a check that is left out",
+    ),
     "measurement/disparity/rectification.py": (
         (
             0.5,
@@ -148,26 +160,13 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
     "measurement/fault_features/frozen_data.py": ((255,), "white"),
-    "measurement/fault_features/row_alignment.py": ((3,), "an axis"),
-    "measurement/frame.py": ((0.05,), "seconds between two looks at a queue"),
-    "measurement/localisation/images.py": (
-        (
-            3,
-            255,
-        ),
-        "OpenCV's mask of a distance transform; white",
-    ),
-    "measurement/localisation/points.py": (
-        (
-            45,
-            90,
-            180,
-        ),
-        "degrees of a rectangle's turn",
-    ),
-    "measurement/localisation/regions.py": ((255,), "white"),
+    "measurement/fault_features/row_alignment.py": ((3, 10, 0.05), "an axis; where the search for a corner ends"),
+    "measurement/frame.py": ((0.05, 254), "seconds between two looks at a queue; the two top levels of a byte"),
     "model/checks/__init__.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/optics/common_view.py": ((3, 4, 32), "dimensions; rays and cells that tell a share of a picture"),
+    "model/optics/common_view.py": (
+        (3, 4, 32, 4096, 8, 0.1, 0.05, 0.25),
+        "dimensions; rays, cells and px that bound the work; a mean of rays and a division that are guarded",
+    ),
     "model/optics/geometry.py": (
         (
             3,
@@ -177,6 +176,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/optics/lenses.py": (
         (
+            4000,
             4,
             5,
             8,
@@ -184,9 +184,12 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
             60,
             1e-09,
         ),
-        "coefficients of the models; the inversion's rounds and accuracy",
+        "coefficients of the models; the inversion's rounds, accuracy and reach",
     ),
-    "model/measurement.py": ((*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION), "versions"),
+    "model/measurement.py": (
+        (*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION, 7, 4),
+        "versions; how sums and regions are stored",
+    ),
     "model/parameter.py": ((12,), "characters of a digest"),
     "model/pictures.py": ((5, 9, 10), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
@@ -305,7 +308,7 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
     for groups in (
-        (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING),
+        (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *ACCOUNTING),
         (*MEASURING, *WARNING),
         JUDGING,
     ):
@@ -318,7 +321,7 @@ def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
-        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING)),
+        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *ACCOUNTING)),
         ("measurement", (*MEASURING, *WARNING)),
         ("identification", (*JUDGING, STANDS_OUT)),
     ):

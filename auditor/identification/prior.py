@@ -138,7 +138,7 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     between *= 1 + 1 / (HIERARCHY.rig_kind + D)
     of_any_drive = within + between
     if not believed:
-        of_any_drive = max(of_any_drive, HIERARCHY.narrowest_of_any**2 * of_prior)
+        of_any_drive = max(of_any_drive, HIERARCHY.narrowest**2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
     return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
 

@@ -23,7 +23,6 @@ from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.looked_at import looked_at
 from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
-from auditor.measurement.parameters import COVERAGE
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
@@ -31,6 +30,10 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Coverage, Measurement
 from auditor.model.optics.common_view import shown_shares
 from auditor.model.rig import LIDAR, Rig
+
+_SATURATED = 254
+"""The two top levels of a byte are reported as saturated."""
+
 
 Item = TypeVar("Item")
 
@@ -288,7 +291,7 @@ def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
     """How bright an image (H, W), or (H, W, 3) BGR, is, and how blue and red it is; `greys` is it in grey."""
     blue, _, red, _ = (total / greys.size for total in cv2.sumElems(image))
-    known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
+    known = Coverage(_share(greys >= _SATURATED), level=cv2.sumElems(greys)[0] / greys.size)
     return known if image.shape == greys.shape else replace(known, blue_level=blue, red_level=red)
 
 

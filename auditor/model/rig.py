@@ -14,7 +14,7 @@ from auditor.errors import RigError
 from auditor.model.fields import Fields
 from auditor.model.optics.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
 from auditor.model.optics.lenses import NO_LENS, PINHOLE, Lens
-from auditor.model.parameters import RIG_GEOMETRY
+from auditor.model.parameters import PAIR_DEPTH, RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
 
 LIDAR = 0
@@ -230,7 +230,7 @@ class Rig:
     @cached_property
     def off_line_px(self) -> dict[int, float]:
         """By camera the rows by which it misses what is 10 m away, if it is rectified with those on the best line."""
-        per_metre = min(camera.focal_px for camera in self.cameras) / RIG_GEOMETRY.far_m
+        per_metre = min(camera.focal_px for camera in self.cameras) / PAIR_DEPTH.distance_m
         missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
         return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
 

@@ -17,7 +17,12 @@ from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
 from auditor.recordings.formats.topics import Names, Span, span_over
 from auditor.recordings.formats.unpacking import Source, source_of
-from auditor.recordings.parameters import DRIVE_PARTS
+
+_LOOKED_AT_NS = 2 * 10**9
+"""Of a part's beginning, which shows its sensors: it bounds the work."""
+_LOOKED_AT_BYTES = 8 * 2**20
+"""The same in bytes."""
+
 
 _READS: dict[str, Callable[[Source, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
 
@@ -55,9 +60,9 @@ class FileSummary:
         names, infos, has_transforms = Names(), dict[str, CameraInfo](), False
         decoders = Decoders(names.definitions.get)
         with suppress(RecordingError, OSError), self._read(names) as read:
-            until_ns, left = None, DRIVE_PARTS.looked_at_bytes
+            until_ns, left = None, _LOOKED_AT_BYTES
             for message in read.messages():
-                until_ns = message.log_time_ns + DRIVE_PARTS.looked_at_ns if until_ns is None else until_ns
+                until_ns = message.log_time_ns + _LOOKED_AT_NS if until_ns is None else until_ns
                 left -= len(message.data)
                 decoder = decoders.of(message.schema, message.encoding)
                 with suppress(DecodingError):

@@ -15,6 +15,10 @@ from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS
 from auditor.recordings.rigs.calibrations import same_camera_info
 
+_MOST_STREAMS = 8
+"""Drives side by side of one name: it bounds the work."""
+
+
 HasRig = Callable[[Location], bool]
 """Tells whether the sensors of a recording form a rig."""
 
@@ -149,7 +153,7 @@ def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
         begin_ns = (drive.span_ns or (0, 0))[0]
         # Drives that have ended cannot cover the time of this one or of a later one.
         running = [one for one in running if any(other.end_ns > begin_ns for other in one)]
-        free = (one for one in running if len(one) < DRIVE_PARTS.most_streams)
+        free = (one for one in running if len(one) < _MOST_STREAMS)
         fitting = next((one for one in free if all(_are_beside(drive, other) for other in one)), None)
         if fitting is not None and not all(has_rig(_located([one])) for one in (*fitting, drive)):
             fitting.append(drive)

@@ -13,7 +13,6 @@ import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from statistics import median
@@ -127,10 +126,10 @@ def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
 def cost(folder: Path, rig: PublishedRig, seed: int) -> None:
     """The CPU time of measuring a drive in one read and in a read for each camera, in turn, and their ratio."""
     path = write_published(folder / "ring.mcap", rig, *seen(make_ring_drive(rig, seed, COST_FRAMES), COST_FRAMES))
-    whole, none = shared_read.FRAME_WINDOW, replace(shared_read.FRAME_WINDOW, most_bytes=0)
+    whole = shared_read.MOST_WAITING_BYTES
     spent: dict[str, list[float]] = {"warm": [], "one read": [], "a read each": []}
     for round_, how in enumerate(("warm", *("one read", "a read each") * 3)):
-        shared_read.FRAME_WINDOW = none if how == "a read each" else whole
+        shared_read.MOST_WAITING_BYTES = 0 if how == "a read each" else whole
         began = process_time()
         measure_recording(MeasureTask(path, folder / f"store {round_}"), lambda _, __: None)
         spent[how].append(process_time() - began)

@@ -97,7 +97,7 @@ def test_drives_that_are_all_alike_narrow_what_is_expected_of_any_drive_to_so_mu
     found = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)])
     assert found.between < 0.2 * PRIOR.tail * PRIOR.between
     assert found.deviation > math.hypot(found.within, found.between)
-    assert found.deviation == pytest.approx(HIERARCHY.narrowest_of_any * expected(PRIOR, []).deviation)
+    assert found.deviation == pytest.approx(HIERARCHY.narrowest * expected(PRIOR, []).deviation)
     believed = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)], believed=True)
     assert believed.deviation < 0.8 * found.deviation, "of faults there is no such bound"
 

@@ -1,7 +1,6 @@
 """A recording of several rigs, as that of a ring of cameras is, is read once for all of them."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +51,7 @@ def kept(store: Path) -> Mapping[str, Any]:
 
 def apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """From now on no message may wait for a stream that is behind."""
-    monkeypatch.setattr(shared_read, "FRAME_WINDOW", replace(shared_read.FRAME_WINDOW, most_bytes=0))
+    monkeypatch.setattr(shared_read, "MOST_WAITING_BYTES", 0)
 
 
 def test_six_cameras_take_one_read_and_give_what_six_reads_do(

@@ -15,9 +15,17 @@ from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
 from auditor.model.arrays import Floats32, Image, Mask, Points
 from auditor.model.checks import Pair, Rows
 
+_LEVELS = 3
+"""Of the pyramid: beyond these no corner is found again."""
+_ITERATIONS = 10
+"""At most: it bounds the work."""
+_ACCURACY_PX = 0.05
+"""Half px, at which the search ends."""
+
+
 _ROWS, _COLUMNS = ROW_ALIGNMENT.blocks
 _AROUND = np.ones(ROW_ALIGNMENT.border_px, dtype=np.uint8)
-_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROW_ALIGNMENT.iterations, ROW_ALIGNMENT.accuracy_px)
+_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ITERATIONS, _ACCURACY_PX)
 
 
 def corners(half: Image, sees: Mask | None = None) -> Points:
@@ -101,7 +109,7 @@ def _follow(source: Image, target: Image, points: Points, start: Points) -> tupl
         points[:, None],
         start[:, None].copy(),
         winSize=ROW_ALIGNMENT.window_px,
-        maxLevel=ROW_ALIGNMENT.levels,
+        maxLevel=_LEVELS,
         criteria=_ACCURACY,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )

@@ -18,6 +18,10 @@ from auditor.recordings.decoding.picture_heads import Picture, check_whole, insp
 from auditor.recordings.parameters import ODD_PICTURES, PICTURE_DEPTH
 from auditor.safety.budget import MAX_PIXELS
 
+_ROWS_APART = 16
+"""Rows from one that is looked at first to the next: it bounds the work."""
+
+
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
 
 Values = NDArray[np.unsignedinteger[Any]]
@@ -102,7 +106,7 @@ def check_received(pixels: NDArray[np.uint8]) -> None:
 
 def grey_if_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(H, W) of a picture (H, W, 3) that has no colour anywhere, as many grey cameras are recorded; else as it is."""
-    if pixels.ndim == 2 or _coloured(pixels[:: ODD_PICTURES.rows_apart]) or _coloured(pixels):
+    if pixels.ndim == 2 or _coloured(pixels[::_ROWS_APART]) or _coloured(pixels):
         return pixels
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
