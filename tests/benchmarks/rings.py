@@ -24,8 +24,6 @@ import numpy as np
 
 from auditor.cli import run
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS, PublishedRig
-from auditor.lab.simulation.rings import RingDrive, make_ring_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.model.arrays import Image, Points
 from auditor.model.frames import CameraImage, PointCloud
@@ -36,6 +34,8 @@ from auditor.recordings import open_recording, search_rigs, survey
 from auditor.recordings.synchronisation import shared_read
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
+from tests.making.published_rigs import PUBLISHED_RIGS, PublishedRig
+from tests.making.ring_drives import RingDrive, make_ring_drive
 
 FRAMES, WALLED_FRAMES, ATTACKED = 10, 14, range(4, 12)
 COST_FRAMES = 24

@@ -8,12 +8,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.recordings.synchronisation import shared_read
 from tests.making.counted_reads import count_reads
 from tests.making.published_recordings import road_points, write_published
+from tests.making.published_rigs import PUBLISHED_RIGS
 
 RIG = PUBLISHED_RIGS["nuscenes"].smaller(0.15)
 FRAMES = 8
