@@ -106,7 +106,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (0.6744897501960817, 4),
         "the median of |x| of a normal distribution; the bias of a correlation of few values",
     ),
-    "identification/refreshing/clustered.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
+    "identification/refreshing/gate.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
     "identification/refreshing/two_samples.py": (
         (1.4826, 3, 8),
         "standard deviations in a median absolute deviation; Wallace's approximation",
@@ -125,7 +125,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
-    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/checks/point_distribution.py": (
         (3, 12),
         "a cell and its neighbours, in three dimensions; the variance of rounding is a twelfth of the step squared",
@@ -139,7 +138,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/disparity/matchers/own_networks.py": ((4,), "axes"),
     "measurement/disparity/matchers/onnx_models.py": ((3,), "a log level"),
-    "measurement/disparity/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
     "measurement/disparity/matchers/sgbm.py": (
         (16, 255, 256, 20),
         "OpenCV's unit of a disparity; white; levels of a byte; a check that is left out",
@@ -158,6 +156,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "the smallest Sobel kernel and the sum of its weights",
     ),
+    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
     "measurement/fault_features/frozen_data.py": ((255,), "white"),
     "measurement/fault_features/row_alignment.py": ((3, 10, 0.05), "an axis; where the search for a corner ends"),
@@ -196,7 +195,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (0.99, 0.5, 4096, 16),
         "defaults and ranges of settings, which users choose and docs/settings.md lists",
     ),
-    "model/setting_keywords.py": ((110,), "columns of a docstring"),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": (
         (

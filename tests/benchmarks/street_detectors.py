@@ -32,7 +32,7 @@ from auditor.lab.evaluation.object_baseline.average_precision import Scored, sco
 from auditor.lab.evaluation.object_baseline.detectors import CAR, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images
 from auditor.lab.evaluation.object_baseline.detectors.streets.network import packed
-from auditor.lab.evaluation.object_baseline.street_labels import street_labels
+from auditor.lab.evaluation.object_baseline.runner import street_labels
 from auditor.lab.evaluation.sources import Recorded, Source, Street
 from auditor.model.frames import Frame
 from auditor.store import Store, run_query

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from auditor import __version__
-from auditor.lab.clean_recordings import clean_recording
+from auditor.errors import RecordingError
 from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
@@ -16,8 +16,28 @@ from auditor.measurement.disparity.rectification import shown_rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.recordings import Location, Recording, synchronise
+from auditor.pipeline.geometry import rigs_through
+from auditor.recordings import Location, Recording, RigInForce, open_recording, survey, synchronise
 from auditor.store.records import content_id
+
+
+@contextmanager
+def clean_recording(path: Path | Location, rig: Path | None, use: str) -> Iterator[tuple[Recording, list[RigInForce]]]:
+    """A recording with its rigs, or with that of a rig file; `use` says what to do with another one, "train".
+
+    Raises RecordingError where it cannot be read, was attacked or fits no rig, and RigError.
+    """
+    with open_recording(path) as recording:
+        if recording.labels():
+            raise RecordingError(
+                "it carries labels of attacks, so it is not clean",
+                where=path,
+                remedy=f"{use} on recordings that are free of attacks",
+            )
+        in_force = rigs_through(recording, survey(recording), rig)
+        if in_force.withheld:
+            raise RecordingError(in_force.withheld, where=path, remedy=f"{use} on recordings that fit")
+        yield recording, list(in_force.rigs)
 
 
 @dataclass(frozen=True, eq=False)
