@@ -40,7 +40,6 @@ SCANNED = tuple(
 PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
-    "measurement/colour_parameters.py",
     "measurement/point_parameters.py",
     "measurement/time_parameters.py",
     "measurement/warning_parameters.py",
@@ -59,6 +58,12 @@ ELSEWHERE = {
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "measurement/fault_features/lidar_agreement.py": (
+        (200, 24),
+        "points of which a share says something; no fit at all",
+    ),
+    "identification/prior.py": ((1e-5,), "a rate that no clean frames reach"),
+    "identification/refreshing/drives.py": ((5,), "groups that judge each other"),
     "identification/likelihood.py": ((6,), "sensors that sets of several are made of"),
     "identification/causes/faults.py": (
         (0.2, 0.01),
@@ -103,8 +108,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "identification/paper.py": ((3,), "N - 3"),
     "identification/drift/series.py": (
-        (0.6744897501960817, 4),
-        "the median of |x| of a normal distribution; the bias of a correlation of few values",
+        (0.6744897501960817, 4, 5, 3, 0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
+        "the median of |x| of a normal distribution; the bias of a correlation of few values; parts and quantiles",
     ),
     "identification/refreshing/gate.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
     "identification/refreshing/two_samples.py": (
@@ -159,7 +164,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
     "measurement/fault_features/frozen_data.py": ((255,), "white"),
-    "measurement/fault_features/row_alignment.py": ((3, 10, 0.05), "an axis; where the search for a corner ends"),
+    "measurement/fault_features/row_alignment.py": (
+        (3, 10, 0.05, 15),
+        "an axis; where the search for a corner ends; points of which a share says something",
+    ),
     "measurement/frame.py": ((0.05, 254), "seconds between two looks at a queue; the two top levels of a byte"),
     "model/checks/__init__.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
     "model/optics/common_view.py": (

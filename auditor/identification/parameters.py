@@ -130,9 +130,6 @@ class JointTail:
     independent: float = parameter(
         0.47, unit="power of the number of checks that so many independent ones are", source=_TAIL
     )
-    smallest_r: float = parameter(
-        1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
-    )
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,10 @@ from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, CauseIn
 
+SMALLEST_R = 1e-5
+"""A smaller rate is taken for it: no clean frames reach further."""
+
+
 OFFSET = HIERARCHY.offset
 """What is added to a statistic, and to what is left to 1, before their logarithms are taken: both may be 0."""
 
@@ -150,7 +154,7 @@ def joint_limit(r: float, checks: int) -> float:
     """
     if r >= 1:
         return -inf
-    r = max(r, JOINT_TAIL.smallest_r)
+    r = max(r, SMALLEST_R)
     independent = max(checks, 1) ** JOINT_TAIL.independent
     return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / independent))
 

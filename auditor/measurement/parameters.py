@@ -6,7 +6,6 @@ resolution: "half px" are pixels of it, px those of the full image.
 
 from dataclasses import dataclass
 
-from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import (
     FALSE_RANGES,
     ISOLATED_POINTS,
@@ -197,10 +196,8 @@ class RowAlignment:
     kept_share: float = parameter(0.7, unit="share of the corners, the strongest", source=_FEATURES)
     corner_px: int = parameter(7, unit="half px, block", source=BY_HAND)
     window_px: tuple[int, int] = parameter((13, 13), unit="half px, of Lucas and Kanade", source=BY_HAND)
-    border_px: tuple[int, int] = parameter((25, 25), unit="half px: a window of the second level", source=BY_HAND)
     largest_residue: float = parameter(30.0, unit="grey levels a half px", source=BY_HAND)
     same_row_px: float = parameter(0.5, unit="half px", source=_FEATURES)
-    fewest: int = parameter(15, unit="points followed", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -208,10 +205,8 @@ class LidarAgreement:
     """LiDAR points compared with stereo over the whole view."""
 
     points: int = parameter(2500, unit="points, about", source=_FEATURES)
-    fewest: int = parameter(200, unit="points compared", source=BY_HAND)
     agree_px: int = parameter(1, unit="px of disparity", source=_FEATURES)
     differ_px: int = parameter(2, unit="px of disparity", source=_FEATURES)
-    largest_bias_px: int = parameter(24, unit="px of disparity", source=BY_HAND)
     bias_window_px: int = parameter(3, unit="px of disparity: a whole one and its neighbours", source=BY_HAND)
     tolerated_px: int = parameter(
         2,
@@ -271,8 +266,6 @@ OF_PAIRS = (
     PHOTOMETRIC_CONSISTENCY,
     CHROMA,
     LIGHT,
-    COLOURED_LIGHT,
-    STRIPED_LIGHT,
     LOST_RETURNS,
     FALSE_RANGES,
     ROW_ALIGNMENT,

@@ -175,7 +175,6 @@ TIME_GAPS = TimeGaps()
 class PictureDepth:
     """Of how many bits the values of 16-bit pictures are: cameras fill 10 to 14 of them, and write no word about it."""
 
-    bits: tuple[int, ...] = parameter((10, 12, 14, 16), unit="bits of a value", source="sensors that are sold")
     pictures: int = parameter(10, unit="first pictures a topic, of which the largest value counts", source=BY_HAND)
 
 

@@ -44,7 +44,7 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     error = by_name["counts", "disparity_error", "absolute_px"]
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
-    assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
+    assert by_name["verdicts", "naming", "least_probability"]["value"] == "0.7"
     changed = {"recordings", "rigs", "frames", "topics"}
     changed |= {"counts", "warnings", "verdicts", "refreshes", "drift"}
     assert changed == {row["changes"] for row in rows}

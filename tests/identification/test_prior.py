@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from auditor.identification.drive_level import of_drive, own_level
 from auditor.identification.parameters import HIERARCHY, JOINT_TAIL
 from auditor.identification.prior import (
+    SMALLEST_R,
     Prior,
     effective_size,
     expected,
@@ -195,7 +196,7 @@ def test_many_checks_are_worth_fewer_independent_ones():
 
 def test_at_r_of_one_everything_is_a_finding_and_the_smallest_rates_are_taken_for_one():
     assert joint_limit(1.0, 10) == -math.inf
-    assert joint_limit(0.0, 10) == joint_limit(JOINT_TAIL.smallest_r, 10) < math.inf
+    assert joint_limit(0.0, 10) == joint_limit(SMALLEST_R, 10) < math.inf
 
 
 @given(st.floats(0, 1))

@@ -7,7 +7,7 @@ from enum import StrEnum
 from functools import cache, partial
 from math import asin, cos, degrees, pi, radians, sin
 
-from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, INFLUENCE
+from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Source
 from auditor.identification.refreshing.influence import Cell
 from auditor.model.calibration import CleanFrames
@@ -26,6 +26,7 @@ from auditor.store.versions.history import History, histories, history_for
 from auditor.store.versions.records import UsedRecording
 
 _M_OF_A_DEGREE = 111_195.0  # of a great circle on the Earth's mean radius
+_TWILIGHT_DEG = 6.0  # of the sun above or below the horizon: civil twilight
 
 
 class TimeOfDay(StrEnum):
@@ -86,9 +87,9 @@ def time_of_day(stamp_ns: int, latitude_deg: float, longitude_deg: float) -> Tim
     hour_angle = radians((hours - 12) * 15 + longitude_deg + minutes / 4)
     latitude = radians(latitude_deg)
     elevation = degrees(asin(sin(latitude) * sin(declination) + cos(latitude) * cos(declination) * cos(hour_angle)))
-    if elevation > CONDITIONS.twilight_deg:
+    if elevation > _TWILIGHT_DEG:
         return TimeOfDay.DAY
-    return TimeOfDay.TWILIGHT if elevation > -CONDITIONS.twilight_deg else TimeOfDay.NIGHT
+    return TimeOfDay.TWILIGHT if elevation > -_TWILIGHT_DEG else TimeOfDay.NIGHT
 
 
 def _unknown() -> Circumstances:

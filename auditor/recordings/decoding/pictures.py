@@ -15,11 +15,13 @@ from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.picture_heads import Picture, check_whole, inspect_picture
-from auditor.recordings.parameters import ODD_PICTURES, PICTURE_DEPTH
+from auditor.recordings.parameters import ODD_PICTURES
 from auditor.safety.budget import MAX_PIXELS
 
 _ROWS_APART = 16
 """Rows from one that is looked at first to the next: it bounds the work."""
+_BITS = (10, 12, 14, 16)
+"""Of a value: those of sensors that are sold."""
 
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
@@ -74,7 +76,7 @@ _SATURATED = 255
 
 def depth_of(largest: int) -> int:
     """The bits of a camera of whose values this is the largest. Those at the upper end of 16 bits have 16."""
-    return next((bits for bits in PICTURE_DEPTH.bits if largest < 1 << bits), MOST_BITS)
+    return next((bits for bits in _BITS if largest < 1 << bits), MOST_BITS)
 
 
 def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
