@@ -70,7 +70,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the score from which on causes are listed; a logarithm that is finite",
     ),
     "measurement/fault_features/calibration_check.py": ((5, 200, 20), "frames that are looked at for a warning"),
-    "measurement/ego_motion.py": ((0.99,), "the confidence of RANSAC"),
+    "measurement/ego_motion.py": ((0.99, 100, 3), "OpenCV's confidence and trials of RANSAC, and levels of a pyramid"),
     "measurement/disparity/lidar.py": ((7,), "points of which one is asked"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
@@ -81,7 +81,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
-    "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
+    "measurement/own_past.py": (
+        (3, 10, 9, 14),
+        "no rotation, in three dimensions; nanoseconds; pictures that are held",
+    ),
     "measurement/checks/moving_things.py": ((3,), "cells that touch"),
     "measurement/checks/parallax_conflict.py": (
         (10, 9, 256, 2048),
@@ -93,7 +96,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
     ),
     "identification/causes/light_causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
-    "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
+    "identification/incidents/sequential.py": ((3600, 0.01), "seconds in an hour; a rate that no clean drives reach"),
     "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (
         (
@@ -116,7 +119,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (1.4826, 3, 8),
         "standard deviations in a median absolute deviation; Wallace's approximation",
     ),
-    "identification/statistics.py": ((10**9, 65_536), "nanoseconds, and how much is held in memory"),
+    "identification/statistics.py": (
+        (10**9, 65_536, 0.2),
+        "nanoseconds; how much is held in memory; stretches that overlap",
+    ),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),

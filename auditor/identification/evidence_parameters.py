@@ -43,9 +43,6 @@ class Incidents:
         0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS
     )
     per_hour: float = parameter(1.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
-    fewest_per_hour: float = parameter(
-        0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
-    )
     peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
     prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_FULL_SIZE)
     prior_hours: float = parameter(0.25, unit="hours of clean driving, of the prior", source=_FULL_SIZE)

@@ -116,7 +116,6 @@ class Hierarchy:
         source="streets 2000 to 2053: 0.7, 0.85, 0.9 and 1 tried (docs/decisions.md)",
     )
     stretch_s: float = parameter(5.0, unit="s, of a stretch of road", source=_STRETCHES)
-    stretch_step: float = parameter(0.2, unit="share of a stretch, after which the next begins", source=BY_HAND)
     of_stretches: float = parameter(
         0.9, unit="quantile of the medians of a drive's stretches, that is its own level", source=_STRETCHES
     )

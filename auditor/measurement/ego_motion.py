@@ -17,6 +17,10 @@ from auditor.model.optics.geometry import Matrix
 
 _CONFIDENCE = 0.99
 """Probability that a trial of RANSAC is free of outliers, OpenCV's."""
+_LEVELS = 3
+"""Of the pyramid, OpenCV's."""
+_TRIALS = 100
+"""Of RANSAC, OpenCV's."""
 
 
 Rows = NDArray[np.signedinteger]
@@ -71,7 +75,7 @@ def ego_motion(
         where,
         intrinsics,
         None,
-        iterationsCount=EGO_MOTION.trials,
+        iterationsCount=_TRIALS,
         reprojectionError=EGO_MOTION.inlier_px,
         confidence=_CONFIDENCE,
     )
@@ -128,7 +132,7 @@ def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -
         points_px,
         points_px + moved_px,
         winSize=_WINDOW,
-        maxLevel=EGO_MOTION.flow_levels,
+        maxLevel=_LEVELS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
     )
     return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

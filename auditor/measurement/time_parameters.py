@@ -15,7 +15,6 @@ class EgoMotion:
     corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
     most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
-    flow_levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
     guessed_from_px: float = parameter(
         24.0,
         unit="half px that corners should move, the median, beyond which they are sought where they should be",
@@ -23,7 +22,6 @@ class EgoMotion:
     )
     returns_px: float = parameter(0.3, unit="half px by which a corner misses itself, there and back", source=BY_HAND)
     inlier_px: float = parameter(0.75, unit="half px by which a corner misses the motion", source=BY_HAND)
-    trials: int = parameter(100, unit="trials of RANSAC", source="bounds the work; no experiment recorded")
     fewest: int = parameter(20, unit="corners that fit the motion", source=BY_HAND)
     least_share: float = parameter(
         0.3, unit="share of the corners followed that fit the motion", source="0.55 to 0.9 on three drives; by hand"
@@ -97,7 +95,6 @@ class StillLight:
         (1.0, 3.2, 5.4), unit="m that the camera moved since the pictures that are compared", source=_FACULAS
     )
     apart_m: float = parameter(0.5, unit="m of way between pictures that are held, at least", source=BY_HAND)
-    most_held: int = parameter(14, unit="pictures that are held", source="bounds the memory: 7 m of way")
     most_s: float = parameter(2.0, unit="s that a picture is held", source=BY_HAND)
     most_points: int = parameter(6000, unit="points", source="bounds the work; no experiment recorded")
     fewest_points: int = parameter(200, unit="points that two pictures show", source=BY_HAND)
