@@ -24,8 +24,7 @@ from auditor.model.arrays import Floats, Indices
 from auditor.model.checks import MOST_LEFT_OUT
 from auditor.model.rig import LIDAR
 
-_SUSPECTS = 6
-"""Sensors that sets of several are made of, the likeliest: it bounds the work."""
+_SUSPECTS = 6  # sensors that sets of several are made of, the likeliest: it bounds the work
 
 
 AttackSet = tuple[int, ...]

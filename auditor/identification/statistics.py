@@ -25,8 +25,7 @@ from auditor.model.checks.kind import Counted, Of, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 
-_STRETCH_STEP = 0.2
-"""Of a stretch, after which the next begins: most of one is the next one's as well."""
+_STRETCH_STEP = 0.2  # of a stretch, after which the next begins: most of one is the next one's as well
 
 
 Grid = NDArray[np.integer]

@@ -15,12 +15,9 @@ from auditor.measurement.time_parameters import EGO_MOTION
 from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
 from auditor.model.optics.geometry import Matrix
 
-_CONFIDENCE = 0.99
-"""Probability that a trial of RANSAC is free of outliers, OpenCV's."""
-_LEVELS = 3
-"""Of the pyramid, OpenCV's."""
-_TRIALS = 100
-"""Of RANSAC, OpenCV's."""
+_CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, OpenCV's
+_LEVELS = 3  # of the pyramid, OpenCV's
+_TRIALS = 100  # of RANSAC, OpenCV's
 
 
 Rows = NDArray[np.signedinteger]

@@ -30,8 +30,7 @@ from auditor.model.measurement import Cells, Coverage, Measurement
 from auditor.model.optics.common_view import shown_shares
 from auditor.model.rig import LIDAR, Rig
 
-_SATURATED = 254
-"""The two top levels of a byte are reported as saturated."""
+_SATURATED = 254  # the two top levels of a byte are reported as saturated
 
 
 Item = TypeVar("Item")

@@ -21,9 +21,7 @@ from auditor.model.checks.kind import Of
 from auditor.model.measurement import Counts
 
 NANOSECONDS = 10**9
-_MOST_HELD = 14
-"""Pictures, which are 7 m of way and more than is asked for: it bounds the memory."""
-
+_MOST_HELD = 14  # pictures, which are 7 m of way and more than is asked for: it bounds the memory
 
 _BY_THE_PAST = tuple(one for one in Check if one.kind.of is Of.LIDAR)
 """The checks of a lone camera, which are measured by their names."""

@@ -54,11 +54,8 @@ from auditor.recordings import (
 )
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
-_MOST_CHECKED = 6
-"""Frames by which ways to read a calibration are compared: it bounds the work."""
-_EVERY_CHECKED = 4
-"""Frames, of which one is compared so: it bounds the work."""
-
+_MOST_CHECKED = 6  # frames by which ways to read a calibration are compared: it bounds the work
+_EVERY_CHECKED = 4  # frames, of which one is compared so: it bounds the work
 
 _OTHER_WAYS_UP = {
     "turned by half": (slice(None, None, -1), slice(None, None, -1)),

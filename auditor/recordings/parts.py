@@ -25,11 +25,8 @@ from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS
 from auditor.recordings.rigs.calibrations import same_camera_info
 
-_LOOKED_AT_NS = 2 * 10**9
-"""Of a part's beginning, which shows its sensors: it bounds the work."""
-_LOOKED_AT_BYTES = 8 * 2**20
-"""The same in bytes."""
-
+_LOOKED_AT_NS = 2 * 10**9  # of a part's beginning, which shows its sensors: it bounds the work
+_LOOKED_AT_BYTES = 8 * 2**20  # the same in bytes
 
 _READS: dict[str, Callable[[Source, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
 
@@ -106,8 +103,7 @@ def _sensors_seen(names: Names) -> frozenset[str]:
     return frozenset(name for name, known in kinds.items() if known is not None and known.kind in {"image", "cloud"})
 
 
-_MOST_STREAMS = 8
-"""Drives side by side of one name: it bounds the work."""
+_MOST_STREAMS = 8  # drives side by side of one name: it bounds the work
 
 
 HasRig = Callable[[Location], bool]

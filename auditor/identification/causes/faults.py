@@ -40,11 +40,8 @@ from auditor.model.verdict import (
     VerdictKind,
 )
 
-_LEAST_LISTED = 0.2
-"""The score from which on a cause is listed; from ENOUGH on it explains."""
-_LEAST_TEXTURE = 0.01
-"""The share with texture that is told from none, so that its logarithm is finite."""
-
+_LEAST_LISTED = 0.2  # the score from which on a cause is listed; from ENOUGH on it explains
+_LEAST_TEXTURE = 0.01  # the share with texture that is told from none, so that its logarithm is finite
 
 LONGEST_WINDOW_S = max(TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.lasting_s)
 """No fault score depends on frames further away than half of this."""

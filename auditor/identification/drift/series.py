@@ -25,15 +25,12 @@ from auditor.model.arrays import Floats, Integers
 
 _OF_A_DEVIATION = 0.6744897501960817
 """The median absolute deviation of a standard normal variable; its square is the median of a chi-squared one."""
-_PARTS = 5
-"""Of the vehicles, each of which has the tails of the others."""
+_PARTS = 5  # of the vehicles, each of which has the tails of the others
 _TAILS = (0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99)
 """Shares of a fleet's days, whose levels are made normal: quantiles out to two deviations and more."""
 _FEWEST_OF_STRETCH = 3
 """Days of a stretch, of which a series has two: a line has two points, and one more shows its noise."""
-_FEWEST_VEHICLES = 3
-"""Of a day whose median is the fleet's: one vehicle alone does not move that of three."""
-
+_FEWEST_VEHICLES = 3  # of a day whose median is the fleet's: one vehicle alone does not move that of three
 
 RAISED_FROM: Mapping[str, float] = {"row_offset": FAULT_SCORES.tilted_by_px, "depth_bias": FAULT_SCORES.biased_by_px}
 """By check the level, in px, from which a frame's own verdict says that a camera is displaced."""

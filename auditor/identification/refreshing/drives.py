@@ -20,8 +20,7 @@ from auditor.model.arrays import Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import FINDINGS
 
-_FOLDS = 5
-"""Groups of vehicles, and groups of days, that judge each other."""
+_FOLDS = 5  # groups of vehicles, and groups of days, that judge each other
 
 
 class Source(NamedTuple):

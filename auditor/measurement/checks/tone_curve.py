@@ -17,9 +17,7 @@ from auditor.model.arrays import Floats, Image, Mask
 
 _LEVELS = 256
 _WHITE = 255
-_FEWEST_BINS = 2
-"""A curve has two points."""
-
+_FEWEST_BINS = 2  # a curve has two points
 _BINS = TONE_CURVE.bins
 _WIDTH = _LEVELS // _BINS
 _OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)

@@ -15,8 +15,7 @@ from auditor.model.frames import PointCloud
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
 
-_REACH_STEP = 7
-"""Points, of which one tells how near and far a cloud reaches: it bounds the work."""
+_REACH_STEP = 7  # points, of which one tells how near and far a cloud reaches: it bounds the work
 
 
 @dataclass(frozen=True, eq=False)

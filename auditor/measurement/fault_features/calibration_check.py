@@ -37,12 +37,9 @@ _ROUNDED = (
     "random ranges, may pass unseen"
 )
 _CROPPED = "do not reach as near, or as far, as lost returns are looked for: what is removed there passes unseen"
-_EVERY = 5
-"""Frames, of which one is used: it bounds the work."""
-_MOST_FRAMES = 200
-"""Frames that are used: it bounds the work."""
-_SUCCESSIVE = 20
-"""First frames, each of which is held against the cloud before: it bounds the work."""
+_EVERY = 5  # frames, of which one is used: it bounds the work
+_MOST_FRAMES = 200  # frames that are used: it bounds the work
+_SUCCESSIVE = 20  # first frames, each of which is held against the cloud before: it bounds the work
 
 
 class CalibrationCheck:

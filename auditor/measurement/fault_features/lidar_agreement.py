@@ -21,9 +21,7 @@ from auditor.model.checks import Agreement
 
 FEWEST = 200
 """Points compared: shares of fewer say nothing."""
-_LARGEST_BIAS_PX = 24
-"""Of disparity: cameras that are farther off fit nowhere."""
-
+_LARGEST_BIAS_PX = 24  # of disparity: cameras that are farther off fit nowhere
 
 _SHIFTS = [*((by, 0) for by in LIDAR_AGREEMENT.shifts_px), *((0, by) for by in LIDAR_AGREEMENT.shifts_px)]
 BORDER = max(LIDAR_AGREEMENT.shifts_px) // HALF

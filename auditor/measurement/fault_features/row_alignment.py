@@ -15,14 +15,10 @@ from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
 from auditor.model.arrays import Floats32, Image, Mask, Points
 from auditor.model.checks import Pair, Rows
 
-_LEVELS = 3
-"""Of the pyramid: beyond these no corner is found again."""
-_ITERATIONS = 10
-"""At most: it bounds the work."""
-_ACCURACY_PX = 0.05
-"""Half px, at which the search ends."""
-_FEWEST = 15
-"""Points followed: shares of fewer say nothing."""
+_LEVELS = 3  # of the pyramid: beyond these no corner is found again
+_ITERATIONS = 10  # at most: it bounds the work
+_ACCURACY_PX = 0.05  # half px, at which the search ends
+_FEWEST = 15  # points followed: shares of fewer say nothing
 
 
 _ROWS, _COLUMNS = ROW_ALIGNMENT.blocks

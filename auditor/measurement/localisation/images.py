@@ -16,33 +16,19 @@ from auditor.model.checks import Pair
 from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import Rig
 
-_CONSISTENT = 0.8
-"""NCC above which stereo's depth is used."""
-_DIFFERS_BY = 35.0
-"""Grey levels."""
-_BLUR_PX = (3, 3)
-"""Mask px."""
-_OPENED_PX = (5, 5)
-"""Mask px."""
-_CLOSED_PX = (9, 9)
-"""Mask px."""
-_SMALLEST = 30
-"""Mask px of a part."""
-_PART_SHARE = 0.1
-"""Of the largest part."""
-_MEDIAN_PX = 5
-"""Mask px, of the depths."""
-_SATURATED = 250.0
-"""Grey levels from which on a brightness is saturated."""
-_GAINS = (0.5, 2.0)
-"""The smallest and the largest."""
-_GAIN_ROUNDS = 3
-"""In each, the pixels that fit best are kept."""
-_GAIN_KEPT_SHARE = 0.7
-"""Of the pixels."""
-_GAIN_FEWEST = 200
-"""Mask px."""
-
+_CONSISTENT = 0.8  # NCC above which stereo's depth is used
+_DIFFERS_BY = 35.0  # grey levels
+_BLUR_PX = (3, 3)  # mask px
+_OPENED_PX = (5, 5)  # mask px
+_CLOSED_PX = (9, 9)  # mask px
+_SMALLEST = 30  # mask px of a part
+_PART_SHARE = 0.1  # of the largest part
+_MEDIAN_PX = 5  # mask px, of the depths
+_SATURATED = 250.0  # grey levels from which on a brightness is saturated
+_GAINS = (0.5, 2.0)  # the smallest and the largest
+_GAIN_ROUNDS = 3  # in each, the pixels that fit best are kept
+_GAIN_KEPT_SHARE = 0.7  # of the pixels
+_GAIN_FEWEST = 200  # mask px
 
 _OPENED = np.ones(_OPENED_PX, dtype=np.uint8)
 _CLOSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _CLOSED_PX)

@@ -13,28 +13,17 @@ from auditor.model.arrays import Mask, Points
 from auditor.model.measurement import Solid
 from auditor.model.rig import Rig
 
-_WINDOW = (7, 7)
-"""Cells."""
-_WINDOW_FEWEST = 30
-"""Points."""
-_WINDOW_SHARE = 0.4
-"""Of a window's points, in conflict."""
-_FEWEST = 15
-"""Points of a layer."""
-_LAYERS = 3
-"""At most."""
-_LAYER_SHARE = 0.15
-"""Of the points in conflict: fewer are no surface."""
-_THINNEST_M = 0.08
-"""Either way."""
-_THICKEST_M = 0.25
-"""Either way: a wall stands on a road (docs/decisions.md, regions)."""
-_DEVIATIONS = 4
-"""Median absolute ones, either way."""
-_GAP = (3, 3)
-"""Cells closed."""
-_PART_SHARE = 0.2
-"""Of the part with most points in conflict."""
+_WINDOW = (7, 7)  # cells
+_WINDOW_FEWEST = 30  # points
+_WINDOW_SHARE = 0.4  # of a window's points, in conflict
+_FEWEST = 15  # points of a layer
+_LAYERS = 3  # at most
+_LAYER_SHARE = 0.15  # of the points in conflict: fewer are no surface
+_THINNEST_M = 0.08  # either way
+_THICKEST_M = 0.25  # either way: a wall stands on a road (docs/decisions.md, regions)
+_DEVIATIONS = 4  # median absolute ones, either way
+_GAP = (3, 3)  # cells closed
+_PART_SHARE = 0.2  # of the part with most points in conflict
 
 
 def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflicts], rig: Rig) -> Mask:

@@ -25,17 +25,12 @@ FARTHEST_PX = 4096
 """From the principal point; any focal length may be given, so it bounds the work."""
 CELL_PX = 8
 """Between the rays that are tried: it bounds the work."""
-_SHORTEST_AXIS = 0.1
-"""Of a mean of unit vectors: cameras that look apart have none."""
+_SHORTEST_AXIS = 0.1  # of a mean of unit vectors: cameras that look apart have none
 NEAREST_AHEAD = 0.05
 """Of z of a ray (x, y, 1) in a camera's frame: it guards a division."""
-_ENLARGED_IN_STEPS = 0.25
-"""Of the pixels of the view a recorded one, so that like cameras have one view."""
-_FEWEST_PX = 32
-"""Of a view's sides: a matcher's windows do not fit into less."""
+_ENLARGED_IN_STEPS = 0.25  # of the pixels of the view a recorded one, so that like cameras have one view
+_FEWEST_PX = 32  # of a view's sides: a matcher's windows do not fit into less
 
-
-_CELL_PX = CELL_PX
 _STEP = 4
 """Pixels of a view from one ray to the next that is asked what of a picture is compared."""
 _LOOKED_PX = 32
@@ -110,7 +105,7 @@ def _resized(camera: Camera, scale: float) -> Camera:
     return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
 
 
-def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> CommonView:
+def common_view(rig: Rig, *, widest: bool = False, cell_px: int = CELL_PX) -> CommonView:
     """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
 
     Rays `cell_px` apart are tried. Raises RigError where they have none in common.

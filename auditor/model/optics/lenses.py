@@ -23,11 +23,8 @@ FISHEYE = "equidistant"
 DOUBLE_SPHERE = "double_sphere"
 OMNIDIRECTIONAL = "omnidirectional"
 F_THETA = "f_theta"
-_WIDEST = 4.0
-"""Tangent of 76 degrees off the axis: farther out no rectified picture reaches."""
-_STEPS = 4000
-"""Radii that are tried up to the widest."""
-
+_WIDEST = 4.0  # tangent of 76 degrees off the axis: farther out no rectified picture reaches
+_STEPS = 4000  # radii that are tried up to the widest
 
 MODELS = {
     PINHOLE: PINHOLE,

@@ -14,9 +14,7 @@ from auditor.recordings.decoding.ros import RosTypes, end_of_header, read_header
 from auditor.recordings.parameters import POINT_UNITS
 from auditor.safety.budget import MAX_POINTS
 
-_LOOKED_AT = 500
-"""Points of a cloud that show whether its numbers are distances, evenly chosen: it bounds the work."""
-
+_LOOKED_AT = 500  # points of a cloud that show whether its numbers are distances, evenly chosen: it bounds the work
 
 _BEYOND_M = np.float32(1e9)
 _OTHER_ORDER = "its byte order is not the one that is_bigendian says: only in the other one its points are distances"

@@ -27,9 +27,7 @@ from auditor.recordings.decoding.videos.forms import form_of
 from auditor.recordings.decoding.videos.tracks import VideoData, Videos
 from auditor.recordings.parameters import PICTURE_ORDER
 
-_ROWS_APART = 8
-"""Rows from one that is looked at to the next: it bounds the work."""
-
+_ROWS_APART = 8  # rows from one that is looked at to the next: it bounds the work
 
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""

@@ -18,10 +18,8 @@ from auditor.recordings.decoding.picture_heads import Picture, check_whole, insp
 from auditor.recordings.parameters import ODD_PICTURES
 from auditor.safety.budget import MAX_PIXELS
 
-_ROWS_APART = 16
-"""Rows from one that is looked at first to the next: it bounds the work."""
-_BITS = (10, 12, 14, 16)
-"""Of a value: those of sensors that are sold."""
+_ROWS_APART = 16  # rows from one that is looked at first to the next: it bounds the work
+_BITS = (10, 12, 14, 16)  # of a value: those of sensors that are sold
 
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here

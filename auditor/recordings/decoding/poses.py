@@ -30,11 +30,8 @@ OUT_OF_RANGE = "not finite or out of range"
 DAMAGED = "damaged"
 SEVERAL = "several poses of one moment"
 TOO_LARGE = "too large"
-_MOST_MESSAGE_BYTES = 2**20
-"""Of a message with poses: it bounds the work."""
-_MOST_NAME_CHARACTERS = 256
-"""Of a frame's name: it bounds the memory."""
-
+_MOST_MESSAGE_BYTES = 2**20  # of a message with poses: it bounds the work
+_MOST_NAME_CHARACTERS = 256  # of a frame's name: it bounds the memory
 
 _WORLD_FRAMES = frozenset({"map", "odom"})
 _VEHICLE_FRAME = "base_link"

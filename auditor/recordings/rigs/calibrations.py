@@ -16,17 +16,11 @@ from auditor.recordings.decoding.geometry import ABSURD
 from auditor.recordings.decoding.interface import Region, SizePx
 from auditor.recordings.rigs.conventions import Scale
 
-_WIDEST_PX = 65_535
-"""Of a picture's sides; this and what follows keep numbers of no camera from overflowing."""
-_LARGEST_DISTORTION = 1e6
-"""Of any coefficient of a lens model."""
-_WORST_CONDITION = 1e10
-"""Condition number of K."""
-_TOLERANCE = 1e-2
-"""By which R R^T and K's last number may differ from 1."""
-_NOISE = 1e-6
-"""Share of the largest number, that rounding makes."""
-
+_WIDEST_PX = 65_535  # of a picture's sides; this and what follows keep numbers of no camera from overflowing
+_LARGEST_DISTORTION = 1e6  # of any coefficient of a lens model
+_WORST_CONDITION = 1e10  # condition number of K
+_TOLERANCE = 1e-2  # by which R R^T and K's last number may differ from 1
+_NOISE = 1e-6  # share of the largest number, that rounding makes
 
 _WHOLE = Region()
 _NUMBERS = (tuple, np.ndarray)

@@ -17,9 +17,7 @@ from auditor.safety.budget import MAX_TRANSFORM_BYTES
 
 _STAMP_END = 12
 """A ROS message begins with 4 bytes and the stamp: what follows is the same in each message of one calibration."""
-_MOST_MESSAGES = 500
-"""Messages that change a calibration: it bounds the work."""
-
+_MOST_MESSAGES = 500  # messages that change a calibration: it bounds the work
 
 _PLAIN_NAMES = frozenset({"cdr", "ros1", "protobuf"})
 """Encodings that write a name as its bytes in UTF-8; JSON may write it otherwise."""

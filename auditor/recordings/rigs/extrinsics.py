@@ -19,8 +19,7 @@ from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
-_MOST_CELLS = 160
-"""Rays from the middle of a view to its edge, where cameras are only compared: it bounds the work."""
+_MOST_CELLS = 160  # rays from the middle of a view to its edge, where cameras are only compared: it bounds the work
 
 
 def aligned(

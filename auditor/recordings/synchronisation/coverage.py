@@ -20,10 +20,8 @@ REMEDY = (
     "or give --no-sensor {topic} where it is neither camera nor LiDAR"
 )
 """What helps where nobody knows the type; `topic` is filled in."""
-_LEAST_MESSAGES = 2
-"""What is published once, as a map is, is no sensor."""
-_LEAST_S = 1.0
-"""Shorter recordings count as so long: a rate of a moment is none."""
+_LEAST_MESSAGES = 2  # what is published once, as a map is, is no sensor
+_LEAST_S = 1.0  # shorter recordings count as so long: a rate of a moment is none
 
 
 def topic_coverage(

@@ -26,12 +26,9 @@ from auditor.recordings.recording import Recording, Topic
 FAR = "far from every frame"
 MANY_TOPICS = "too many topics"
 MANY_FRAMES = "too many frames of reference"
-_MOST_TRACKS = 8
-"""Topics and frames of reference a recording: it bounds the work."""
-_MOST_PLACES = 1_000_000
-"""Frames times topics, 28 hours of one at 10 Hz: it bounds the memory."""
-_MOST_APART_NS = 10 * 10**9
-"""From a frame to a pose of it: beyond, the vehicle may be anywhere."""
+_MOST_TRACKS = 8  # topics and frames of reference a recording: it bounds the work
+_MOST_PLACES = 1_000_000  # frames times topics, 28 hours of one at 10 Hz: it bounds the memory
+_MOST_APART_NS = 10 * 10**9  # from a frame to a pose of it: beyond, the vehicle may be anywhere
 
 
 _MOST_KEPT_BYTES, _MESSAGE_BYTES = 32 * 2**20, 512

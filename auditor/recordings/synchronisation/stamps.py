@@ -18,8 +18,7 @@ from auditor.recordings.synchronisation.survey import Sample
 
 DUPLICATE = "duplicate"
 """The reason of messages that another recorder of the same topic has written too: same stamp, same bytes."""
-_REMEMBERED = 64
-"""Messages among which a stamp is repeated: it bounds the memory."""
+_REMEMBERED = 64  # messages among which a stamp is repeated: it bounds the memory
 
 
 class Placed(NamedTuple):

@@ -36,12 +36,9 @@ from auditor.recordings.synchronisation.metadata import metadata_of
 from auditor.recordings.synchronisation.mountings import Mountings
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 
-_POINTS_OF_A_CLOUD = 400
-"""Points of each of the first clouds that are kept, evenly chosen: it bounds the work."""
-_MOST_BYTES = 512 * 2**20
-"""Sensor data that a first look reads: it bounds the work."""
-_MOST_MESSAGES = 20_000
-"""Messages that a first look reads: it bounds the work."""
+_POINTS_OF_A_CLOUD = 400  # points of each of the first clouds that are kept, evenly chosen: it bounds the work
+_MOST_BYTES = 512 * 2**20  # sensor data that a first look reads: it bounds the work
+_MOST_MESSAGES = 20_000  # messages that a first look reads: it bounds the work
 
 
 class Sample(NamedTuple):

@@ -18,12 +18,9 @@ MOST_WAITING_BYTES = 96 * 2**20
 MESSAGE_BYTES = 512
 """What a message takes beside its data."""
 
-_MOST_WAITING = 2048
-"""Messages that wait, 1 kHz beside 1 Hz: it bounds the memory."""
-_MOST_FROM_BEFORE = 100
-"""Messages after a clock went back: it bounds the memory."""
-_MOST_HELD_GROUPS = 100
-"""Frames that are held: it bounds the memory."""
+_MOST_WAITING = 2048  # messages that wait, 1 kHz beside 1 Hz: it bounds the memory
+_MOST_FROM_BEFORE = 100  # messages after a clock went back: it bounds the memory
+_MOST_HELD_GROUPS = 100  # frames that are held: it bounds the memory
 
 
 class Waiting(NamedTuple):

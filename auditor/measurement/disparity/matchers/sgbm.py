@@ -14,13 +14,9 @@ from auditor.model.arrays import Image, Indices
 
 _LEVELS = 256
 _WHITE = 255
-_NO_CHECK = 1 << 20
-"""So large a difference of left and right leaves nothing out (docs/decisions.md, dense matching)."""
-_SAMPLED_PX = 2
-"""Between the pixels that quantiles are taken of: it bounds the work."""
-_FEWEST_LEVELS = 2
-"""Fewer are one level, and have no quantiles."""
-
+_NO_CHECK = 1 << 20  # so large a difference of left and right leaves nothing out (docs/decisions.md, dense matching)
+_SAMPLED_PX = 2  # between the pixels that quantiles are taken of: it bounds the work
+_FEWEST_LEVELS = 2  # fewer are one level, and have no quantiles
 
 _SHARES = np.linspace(EQUALISING.first_quantile, 1 - EQUALISING.first_quantile, EQUALISING.quantiles)
 

@@ -19,16 +19,11 @@ from auditor.model.arrays import Mask
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 
-_FEWEST_PX = 500
-"""Known pixels of a frame, from which on a warning is founded."""
-_NEAREST_TRUST_PX = 4.0
-"""Of disparity, where 1 px of misalignment is a quarter."""
-_RATIO_OFF_BY = 0.03
-"""Share by which a ratio of disparities is off."""
-_BETTER_BY_PX = 0.25
-"""Of disparity, by which another reading fits better."""
-_PRECISION_PX = 0.1
-"""Of disparity, the mean by which a lower precision differs."""
+_FEWEST_PX = 500  # known pixels of a frame, from which on a warning is founded
+_NEAREST_TRUST_PX = 4.0  # of disparity, where 1 px of misalignment is a quarter
+_RATIO_OFF_BY = 0.03  # share by which a ratio of disparities is off
+_BETTER_BY_PX = 0.25  # of disparity, by which another reading fits better
+_PRECISION_PX = 0.1  # of disparity, the mean by which a lower precision differs
 
 
 Pixels = NDArray[np.floating]
