@@ -276,7 +276,7 @@ def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no
     """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them."""
     balance = [sensor.balance for sensor in health.sensors.values()]
     frames = FrameCount(health.frames, health.skipped)
-    reading = judge_reading(frames, health.coverage, balance, damage, no_sensors=no_sensors)
+    reading = judge_reading(frames, health.coverage, balance, (*damage, *health.undecoded), no_sensors=no_sensors)
     if narrow := tuple(views_not_compared(rig, Criteria.min_view, no_sensors)):
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:

@@ -107,7 +107,9 @@ class Hierarchy:
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
     narrowest: float = parameter(
-        0.75, unit="times the prior's deviations, within drives and of frames of any, at least", source=_STRETCHES
+        0.75,
+        unit="times the prior's deviations, at least: within drives, and of frames of any drive after many",
+        source=_STRETCHES,
     )
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(

@@ -113,9 +113,9 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. None narrows the deviations without end:
-    usual frames say little about rare ones, and usual roads about rare roads. Where drives are `believed` there are no
-    such bounds: nobody attacks by a fault.
+    drive alone shows may be an attack, what many show belongs to the rig. One narrows the deviation of any drive not
+    at all, and many do not without end: usual frames say little about rare ones, and usual roads about rare roads.
+    Where drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
     return expected_after(prior, Drives.of(chain.from_iterable(seen)), believed=believed)
@@ -142,9 +142,15 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     between *= 1 + 1 / (HIERARCHY.rig_kind + D)
     of_any_drive = within + between
     if not believed:
-        of_any_drive = max(of_any_drive, HIERARCHY.narrowest**2 * of_prior)
+        of_any_drive = max(of_any_drive, _left_after(D) ** 2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
     return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
+
+
+def _left_after(D: int) -> float:
+    """Of the prior's deviation of any drive what is left after D drives at least: one drive narrows nothing."""
+    of_prior = HIERARCHY.prior_drives / (HIERARCHY.prior_drives + max(D, 1) - 1)
+    return HIERARCHY.narrowest + (1 - HIERARCHY.narrowest) * of_prior
 
 
 def joint_limit(r: float, checks: int) -> float:

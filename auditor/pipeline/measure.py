@@ -27,7 +27,7 @@ from auditor.measurement import (
 )
 from auditor.measurement.disparity.matchers import Matcher, find_matcher, libraries, preflight
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
-from auditor.model.coverage import with_repeats
+from auditor.model.coverage import coverage_line, with_repeats
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
@@ -237,15 +237,16 @@ def _measured_with(
             yield done
             since_s = perf_counter()
         balance, coverage = stream.balance, with_repeats(stream.coverage, repeated.counts)
-        damage = tuple(str(piece) for piece in stream.damage)
+        damage = (*map(str, stream.damage), *stream.undecoded)
         yield None  # from here on others read the recording, too
         if done == 0 and in_force.stretches[0].from_ns is not None:
             return
         if writer.measured == 0:
+            why = filter(None, (coverage_line(coverage), *damage))
             raise RigError(
                 "no frame with three overlapping sensors could be put together",
                 where=recording.path,
-                remedy="see auditor inspect for its topics and sensors",
+                remedy="; ".join((*why, "see auditor inspect for its topics and sensors")),
             )
         doubts = doubts_of(recording, in_force, check, found.withheld, stream)
         record = MeasurementRecord(

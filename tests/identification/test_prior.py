@@ -49,11 +49,12 @@ def test_a_drive_of_which_nothing_was_measured_tells_nothing():
     assert expected(PRIOR, [np.full(50, NAN), np.zeros(0)]) == expected(PRIOR, [])
 
 
-def test_a_drive_as_the_prior_expects_it_leaves_the_mean_and_narrows_the_deviation():
+def test_a_drive_as_the_prior_expects_it_leaves_the_mean_and_narrows_what_drives_differ_by():
     found = expected(PRIOR, [drive(-2.0, within=0.3)])
     assert found.mean == pytest.approx(-2.0, abs=0.01)
-    assert found.deviation < expected(PRIOR, []).deviation
-    assert found.deviation == pytest.approx(deviation_of(0.3, 0.4 * math.sqrt(4 / 5), 1), rel=0.03)
+    between = deviation_of(0.0, 0.4 * math.sqrt(4 / 5), 1)
+    assert found.between == pytest.approx(between, rel=0.03)
+    assert found.between < expected(PRIOR, []).between
     assert (found.drives, found.samples) == (1, 400)
 
 
@@ -98,9 +99,16 @@ def test_drives_that_are_all_alike_narrow_what_is_expected_of_any_drive_to_so_mu
     found = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)])
     assert found.between < 0.2 * PRIOR.tail * PRIOR.between
     assert found.deviation > math.hypot(found.within, found.between)
-    assert found.deviation == pytest.approx(HIERARCHY.narrowest * expected(PRIOR, []).deviation)
+    assert found.deviation == pytest.approx(HIERARCHY.narrowest * expected(PRIOR, []).deviation, rel=0.01)
     believed = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)], believed=True)
     assert believed.deviation < 0.8 * found.deviation, "of faults there is no such bound"
+
+
+def test_a_drive_narrows_what_is_expected_of_any_other_not_at_all_and_each_further_one_somewhat():
+    of_prior = expected(PRIOR, []).deviation
+    one, two, four, many = (expected(PRIOR, [drive(-2.0, seed=n) for n in range(D)]).deviation for D in (1, 2, 4, 200))
+    assert one == pytest.approx(of_prior), "thresholds of one drive raised clean frames of others"
+    assert many < four < two < one
 
 
 def test_frames_that_are_all_the_same_narrow_the_deviation_within_to_so_much_at_most():

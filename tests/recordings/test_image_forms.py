@@ -83,6 +83,22 @@ def test_a_picture_that_no_sensor_gives_is_damaged(rows: int, level: int, says: 
             check_received(pixels)
 
 
+def test_why_messages_of_a_camera_do_not_decode_is_said(tmp_path: Path) -> None:
+    blank = [
+        replace(
+            frame, images={n: replace(i, pixels=np.full_like(i.pixels, 7 * (n == 1))) for n, i in frame.images.items()}
+        )
+        for frame in FRAMES[False]
+    ]
+    write_mcap(tmp_path / "blank.mcap", RIG, blank)
+    with open_recording(tmp_path / "blank.mcap") as recording:
+        stream = stream_of(recording)
+        list(stream)
+        said = stream.undecoded
+    assert [one.partition(": ")[0] for one in said] == [camera.name for camera in RIG.cameras]
+    assert all(f"{len(blank)} messages: it shows nothing" in one for one in said)
+
+
 @pytest.mark.parametrize(("rows", "level"), [(48, 255), (24, 255), (6, 0), (3, 128), (0, 0)])
 def test_light_everywhere_bars_and_a_few_rows_are_no_damage(rows: int, level: int) -> None:
     check_received(filled(rows, level))

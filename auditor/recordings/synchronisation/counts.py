@@ -21,7 +21,7 @@ class Counts:
 
     `regular` ones are used by their own stamp, `unused` ones belong to another rig; `against` counts the others by
     reason, but for those at the edges, duplicates, and up to `most_surplus` messages of a fast sensor between two that
-    are used.
+    are used. `problems` are those of damaged ones.
     """
 
     most_surplus: int = 0
@@ -29,7 +29,7 @@ class Counts:
     used: int = 0
     unused: int = 0
     regular: int = 0
-    damaged: int = 0
+    problems: dict[str, int] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
     against: dict[str, int] = field(default_factory=dict)
     _surplus: int = 0
@@ -43,9 +43,14 @@ class Counts:
         else:
             self.regular += messages
 
-    def damage(self, messages: int = 1) -> None:
-        """Count a message that could not be decoded whole."""
-        self.damaged += messages
+    @property
+    def damaged(self) -> int:
+        """The messages that could not be decoded whole."""
+        return sum(self.problems.values())
+
+    def damage(self, problem: str, messages: int = 1) -> None:
+        """Count a message that could not be decoded whole, and why."""
+        self.problems[problem] = self.problems.get(problem, 0) + messages
         self._count_against(Against.DAMAGED, messages)
 
     def skip(self, reason: str, against: str = "", messages: int = 1) -> None:
@@ -63,7 +68,7 @@ class Counts:
     def leave_out(self, reason: str, problem: str, against: str, messages: int) -> None:
         """Count a message that is in no frame, as damaged where it has a problem."""
         if problem:
-            self.damage(messages)
+            self.damage(problem, messages)
         else:
             self.skip(reason, against, messages)
 

@@ -36,8 +36,8 @@ from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Win
 class FrameStream:
     """An iterable of frames and skipped frames; each iteration reads the recording again.
 
-    `balance`, `coverage`, `damage` and `clock_jumps` (how often the clock jumped back) describe the last iteration and
-    are complete once it is exhausted.
+    `balance`, `coverage`, `damage`, `undecoded` and `clock_jumps` (how often the clock jumped back) describe the last
+    iteration and are complete once it is exhausted.
     """
 
     def __init__(
@@ -204,6 +204,12 @@ class FrameStream:
         return self._recording.damage
 
     @property
+    def undecoded(self) -> tuple[str, ...]:
+        """How many messages of each sensor could not be decoded, and why; nothing of those that all could."""
+        counted = [(self._rig.name(sensor), self._counts[sensor].problems) for sensor in sorted(self._counts)]
+        return tuple(_undecoded(name, problems) for name, problems in counted if problems)
+
+    @property
     def balance(self) -> tuple[TopicBalance, ...]:
         """Where the messages of every topic went.
 
@@ -225,6 +231,13 @@ class FrameStream:
     def coverage(self) -> tuple[TopicCoverage, ...]:
         """How much of each topic of camera pictures or LiDAR points was audited, those outside the rig included."""
         return topic_coverage(self._recording, self._rig, self._survey, self._counts, self._time.finish())
+
+
+def _undecoded(name: str, problems: Mapping[str, int]) -> str:
+    """How many messages of a sensor could not be decoded, and why most of them could not."""
+    count, usual = sum(problems.values()), max(problems, key=problems.__getitem__)
+    most = f", {problems[usual]} of them" if len(problems) > 1 else ""
+    return f"{name}: {count} message{'s' * (count > 1)}{most}: {usual}"
 
 
 def synchronise(
@@ -291,7 +304,7 @@ class _FrameMaker:
                     images[sensor] = self._image(sensor, waiting)
             except DecodingError as error:
                 problems[sensor] = error.what
-                self._counts[sensor].damage(len(waiting.messages))
+                self._counts[sensor].damage(error.what, len(waiting.messages))
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
         if len(good) < fewest:
             return self._skip(group, stamp_ns, TOO_FEW, good)

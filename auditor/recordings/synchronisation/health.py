@@ -26,7 +26,8 @@ class SensorHealth:
 class Health:
     """All frames of a recording, with one rig; `skipped` counts moments without a frame by reason.
 
-    `coverage` is of each topic of camera pictures or LiDAR points, those outside the rig included.
+    `coverage` is of each topic of camera pictures or LiDAR points, those outside the rig included; `undecoded` says
+    which messages did not decode.
     """
 
     frames: int
@@ -36,6 +37,7 @@ class Health:
     first_ns: int | None
     sensors: Mapping[int, SensorHealth]
     coverage: tuple[TopicCoverage, ...] = ()
+    undecoded: tuple[str, ...] = ()
 
 
 def check_health(streams: Sequence[tuple[FrameStream, Rig]]) -> list[Health]:
@@ -85,4 +87,5 @@ class _Check:
                 for sensor in self._rig.sensors
             },
             coverage=stream.coverage,
+            undecoded=stream.undecoded,
         )
