@@ -25,10 +25,9 @@ __all__ = [
 __getattr__ = imported_when_used(
     __name__,
     {
-        "drift_page": "render_drift_page",
         "evaluation.loading": "render_evaluation_report",
         "fleet": "render_fleet_report",
         "incident.render": "render_incident_page render_incident_report",
-        "refresh_page": "render_refresh_page",
+        "refresh_page": "render_drift_page render_refresh_page",
     },
 )
