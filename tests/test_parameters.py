@@ -26,7 +26,7 @@ from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
 from tests import digests
 
 WRITTEN_BY = "python -m tests.digests keeps the new digest"
@@ -40,7 +40,6 @@ SCANNED = tuple(
 PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
-    "measurement/colour_parameters.py",
     "measurement/point_parameters.py",
     "measurement/time_parameters.py",
     "measurement/warning_parameters.py",
@@ -53,11 +52,26 @@ PARAMETER_FILES = (
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
     "measurement/thumbnails.py": "thumbnails for the report",
+    "measurement/localisation/": "where damage is shown, once it was found",
     "measurement/drawing/": "pictures of frames that were measured before",
 }
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "measurement/fault_features/lidar_agreement.py": (
+        (200, 24),
+        "points of which a share says something; no fit at all",
+    ),
+    "identification/prior.py": ((1e-5,), "a rate that no clean frames reach"),
+    "identification/refreshing/drives.py": ((5,), "groups that judge each other"),
+    "identification/likelihood.py": ((6,), "sensors that sets of several are made of"),
+    "identification/causes/faults.py": (
+        (0.2, 0.01),
+        "the score from which on causes are listed; a logarithm that is finite",
+    ),
+    "measurement/fault_features/calibration_check.py": ((5, 200, 20), "frames that are looked at for a warning"),
+    "measurement/ego_motion.py": ((0.99, 100, 3), "OpenCV's confidence and trials of RANSAC, and levels of a pyramid"),
+    "measurement/disparity/lidar.py": ((7,), "points of which one is asked"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
     "identification/algorithm2.py": (
@@ -67,7 +81,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
-    "measurement/own_past.py": ((3, 10, 9), "no rotation, in three dimensions; nanoseconds"),
+    "measurement/own_past.py": (
+        (3, 10, 9, 14),
+        "no rotation, in three dimensions; nanoseconds; pictures that are held",
+    ),
     "measurement/moving_things.py": ((3,), "cells that touch"),
     "measurement/checks/parallax_conflict.py": (
         (10, 9, 256, 2048),
@@ -79,7 +96,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
     ),
     "identification/causes/light_causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
-    "identification/incidents/sequential.py": ((3600,), "seconds in an hour"),
+    "identification/incidents/sequential.py": ((3600, 0.01), "seconds in an hour; a rate that no clean drives reach"),
     "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (
         (
@@ -94,15 +111,18 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "identification/paper.py": ((3,), "N - 3"),
     "identification/drift/series.py": (
-        (0.6744897501960817, 4),
-        "the median of |x| of a normal distribution; the bias of a correlation of few values",
+        (0.6744897501960817, 4, 5, 3, 0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
+        "the median of |x| of a normal distribution; the bias of a correlation of few values; parts and quantiles",
     ),
-    "identification/refreshing/clustered.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
+    "identification/refreshing/gate.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
     "identification/refreshing/two_samples.py": (
         (1.4826, 3, 8),
         "standard deviations in a median absolute deviation; Wallace's approximation",
     ),
-    "identification/statistics.py": ((10**9, 65_536), "nanoseconds, and how much is held in memory"),
+    "identification/statistics.py": (
+        (10**9, 65_536, 0.2),
+        "nanoseconds; how much is held in memory; stretches that overlap",
+    ),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
@@ -116,7 +136,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
-    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/checks/point_distribution.py": (
         (3, 12),
         "a cell and its neighbours, in three dimensions; the variance of rounding is a twelfth of the step squared",
@@ -130,8 +149,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/disparity/matchers/own_networks.py": ((4,), "axes"),
     "measurement/disparity/matchers/onnx_models.py": ((3,), "a log level"),
-    "measurement/disparity/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
-    "measurement/disparity/matchers/sgbm.py": ((16, 255, 256), "OpenCV's unit of a disparity; white; levels of a byte"),
+    "measurement/disparity/matchers/sgbm.py": (
+        (16, 255, 256, 20),
+        "OpenCV's unit of a disparity; white; levels of a byte; a check that is left out",
+    ),
     "measurement/disparity/rectification.py": (
         (
             0.5,
@@ -146,28 +167,19 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "the smallest Sobel kernel and the sum of its weights",
     ),
+    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
     "measurement/fault_features/frozen_data.py": ((255,), "white"),
-    "measurement/fault_features/row_alignment.py": ((3,), "an axis"),
-    "measurement/frame.py": ((0.05,), "seconds between two looks at a queue"),
-    "measurement/localisation/images.py": (
-        (
-            3,
-            255,
-        ),
-        "OpenCV's mask of a distance transform; white",
+    "measurement/fault_features/row_alignment.py": (
+        (3, 10, 0.05, 15),
+        "an axis; where the search for a corner ends; points of which a share says something",
     ),
-    "measurement/localisation/points.py": (
-        (
-            45,
-            90,
-            180,
-        ),
-        "degrees of a rectangle's turn",
-    ),
-    "measurement/localisation/regions.py": ((255,), "white"),
+    "measurement/frame.py": ((0.05, 254), "seconds between two looks at a queue; the two top levels of a byte"),
     "model/checks/__init__.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/optics/common_view.py": ((3, 4, 32), "dimensions; rays and cells that tell a share of a picture"),
+    "model/optics/common_view.py": (
+        (3, 4, 32, 4096, 8, 0.1, 0.05, 0.25),
+        "dimensions; rays, cells and px that bound the work; a mean of rays and a division that are guarded",
+    ),
     "model/optics/geometry.py": (
         (
             3,
@@ -177,6 +189,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/optics/lenses.py": (
         (
+            4000,
             4,
             5,
             8,
@@ -184,16 +197,18 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
             60,
             1e-09,
         ),
-        "coefficients of the models; the inversion's rounds and accuracy",
+        "coefficients of the models; the inversion's rounds, accuracy and reach",
     ),
-    "model/measurement.py": ((*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION), "versions"),
+    "model/measurement.py": (
+        (*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION, 7, 4),
+        "versions; how sums and regions are stored",
+    ),
     "model/parameter.py": ((12,), "characters of a digest"),
     "model/pictures.py": ((5, 9, 10), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
         (0.99, 0.5, 4096, 16),
         "defaults and ranges of settings, which users choose and docs/settings.md lists",
     ),
-    "model/setting_keywords.py": ((110,), "columns of a docstring"),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": ((3, 4), "dimensions, and N - 3"),
     "model/optics/sensors.py": ((8, 16), "bits of a pixel"),
@@ -298,7 +313,7 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
     for groups in (
-        (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING),
+        (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *ACCOUNTING),
         (*MEASURING, *WARNING),
         JUDGING,
     ):
@@ -311,7 +326,7 @@ def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
-        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *ACCOUNTING)),
+        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *ACCOUNTING)),
         ("measurement", (*MEASURING, *WARNING)),
         ("identification", (*JUDGING, STANDS_OUT)),
     ):

@@ -37,12 +37,12 @@ format_option = click.option(
 )
 
 
-def emit(table: "Table", form: str, title: str = "") -> None:
+def emit(table: "Table", form: str) -> None:
     """Print rows to stdout in one of FORMATS."""
     from auditor.store.export import encode, rows_of  # noqa: PLC0415 - Arrow is heavy
 
     if form == "table":
-        print_rows(rows_of(table), table.column_names, title, expendable=_REMARKS, wrapped=_WORDS)
+        print_rows(rows_of(table), table.column_names, expendable=_REMARKS, wrapped=_WORDS)
         return
     write_bytes(encode(table, form))
 

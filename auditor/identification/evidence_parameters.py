@@ -43,9 +43,6 @@ class Incidents:
         0.2, unit="share that evidence counts for, where a fault explains it as well", source=_PEAKS
     )
     per_hour: float = parameter(1.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
-    fewest_per_hour: float = parameter(
-        0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
-    )
     peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
     prior_peaks: float = parameter(2.5, unit="clean peaks beyond it, of the prior", source=_FULL_SIZE)
     prior_hours: float = parameter(0.25, unit="hours of clean driving, of the prior", source=_FULL_SIZE)
@@ -96,23 +93,22 @@ class Alerts:
     times_r: float = parameter(3.0, unit="times r that this share is at least", source="r/3 to 3r is what r promises")
 
 
+OWN_AT = (-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0)
+"""z of an attacked sensor: where the curves below were fitted."""
+
+REST_AT = (-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0)
+"""largest z of the others, less their limit: where the curves below were fitted."""
+
+
 @dataclass(frozen=True)
 class Likelihood:
     """How likely an attack set makes what a frame shows, and how likely it was before."""
 
-    own_at: tuple[float, ...] = parameter(
-        (-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0), unit="z of an attacked sensor", source=BY_HAND
-    )
     of_camera: tuple[float, ...] = parameter(
         (-9.79, -5.78, -4.43, -2.96, -1.29, 0.29, 1.64, 2.23, 2.23, 2.23, 2.3), unit=_OF_CURVE, source=CURVES
     )
     of_lidar: tuple[float, ...] = parameter(
         (-5.78, -3.34, -2.56, -1.86, -1.18, -0.54, 0.87, 2.51, 5.03, 7.56, 14.3), unit=_OF_CURVE, source=CURVES
-    )
-    rest_at: tuple[float, ...] = parameter(
-        (-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0),
-        unit="largest z of the others, less their limit",
-        source=BY_HAND,
     )
     of_rest: tuple[float, ...] = parameter(
         (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=CURVES
@@ -124,11 +120,20 @@ class Likelihood:
     further_sensor: float = parameter(
         0.2, unit="times the prior, which has even odds, for each sensor after the first", source="stated"
     )
-    suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 
 _LENSES = "fitted by benchmark thrown_light to three real drives and 14 streets (docs/method.md)"
 _OF_RATIO = "added to the logarithm of the ratio, at each value of the curve"
+
+
+CHANGED_AT = (-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""z: where the curves below were fitted."""
+
+DARKER_AT = (-3.0, -2.2, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
+"""logarithm of removed over added light: where the curves below were fitted."""
+
+SATURATED_AT = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
+"""logarithm of saturated half px and one: where the curves below were fitted."""
 
 
 @dataclass(frozen=True)
@@ -136,21 +141,14 @@ class ThrownLight:
     """How likely light that was thrown into a camera makes what it shows, against dirt, drops and glare on its lens."""
 
     start: float = parameter(0.6, unit="logarithm of the ratio where nothing is known", source=_LENSES)
-    changed_at: tuple[float, ...] = parameter((-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), unit="z", source=BY_HAND)
     of_removed: tuple[float, ...] = parameter(
         (2.69, 1.7, 0.61, -0.19, -0.74, -1.08, -1.3, -1.51), unit=_OF_RATIO, source=_LENSES
     )
     of_inconsistent: tuple[float, ...] = parameter(
         (-0.46, -0.62, -0.73, -0.65, -0.27, 0.29, 0.87, 1.44), unit=_OF_RATIO, source=_LENSES
     )
-    darker_at: tuple[float, ...] = parameter(
-        (-3.0, -2.2, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0), unit="logarithm of removed over added light", source=BY_HAND
-    )
     of_darker: tuple[float, ...] = parameter(
         (0.66, 0.31, 0.09, 0.12, 0.13, -0.07, -0.65, -1.48), unit=_OF_RATIO, source=_LENSES
-    )
-    saturated_at: tuple[float, ...] = parameter(
-        (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0), unit="logarithm of saturated half px and one", source=BY_HAND
     )
     of_saturated: tuple[float, ...] = parameter(
         (-1.21, -1.18, -1.17, -1.1, -0.91, -0.54, 0.09, 0.96, 2.02), unit=_OF_RATIO, source=_LENSES

@@ -16,13 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.algorithm2 import FEWEST_COMPARED
-from auditor.identification.evidence_parameters import INCIDENTS, LIKELIHOOD
+from auditor.identification.evidence_parameters import INCIDENTS, LIKELIHOOD, OWN_AT, REST_AT
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices
 from auditor.model.checks import MOST_LEFT_OUT
 from auditor.model.rig import LIDAR
+
+_SUSPECTS = 6  # sensors that sets of several are made of, the likeliest: it bounds the work
+
 
 AttackSet = tuple[int, ...]
 """Attacked sensors, ascending; () is no attack."""
@@ -63,10 +66,10 @@ def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int])
 def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int, ...]:
     """The sensors that sets of several are made of in a frame of scores (M,): those of the largest z."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
-    if len(present) <= LIKELIHOOD.suspects:
+    if len(present) <= _SUSPECTS:
         return tuple(present)
     largest = {sensor: _largest(z[None], of_sensor(system, absent, sensor))[0] for sensor in present}
-    return tuple(sorted(sorted(present, key=lambda sensor: -largest[sensor])[: LIKELIHOOD.suspects]))
+    return tuple(sorted(sorted(present, key=lambda sensor: -largest[sensor])[:_SUSPECTS]))
 
 
 def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Explained:
@@ -106,11 +109,9 @@ def _log_likelihood(seen: Explained, lidars: Collection[int]) -> Floats:
 
     Several sensors explain nothing where one of them has no vote: a smaller set says as much.
     """
-    found = np.interp(seen.rest, LIKELIHOOD.rest_at, LIKELIHOOD.of_rest)
+    found = np.interp(seen.rest, REST_AT, LIKELIHOOD.of_rest)
     for sensor, own in seen.own.items():
-        found = found + np.interp(
-            own, LIKELIHOOD.own_at, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera
-        )
+        found = found + np.interp(own, OWN_AT, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera)
     if len(seen.own) < 2:
         return np.asarray(found)
     voted = np.min([*seen.own.values()], axis=0) > -np.inf

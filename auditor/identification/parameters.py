@@ -26,7 +26,6 @@ from auditor.model.parameters import (
     PAIR_DEPTH,
     POINT_EXCESS,
     RIG_KIND_TOLERANCE,
-    STORED_RESIDUALS,
 )
 
 if TYPE_CHECKING:
@@ -107,9 +106,10 @@ class Hierarchy:
     widest_values: float = parameter(
         3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
     )
-    narrowest: float = parameter(0.85, unit="times the prior's deviation within drives, at least", source=_STRETCHES)
-    narrowest_of_any: float = parameter(
-        0.75, unit="times the prior's deviation of frames of any drive, at least, after many drives", source=_STRETCHES
+    narrowest: float = parameter(
+        0.75,
+        unit="times the prior's deviations, at least: within drives, and of frames of any drive after many",
+        source=_STRETCHES,
     )
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
     most_learnt: float = parameter(
@@ -118,7 +118,6 @@ class Hierarchy:
         source="streets 2000 to 2053: 0.7, 0.85, 0.9 and 1 tried (docs/decisions.md)",
     )
     stretch_s: float = parameter(5.0, unit="s, of a stretch of road", source=_STRETCHES)
-    stretch_step: float = parameter(0.2, unit="share of a stretch, after which the next begins", source=BY_HAND)
     of_stretches: float = parameter(
         0.9, unit="quantile of the medians of a drive's stretches, that is its own level", source=_STRETCHES
     )
@@ -131,9 +130,6 @@ class JointTail:
     stretch: float = parameter(1.25, unit="times the normal distribution's quantile", source=_TAIL)
     independent: float = parameter(
         0.47, unit="power of the number of checks that so many independent ones are", source=_TAIL
-    )
-    smallest_r: float = parameter(
-        1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
 
 
@@ -164,7 +160,6 @@ class FaultScale:
     )
     scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
     highest: float = parameter(3.0, unit="scales above theta at which a fault is certain", source=BY_HAND)
-    least_listed: float = parameter(0.2, unit="score, from which on it is listed: z = -1.8", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -205,7 +200,6 @@ class FaultScores:
     blurred: float = parameter(
         0.3, unit="logarithm of the share with texture, less than that of any other camera", source=_BLURRED
     )
-    least_texture: float = parameter(0.01, unit="share with texture that is told from none", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -219,9 +213,6 @@ class LightOfCauses:
         2.0, unit="z of added light, below which an exposure explains what is seen, or dirt may", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
-    unchanged_gap: float = parameter(
-        2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
-    )
     hardly_saturated: float = parameter(
         20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
     )
@@ -235,15 +226,6 @@ class LightOfCauses:
     )
     for_gone: float = parameter(
         1.5, unit="added to it where no frame nearby shows as much, in proportion where some do", source=_LASTING
-    )
-
-
-@dataclass(frozen=True)
-class Frozen:
-    """When a sensor repeats its data."""
-
-    least_repeats: int = parameter(
-        2, unit="frames equal to the one before", source="frames may tick faster than a sensor"
     )
 
 
@@ -284,13 +266,11 @@ TEMPORAL_WINDOW = TemporalWindow()
 NAMING = Naming()
 FAULT_SCORES = FaultScores()
 LIGHT_OF_CAUSES = LightOfCauses()
-FROZEN = Frozen()
 OTHER_LIDAR = OtherLidar()
 
 JUDGING = (
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
-    STORED_RESIDUALS,
     WINDOWED_MEAN,
     IMAGE_WINDOW,
     CHECK_PRIORS,
@@ -305,7 +285,6 @@ JUDGING = (
     INCIDENTS,
     STRETCHES,
     ALERTS,
-    FROZEN,
     POINT_EXCESS,
     ADDED_LIGHT,
     FAULT_SCORES,

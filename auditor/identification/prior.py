@@ -27,6 +27,10 @@ from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, CauseIn
 
+SMALLEST_R = 1e-5
+"""A smaller rate is taken for it: no clean frames reach further."""
+
+
 OFFSET = HIERARCHY.offset
 """What is added to a statistic, and to what is left to 1, before their logarithms are taken: both may be 0."""
 
@@ -138,15 +142,15 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     between *= 1 + 1 / (HIERARCHY.rig_kind + D)
     of_any_drive = within + between
     if not believed:
-        of_any_drive = max(of_any_drive, _narrowest_of_any(D) ** 2 * of_prior)
+        of_any_drive = max(of_any_drive, _left_after(D) ** 2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
     return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
 
 
-def _narrowest_of_any(D: int) -> float:
+def _left_after(D: int) -> float:
     """Of the prior's deviation of any drive what is left after D drives at least: one drive narrows nothing."""
     of_prior = HIERARCHY.prior_drives / (HIERARCHY.prior_drives + max(D, 1) - 1)
-    return HIERARCHY.narrowest_of_any + (1 - HIERARCHY.narrowest_of_any) * of_prior
+    return HIERARCHY.narrowest + (1 - HIERARCHY.narrowest) * of_prior
 
 
 def joint_limit(r: float, checks: int) -> float:
@@ -156,7 +160,7 @@ def joint_limit(r: float, checks: int) -> float:
     """
     if r >= 1:
         return -inf
-    r = max(r, JOINT_TAIL.smallest_r)
+    r = max(r, SMALLEST_R)
     independent = max(checks, 1) ** JOINT_TAIL.independent
     return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / independent))
 

@@ -47,7 +47,6 @@ class Influence:
     same_place: float = parameter(0.5, unit="share of a drive's cells that another was in too", source=BY_HAND)
     most_of_a_place: int = parameter(5, unit="recordings of one road", source=BY_HAND)
     fewest_first: int = parameter(3, unit="recordings of a first calibration that nobody named clean", source=BY_HAND)
-    folds: int = parameter(5, unit="groups of vehicles, and groups of days, that judge each other", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -99,14 +98,13 @@ class TwoSamples:
 
 @dataclass(frozen=True)
 class Conditions:
-    """When the drives under one condition say anything, and what times of day are."""
+    """When the drives under one condition say anything."""
 
     windows_of_all: float = parameter(
         50.0, unit="windows that the share of all drives weighs in that of one condition", source=BY_HAND
     )
     fewest_drives: int = parameter(3, unit="drives under one condition", source=BY_HAND)
     fewest_windows: int = parameter(200, unit="windows: 2 are raised by chance at r = 0.01", source="2 / 0.01")
-    twilight_deg: float = parameter(6.0, unit="deg of the sun above or below the horizon", source="civil twilight")
 
 
 CLEAN_DRIVE = CleanDrive()

@@ -26,6 +26,9 @@ from auditor.model.checks.kind import Counted, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 
+_STRETCH_STEP = 0.2  # of a stretch, after which the next begins: most of one is the next one's as well
+
+
 Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (..., rows, columns)."""
 
@@ -236,7 +239,7 @@ def stretch_medians(columns: Iterable[Floats], stamp_ns: Integers) -> Iterator[F
     period = float(np.median(np.diff(stamp_ns))) if F > 1 else 0.0
     usual = HIERARCHY.stretch_s * NANOSECONDS / period if period > 0 else inf
     W = int(min(max(usual, STRETCHES.fewest_frames), F))
-    step = max(W * HIERARCHY.stretch_step, 1)
+    step = max(W * _STRETCH_STEP, 1)
     first = np.rint(np.linspace(0, F - W, ceil((F - W) / step) + 1)).astype(np.int64)
     places = first[:, None] + np.arange(W)
     together = max(_VALUES_AT_ONCE // places.size, 1)  # NumPy takes as long for a few values as for thousands

@@ -10,9 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.parameters import LIDAR_PROJECTION
 from auditor.measurement.time_parameters import EGO_MOTION
 from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
 from auditor.model.optics.geometry import Matrix
+
+_CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, OpenCV's
+_LEVELS = 3  # of the pyramid, OpenCV's
+_TRIALS = 100  # of RANSAC, OpenCV's
+
 
 Rows = NDArray[np.signedinteger]
 """Rows or columns of pixels: (M,)."""
@@ -66,9 +72,9 @@ def ego_motion(
         where,
         intrinsics,
         None,
-        iterationsCount=EGO_MOTION.trials,
+        iterationsCount=_TRIALS,
         reprojectionError=EGO_MOTION.inlier_px,
-        confidence=EGO_MOTION.confidence,
+        confidence=_CONFIDENCE,
     )
     if not solved or fitting is None or len(fitting) < max(EGO_MOTION.fewest, EGO_MOTION.least_share * len(there)):
         return None
@@ -95,7 +101,7 @@ def _guessed(corners_px: Floats32, intrinsics: Matrix, points_m: Matrix, expecte
     if expected is None or not len(corners_px):
         return np.zeros_like(corners_px)
     there_m = points_m @ expected.rotation.T + expected.translation_m
-    ahead = there_m[:, 2:] > EGO_MOTION.nearest_m
+    ahead = there_m[:, 2:] > LIDAR_PROJECTION.nearest_m
     there_px = pixels_of(intrinsics, np.where(ahead, there_m, points_m))
     moved = np.where(ahead, there_px - corners_px, 0).astype(np.float32)
     far = float(np.median(np.hypot(*moved.T))) >= EGO_MOTION.guessed_from_px
@@ -123,7 +129,7 @@ def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -
         points_px,
         points_px + moved_px,
         winSize=_WINDOW,
-        maxLevel=EGO_MOTION.flow_levels,
+        maxLevel=_LEVELS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
     )
     return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

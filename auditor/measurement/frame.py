@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from queue import Full, Queue
 from threading import Event, Thread
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -20,18 +20,19 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_m
 from auditor.measurement.drawn_pixels import DrawnPixels
 from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
-from auditor.measurement.looked_at import looked_at
 from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
-from auditor.measurement.parameters import COVERAGE
 from auditor.measurement.several_lidars import SeveralLidars
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
-from auditor.model.arrays import Mask
-from auditor.model.checks import Pair
+from auditor.model.arrays import Image, Mask
+from auditor.model.checks import Check, CountedPair, Pair
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Coverage, Measurement
+from auditor.model.measurement import Cells, Coverage, Measurement
 from auditor.model.optics.common_view import shown_shares
 from auditor.model.rig import LIDAR, Rig
+
+_SATURATED = 254  # the two top levels of a byte are reported as saturated
+
 
 Item = TypeVar("Item")
 
@@ -308,7 +309,7 @@ def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
     """How bright an image (H, W), or (H, W, 3) BGR, is, and how blue and red it is; `greys` is it in grey."""
     blue, _, red, _ = (total / greys.size for total in cv2.sumElems(image))
-    known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
+    known = Coverage(_share(greys >= _SATURATED), level=cv2.sumElems(greys)[0] / greys.size)
     return known if image.shape == greys.shape else replace(known, blue_level=blue, red_level=red)
 
 
@@ -321,3 +322,45 @@ def _unmatched_share(source: int, maps: Maps) -> float | None:
 
 def _share(mask: Mask) -> float:
     return float(np.count_nonzero(mask)) / mask.size
+
+
+class Looked(NamedTuple):
+    """Shares, 0 to 1, of a camera's picture or of the LiDAR's points, that one other sensor or two compared."""
+
+    by_one: float
+    by_two: float
+
+
+NOT_LOOKED_AT = Looked(0.0, 0.0)
+
+
+def looked_at(
+    cells: Mapping[CountedPair, Cells], of_picture: Mapping[int, float], points: int | None
+) -> dict[int, Looked]:
+    """What was looked at of each camera of `of_picture`, and of the LiDAR where it has so many `points`.
+
+    `of_picture` is the share of each camera's recorded picture that the grids of its counts cover. A camera is compared
+    by each other one that sees the same place; a LiDAR's point by pairs of cameras, or by one camera and its own past.
+    """
+    voters = {camera: _grids(cells, camera, Check.ADDED_LIGHT) for camera in of_picture}
+    shares = {camera: _of_camera(voters[camera], share) for camera, share in of_picture.items()}
+    if points is not None:
+        pairs, pasts = (_grids(cells, LIDAR, check) for check in (Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT))
+        shares[LIDAR] = Looked(_of_points([*pairs, *pasts], points), _of_points(pairs, points))
+    return shares
+
+
+def _grids(cells: Mapping[CountedPair, Cells], sensor: int, check: Check) -> list[Image]:
+    """What was compared of a sensor by a check, by cell, a grid for each pair."""
+    return [counts.valid for counted, counts in cells.items() if (counted.sensor, counted.check) == (sensor, check)]
+
+
+def _of_camera(grids: list[Image], of_picture: float) -> Looked:
+    if not grids:
+        return NOT_LOOKED_AT
+    voters = np.sum([valid > 0 for valid in grids], axis=0)
+    return Looked(*(of_picture * float((voters >= fewest).mean()) for fewest in (1, 2)))
+
+
+def _of_points(grids: list[Image], points: int) -> float:
+    return min(int(np.maximum.reduce(grids).sum()) / max(points, 1), 1.0) if grids else 0.0

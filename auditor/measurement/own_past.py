@@ -21,6 +21,7 @@ from auditor.model.checks.kind import Of
 from auditor.model.measurement import Counts
 
 NANOSECONDS = 10**9
+_MOST_HELD = 14  # pictures, which are 7 m of way and more than is asked for: it bounds the memory
 
 _BY_THE_PAST = tuple(one for one in Check if one.kind.of is Of.LIDAR)
 """The checks of a lone camera, which are measured by their names."""
@@ -105,7 +106,7 @@ class _Way:
 
     def __init__(self) -> None:
         self._placed: dict[int, tuple[Motion, float]] = {}
-        self._glimpses: deque[Glimpse] = deque(maxlen=STILL_LIGHT.most_held)
+        self._glimpses: deque[Glimpse] = deque(maxlen=_MOST_HELD)
         self._said: dict[Check, OfThePast] = {}
 
     def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> dict[Check, OfThePast]:

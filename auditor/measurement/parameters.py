@@ -6,7 +6,6 @@ resolution: "half px" are pixels of it, px those of the full image.
 
 from dataclasses import dataclass
 
-from auditor.measurement.colour_parameters import COLOURED_LIGHT, STRIPED_LIGHT
 from auditor.measurement.point_parameters import (
     FALSE_RANGES,
     ISOLATED_POINTS,
@@ -17,20 +16,13 @@ from auditor.measurement.point_parameters import (
 )
 from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT
 from auditor.model.parameter import BY_HAND, parameter
-from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
+from auditor.model.parameters import COMMON_VIEW, PAIR_DEPTH, RIG_GEOMETRY
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
 _STREETS = "streets 2000 to 2053 in colour: chosen on them"
 _LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
-
-
-@dataclass(frozen=True)
-class HalfResolution:
-    """The grid on which images are compared."""
-
-    step_px: int = parameter(2, unit="px a half px", source="means of 2 x 2 px: docs/decisions.md, half resolution")
 
 
 @dataclass(frozen=True)
@@ -58,11 +50,6 @@ class Sgbm:
     block_px: int = parameter(5, unit="grid px", source=BY_HAND)
     smoothness_1: int = parameter(8, unit="P1 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
     smoothness_2: int = parameter(32, unit="P2 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
-    left_right_difference: int = parameter(
-        1 << 20,
-        unit="grid px; so large that nothing is left out",
-        source="docs/decisions.md, dense matching without the left-right check: tried on drive 0009",
-    )
 
 
 @dataclass(frozen=True)
@@ -71,21 +58,6 @@ class Equalising:
 
     quantiles: int = parameter(33, unit="quantiles that both then share", source=_LIGHT)
     first_quantile: float = parameter(0.02, unit="the first of them; the last is 1 less it", source=_LIGHT)
-    step_px: int = parameter(2, unit="grid px between those that quantiles are taken of", source=BY_HAND)
-    fewest_levels: int = parameter(2, unit="levels, else nothing is changed", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class PsmnetInput:
-    """What PSMNet takes where its weights do not say otherwise."""
-
-    range_px: int = parameter(192, unit="px of disparity", source="Chang and Chen, PSMNet, CVPR 2018: published code")
-    mean: tuple[float, ...] = parameter(
-        (0.485, 0.456, 0.406), unit="share of 255, RGB", source="ImageNet's mean, as the published code"
-    )
-    deviation: tuple[float, ...] = parameter(
-        (0.229, 0.224, 0.225), unit="share of 255, RGB", source="ImageNet's deviation, as the published code"
-    )
 
 
 @dataclass(frozen=True)
@@ -115,7 +87,6 @@ class LidarProjection:
     beside_span: float = parameter(
         0.002, unit="share of the points ahead, beside the field on either side", source=BY_HAND
     )
-    reach_step: int = parameter(7, unit="points, of which one tells how near and far a cloud reaches", source=BY_HAND)
     baseline_m: float = parameter(0.6, unit="m, at which nearer_by_px is meant", source=BY_HAND)
     nearer_by_px: float = parameter(3.0, unit="px of disparity", source=BY_HAND)
     reference_window_px: tuple[int, int] = parameter((15, 9), unit="px, rows and columns", source=BY_HAND)
@@ -159,7 +130,6 @@ class ToneCurve:
 
     bins: int = parameter(32, unit="bins of the source's levels", source=_LIGHT)
     fewest: int = parameter(15, unit="samples of a bin", source=_LIGHT)
-    fewest_bins: int = parameter(2, unit="bins, else levels are taken to be equal", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -226,13 +196,8 @@ class RowAlignment:
     kept_share: float = parameter(0.7, unit="share of the corners, the strongest", source=_FEATURES)
     corner_px: int = parameter(7, unit="half px, block", source=BY_HAND)
     window_px: tuple[int, int] = parameter((13, 13), unit="half px, of Lucas and Kanade", source=BY_HAND)
-    border_px: tuple[int, int] = parameter((25, 25), unit="half px: a window of the second level", source=BY_HAND)
-    levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
-    iterations: int = parameter(10, unit="iterations at most", source=BY_HAND)
-    accuracy_px: float = parameter(0.05, unit="half px", source=BY_HAND)
     largest_residue: float = parameter(30.0, unit="grey levels a half px", source=BY_HAND)
     same_row_px: float = parameter(0.5, unit="half px", source=_FEATURES)
-    fewest: int = parameter(15, unit="points followed", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -240,10 +205,8 @@ class LidarAgreement:
     """LiDAR points compared with stereo over the whole view."""
 
     points: int = parameter(2500, unit="points, about", source=_FEATURES)
-    fewest: int = parameter(200, unit="points compared", source=BY_HAND)
     agree_px: int = parameter(1, unit="px of disparity", source=_FEATURES)
     differ_px: int = parameter(2, unit="px of disparity", source=_FEATURES)
-    largest_bias_px: int = parameter(24, unit="px of disparity", source=BY_HAND)
     bias_window_px: int = parameter(3, unit="px of disparity: a whole one and its neighbours", source=BY_HAND)
     tolerated_px: int = parameter(
         2,
@@ -257,56 +220,9 @@ class LidarAgreement:
     )
 
 
-@dataclass(frozen=True)
-class Coverage:
-    """How much of a sensor could be used."""
-
-    saturated: int = parameter(254, unit="grey levels from which on a pixel is reported as saturated", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class DamagedPixels:
-    """The damaged portion of an image; "mask px" are those of a region's mask."""
-
-    consistent: float = parameter(0.8, unit="NCC above which stereo's depth is used", source="stands in docs/method.md")
-    differs_by: float = parameter(35.0, unit="grey levels", source="stands in docs/method.md; no experiment recorded")
-    blur_px: tuple[int, int] = parameter((3, 3), unit="mask px", source=BY_HAND)
-    opened_px: tuple[int, int] = parameter((5, 5), unit="mask px", source="stands in docs/method.md")
-    closed_px: tuple[int, int] = parameter((9, 9), unit="mask px", source="stands in docs/method.md")
-    smallest: int = parameter(30, unit="mask px of a part", source=BY_HAND)
-    part_share: float = parameter(0.1, unit="share of the largest part", source=BY_HAND)
-    median_px: int = parameter(5, unit="mask px, of the depths", source=BY_HAND)
-    saturated: float = parameter(250.0, unit="grey levels from which on a brightness is saturated", source=_CHECKS)
-    gains: tuple[float, float] = parameter((0.5, 2.0), unit="smallest and largest gain", source=BY_HAND)
-    gain_rounds: int = parameter(3, unit="rounds", source=BY_HAND)
-    gain_kept_share: float = parameter(0.7, unit="share of the pixels", source=BY_HAND)
-    gain_fewest: int = parameter(200, unit="mask px", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class DamagedPoints:
-    """The invented part of a point cloud."""
-
-    window: tuple[int, int] = parameter((7, 7), unit="cells", source="stands in docs/method.md")
-    window_fewest: int = parameter(30, unit="points", source=BY_HAND)
-    window_share: float = parameter(
-        0.4, unit="share of a window's points in conflict", source="stands in docs/method.md"
-    )
-    fewest: int = parameter(15, unit="points of a layer", source=BY_HAND)
-    layers: int = parameter(3, unit="layers at most", source=BY_HAND)
-    layer_share: float = parameter(0.15, unit="share of the points in conflict: fewer are no surface", source=BY_HAND)
-    thinnest_m: float = parameter(0.08, unit="m either way", source=BY_HAND)
-    thickest_m: float = parameter(0.25, unit="m either way", source=f"{_DECISIONS}, regions: a wall stands on a road")
-    deviations: int = parameter(4, unit="median absolute deviations either way", source=BY_HAND)
-    gap: tuple[int, int] = parameter((3, 3), unit="cells closed", source=BY_HAND)
-    part_share: float = parameter(0.2, unit="share of the part with most points in conflict", source=BY_HAND)
-
-
-HALF_RESOLUTION = HalfResolution()
 TEXTURE = Texture()
 SGBM = Sgbm()
 EQUALISING = Equalising()
-PSMNET_INPUT = PsmnetInput()
 MATCHER_RANGE = MatcherRange()
 RECTIFICATION = Rectification()
 LIDAR_PROJECTION = LidarProjection()
@@ -321,19 +237,14 @@ LIDAR_CONFLICT = LidarConflict()
 COUNT_GRID = CountGrid()
 ROW_ALIGNMENT = RowAlignment()
 LIDAR_AGREEMENT = LidarAgreement()
-COVERAGE = Coverage()
-DAMAGED_PIXELS = DamagedPixels()
-DAMAGED_POINTS = DamagedPoints()
 
-HALF = HALF_RESOLUTION.step_px
-"""Pixels of the full image that a half px is wide."""
+HALF = 2
+"""Pixels of the full image that a half px is wide (docs/decisions.md, half resolution)."""
 
 OF_ANY_RIG = (
     RIG_GEOMETRY,
     PAIR_DEPTH,
     COMMON_VIEW,
-    LENS_REACH,
-    HALF_RESOLUTION,
     TEXTURE,
     SGBM,
     RECTIFICATION,
@@ -348,22 +259,14 @@ OF_ANY_RIG = (
     POINT_SPACING,
     ROUGH_RANGES,
     COUNT_GRID,
-    COVERAGE,
-    DAMAGED_PIXELS,
-    DAMAGED_POINTS,
-    REGION_MASK,
-    STORED_RESIDUALS,
 )
 OF_PAIRS = (
     EQUALISING,
-    PSMNET_INPUT,
     MATCHER_RANGE,
     DISPARITY_ERROR,
     PHOTOMETRIC_CONSISTENCY,
     CHROMA,
     LIGHT,
-    COLOURED_LIGHT,
-    STRIPED_LIGHT,
     FALSE_RANGES,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

@@ -15,7 +15,6 @@ class EgoMotion:
     corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
     most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
-    flow_levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
     guessed_from_px: float = parameter(
         24.0,
         unit="half px that corners should move, the median, beyond which they are sought where they should be",
@@ -23,9 +22,6 @@ class EgoMotion:
     )
     returns_px: float = parameter(0.3, unit="half px by which a corner misses itself, there and back", source=BY_HAND)
     inlier_px: float = parameter(0.75, unit="half px by which a corner misses the motion", source=BY_HAND)
-    nearest_m: float = parameter(1.0, unit="m of depth at which a corner is sought where it should be", source=BY_HAND)
-    trials: int = parameter(100, unit="trials of RANSAC", source="bounds the work; no experiment recorded")
-    confidence: float = parameter(0.99, unit="probability that a trial is free of outliers", source=BY_HAND)
     fewest: int = parameter(20, unit="corners that fit the motion", source=BY_HAND)
     least_share: float = parameter(
         0.3, unit="share of the corners followed that fit the motion", source="0.55 to 0.9 on three drives; by hand"
@@ -48,7 +44,6 @@ class ParallaxConflict:
         source="cameras that look aside, rendered rings: docs/decisions.md",
     )
     most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
-    nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
     most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")
     patch_px: int = parameter(9, unit="px, width and height of a patch", source=_DRIVES)
     farther_px: int = parameter(32, unit="px of parallax less that are tried at most", source=BY_HAND)
@@ -100,11 +95,9 @@ class StillLight:
         (1.0, 3.2, 5.4), unit="m that the camera moved since the pictures that are compared", source=_FACULAS
     )
     apart_m: float = parameter(0.5, unit="m of way between pictures that are held, at least", source=BY_HAND)
-    most_held: int = parameter(14, unit="pictures that are held", source="bounds the memory: 7 m of way")
     most_s: float = parameter(2.0, unit="s that a picture is held", source=BY_HAND)
     most_points: int = parameter(6000, unit="points", source="bounds the work; no experiment recorded")
     fewest_points: int = parameter(200, unit="points that two pictures show", source=BY_HAND)
-    nearest_m: float = parameter(1.0, unit="m of depth a moment ago", source=BY_HAND)
     least_px: float = parameter(1.0, unit="quarter px that a point moved", source=BY_HAND)
     hidden_share: float = parameter(
         0.93, unit="share of a point's depth, within which something nearer hides it", source=BY_HAND

@@ -16,8 +16,6 @@ _FIT = "docs/decisions.md, verdicts withheld: between clean, attacked and wrong 
 class CalibrationCheck:
     """Warnings where a rig does not fit its recording: no count follows from them."""
 
-    every: int = parameter(5, unit="frames, of which one is used", source=BY_HAND)
-    most_frames: int = parameter(200, unit="frames used", source="bounds the work; no experiment recorded")
     least_aligned: float = parameter(0.45, unit="share of points on one row", source=_WARNINGS)
     least_agreeing: float = parameter(0.5, unit="share of LiDAR points", source=_WARNINGS)
     least_excess: float = parameter(0.3, unit="excess of the points that agree once moved", source=_WARNINGS)
@@ -26,7 +24,6 @@ class CalibrationCheck:
     fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
     smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
     frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
-    successive: int = parameter(20, unit="first frames, each of which is held against the cloud before", source=BY_HAND)
     fewest_successive: int = parameter(4, unit="of those that can be compared", source=BY_HAND)
     least_ground: float = parameter(
         0.67, unit="share of directions with returns that have the ground's", source=f"{_DECISIONS}, no ground"
@@ -54,24 +51,10 @@ class GeometryFit:
     fewest_in_view: int = parameter(20, unit="LiDAR points in the view of a camera", source=BY_HAND)
     side_columns: int = parameter(2, unit="columns of regions at each side, where lenses differ", source=_LENSES)
     sides_better_by: float = parameter(0.25, unit="share of the sides' points by which a lens fits", source=_LENSES)
-    most_checked: int = parameter(6, unit="frames by which ways to read a calibration are compared", source=BY_HAND)
-    every_checked: int = parameter(4, unit="frames, of which one is compared so", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class PsmnetPreflight:
-    """Warnings before PSMNet measures: no count follows from them."""
-
-    fewest_px: int = parameter(500, unit="px", source=BY_HAND)
-    nearest_trust_px: float = parameter(4.0, unit="px, where 1 px of misalignment is a quarter", source=BY_HAND)
-    ratio_off_by: float = parameter(0.03, unit="share", source=BY_HAND)
-    better_by_px: float = parameter(0.25, unit="px of disparity", source=BY_HAND)
-    precision_px: float = parameter(0.1, unit="px of disparity, mean", source=BY_HAND)
 
 
 CALIBRATION_CHECK = CalibrationCheck()
 GEOMETRY_FIT = GeometryFit()
-PSMNET_PREFLIGHT = PsmnetPreflight()
 
-WARNING = (CALIBRATION_CHECK, GEOMETRY_FIT, PSMNET_PREFLIGHT)
+WARNING = (CALIBRATION_CHECK, GEOMETRY_FIT)
 """What decides warnings and where verdicts are withheld, and no count."""

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from auditor.model.arrays import Image
 from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, SensorCheck
 from auditor.model.frames import Presence
-from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK, STORED_RESIDUALS
+from auditor.model.parameters import DISPARITY_ERROR_SAMPLES
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import Statistic as Statistic  # noqa: PLC0414 - also its home for who counts
 
-REGION_STEP = REGION_MASK.step_px
+REGION_STEP = 4
 """Width of a pixel of a region's mask in full-resolution pixels."""
 
 
@@ -53,7 +53,7 @@ class Region:
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
     ComparedTo.CAMERAS: 31,
     ComparedTo.PAST: 31,
-    ComparedTo.SCANS: 30,
+    ComparedTo.SCANS: 31,
     ComparedTo.LIDARS: 31,
 }
 """The next number of all whenever the same frame would give other counts: thresholds and measurements are bound to it.
@@ -130,8 +130,8 @@ CASE_BRIGHTNESS = tuple(name for name in BRIGHTNESS if name != "textureless_shar
 """What cases of evaluations keep of these: none of their attacks blurs a camera."""
 
 
-LIGHT_STEPS = STORED_RESIDUALS.steps
-"""Steps of a stored sum of light residuals a unit."""
+LIGHT_STEPS = 7
+"""Steps of a stored sum of light residuals a unit: the 16 half px of a cell fill a signed byte."""
 
 
 @dataclass(frozen=True, eq=False)

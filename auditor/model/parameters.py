@@ -19,9 +19,10 @@ class RigGeometry:
     """Which cameras share one rectified view."""
 
     most_off_line_px: float = parameter(
-        1.0, unit="rows, at far_m", source="docs/decisions.md, one common view: 1, 2 and 4 px tried, mean E compared"
+        1.0,
+        unit="rows, at PAIR_DEPTH.distance_m",
+        source="docs/decisions.md, one common view: 1, 2 and 4 px tried, mean E compared",
     )
-    far_m: float = parameter(10.0, unit="m", source=BY_HAND)
     same_intrinsics: float = parameter(1e-3, unit="share of the focal length", source=BY_HAND)
 
 
@@ -41,12 +42,7 @@ class PairDepth:
 class CommonView:
     """The view that all cameras of a rig share once rectified: towards the edges of a wide lens it would be blurred."""
 
-    cell_px: int = parameter(8, unit="px between the rays that are tried", source=BY_HAND)
     widest: float = parameter(1.2, unit="tangent of the angle off the axis (50 degrees)", source=BY_HAND)
-    farthest_px: int = parameter(
-        4096, unit="px from the principal point", source="bounds the work; any focal length may be given"
-    )
-    fewest_px: int = parameter(32, unit="px, width and height", source=BY_HAND)
     finest: float = parameter(
         0.6,
         unit="recorded px a rectified px",
@@ -55,25 +51,7 @@ class CommonView:
     usual_focal_px: float = parameter(720.0, unit="px, to which shorter ones are enlarged", source=_ENLARGED)
     usual_width_px: int = parameter(1400, unit="px, to which pictures are enlarged at most", source=_ENLARGED)
     most_enlarged: float = parameter(2.0, unit="px of the view a recorded px", source=_ENLARGED)
-    enlarged_in_steps: float = parameter(0.25, unit="px of the view a recorded px", source=BY_HAND)
     fewest_enlarged_px: int = parameter(480, unit="px: narrower pictures are measured as they are", source=_ENLARGED)
-    shortest_axis: float = parameter(0.1, unit="length of a mean of unit vectors", source=BY_HAND)
-    nearest_ahead: float = parameter(0.05, unit="z in the camera frame of a ray (x, y, 1)", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class LensReach:
-    """How far off its axis a lens model is trusted."""
-
-    widest: float = parameter(4.0, unit="tangent of the angle off the axis (76 degrees)", source=BY_HAND)
-    steps: int = parameter(4000, unit="radii tried up to widest", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class RegionMask:
-    """The grid of the damaged portions."""
-
-    step_px: int = parameter(4, unit="full-resolution px a px of the mask", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -81,13 +59,6 @@ class DisparityErrorSamples:
     """When a disparity error E is measured at all."""
 
     fewest_valid_px: int = parameter(200, unit="valid px", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class StoredResiduals:
-    """How sums of light residuals are stored."""
-
-    steps: int = parameter(7, unit="steps of a sum a unit", source="the residuals of 16 half px fill a signed byte")
 
 
 @dataclass(frozen=True)
@@ -128,10 +99,7 @@ class RigKindTolerance:
 RIG_GEOMETRY = RigGeometry()
 PAIR_DEPTH = PairDepth()
 COMMON_VIEW = CommonView()
-LENS_REACH = LensReach()
-REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
-STORED_RESIDUALS = StoredResiduals()
 POINT_EXCESS = PointExcess()
 IMAGE_WINDOW = ImageWindow()
 ADDED_LIGHT = AddedLight()

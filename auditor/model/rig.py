@@ -20,7 +20,7 @@ from auditor.model.optics.sensors import PIXEL_BITS as PIXEL_BITS  # noqa: PLC04
 from auditor.model.optics.sensors import Camera as Camera  # noqa: PLC0414 - also its home for who reads rigs
 from auditor.model.optics.sensors import Lidar as Lidar  # noqa: PLC0414 - also its home for who reads rigs
 from auditor.model.optics.sensors import Sweep as Sweep  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.parameters import RIG_GEOMETRY
+from auditor.model.parameters import PAIR_DEPTH, RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
 
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
@@ -175,7 +175,7 @@ class Rig:
     @cached_property
     def off_line_px(self) -> dict[int, float]:
         """By camera the rows by which it misses what is 10 m away, if it is rectified with those on the best line."""
-        per_metre = min(camera.focal_px for camera in self.cameras) / RIG_GEOMETRY.far_m
+        per_metre = min(camera.focal_px for camera in self.cameras) / PAIR_DEPTH.distance_m
         missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
         return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
 

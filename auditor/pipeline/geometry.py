@@ -54,7 +54,8 @@ from auditor.recordings import (
 )
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
-
+_MOST_CHECKED = 6  # frames by which ways to read a calibration are compared: it bounds the work
+_EVERY_CHECKED = 4  # frames, of which one is compared so: it bounds the work
 
 _OTHER_WAYS_UP = {
     "turned by half": (slice(None, None, -1), slice(None, None, -1)),
@@ -343,5 +344,5 @@ def _better_frames(shares: Sequence[float]) -> float:
 def _frames(recording: Recording, survey: Survey, rig: Rig) -> Iterator[Frame]:
     stream = synchronise(recording, rig, survey)
     frames = (frame for frame in stream if isinstance(frame, Frame))
-    every = GEOMETRY_FIT.every_checked
-    yield from islice(frames, 0, every * GEOMETRY_FIT.most_checked, every)
+    every = _EVERY_CHECKED
+    yield from islice(frames, 0, every * _MOST_CHECKED, every)

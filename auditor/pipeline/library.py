@@ -5,9 +5,12 @@ Keywords that are settings have the meanings and defaults of the options of the 
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, Field, dataclass
+from decimal import Decimal
+from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
-from typing import TypeVar, Unpack
+from textwrap import fill
+from typing import Any, TypedDict, TypeVar, Unpack
 
 from auditor import recordings as reading
 from auditor.errors import AuditorError, StoreError
@@ -17,15 +20,18 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
+from auditor.model.pictures import Cells, Pictures
 from auditor.model.rig import Rig
-from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords, ScanKeywords, explained
 from auditor.model.settings import (
     Criteria,
+    Engine,
     MeasureSettings,
+    about,
     made,
     settings_of,
     unknown_setting,
 )
+from auditor.model.verdict import Method, Statistic
 from auditor.pipeline.asking import PathLike
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
@@ -42,6 +48,82 @@ from auditor.recordings import FrameStream, Recording
 from auditor.store import Store
 from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+class JudgingKeywords(TypedDict, total=False):
+    """The fields of `Criteria` as keywords, for type checkers."""
+
+    r: Decimal | float | str
+    method: Method | str
+    statistic: Statistic | str
+    incidents_per_hour: float | None
+    transfer: bool
+    strict: bool
+    recount: bool
+    calibration: str | None
+    min_coverage: float
+    min_view: float
+    no_sensors: Iterable[str]
+
+
+class MeasuringKeywords(TypedDict, total=False):
+    """The fields of `MeasureSettings` as keywords, for type checkers."""
+
+    matcher: str
+    weights: str | Path | None
+    align_corners: bool | None
+    max_disparity: int | None
+    device: str
+    precision: str
+    compiled: bool
+    rig: str | Path | None
+    vehicle: str | None
+    weather: str | None
+    drive: str | None
+    path_pattern: str | None
+    time_limit: float | None
+    memory_limit: float
+    jobs: int | None
+    pictures: Pictures | str
+    cells: Cells | str
+    shard: str | None
+    engine: Engine | str
+    address: str | None
+    spool: str | Path | None
+    spool_limit: float | None
+    measure_again: bool
+    verify_content: bool
+
+
+class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
+    """The settings of a scan as keywords, for type checkers."""
+
+
+def explained(*kinds: type) -> Callable[[Function], Function]:
+    """A decorator: the settings that a function takes as keywords stand in its signature and in its docstring."""
+
+    def explain(function: Function) -> Function:
+        own = [one for one in signature(function).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+        named = settings_of(*kinds).values()
+        keywords = [
+            Parameter(one.name, Parameter.KEYWORD_ONLY, default=_shown_default(one), annotation=one.type)
+            for one in named
+        ]
+        answers = signature(function).return_annotation
+        function.__signature__ = Signature([*own, *keywords], return_annotation=answers)  # type: ignore[attr-defined]
+        texts = [f"{one.name}\n    {fill(about(one).help, 110, subsequent_indent='    ')}" for one in named]
+        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Settings", "--------", *texts])
+        return function
+
+    return explain
+
+
+def _shown_default(setting: Field[Any]) -> object:
+    """The default of a setting in a signature: None stands for one that depends on the machine."""
+    return None if setting.default is MISSING else setting.default
+
 
 Result = TypeVar("Result")
 

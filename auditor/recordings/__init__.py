@@ -17,9 +17,9 @@ from auditor.recordings.rigs.discovery import (
     search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
+from auditor.recordings.rigs.frame_tree import rig_places, unused_lidars
 from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force, rigs_unless_changed
 from auditor.recordings.rigs.ordering import Contradictions, contradictions
-from auditor.recordings.rigs.places import rig_places, unused_lidars
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health

@@ -25,8 +25,6 @@ class FirstLook:
     """How much of a recording is read before its frames are made."""
 
     samples: int = parameter(40, unit="stamps a sensor", source=BY_HAND)
-    most_bytes: int = parameter(512 * 2**20, unit="bytes of sensor data", source=_WORK)
-    most_messages: int = parameter(20_000, unit="messages", source=_WORK)
     most_lag_ns: int = parameter(2 * 10**9, unit="ns between messages of a file", source=BY_HAND)
 
 
@@ -35,11 +33,6 @@ class FrameWindow:
     """How long messages wait for their frame."""
 
     most_wait_periods: int = parameter(10, unit="periods", source=BY_HAND)
-    most_bytes: int = parameter(96 * 2**20, unit="bytes", source=_WORK)
-    message_bytes: int = parameter(512, unit="bytes beside a message's data", source=BY_HAND)
-    most_waiting: int = parameter(2048, unit="messages: 1 kHz beside 1 Hz", source=_WORK)
-    most_from_before: int = parameter(100, unit="messages after a clock went back", source=BY_HAND)
-    most_held_groups: int = parameter(100, unit="frames", source=_WORK)
 
 
 @dataclass(frozen=True)
@@ -52,19 +45,14 @@ class DriveParts:
     most_missing: int = parameter(3, unit="parts missing between two", source=BY_HAND)
     most_lengths: float = parameter(2.0, unit="lengths of a part, for each one that is missing", source=BY_HAND)
     least_common_share: float = parameter(0.5, unit="share of the shorter of two files side by side", source=BY_HAND)
-    most_streams: int = parameter(8, unit="drives side by side", source=_WORK)
-    looked_at_ns: int = parameter(2 * 10**9, unit="ns at the beginning of a part", source=_WORK)
-    looked_at_bytes: int = parameter(8 * 2**20, unit="bytes at the beginning of a part", source=_WORK)
 
 
 @dataclass(frozen=True)
 class CalibrationChanges:
     """When a calibration counts as changed within a recording, and how often it may."""
 
-    noise: float = parameter(1e-6, unit="share of the largest number", source=BY_HAND)
     settling_ns: int = parameter(10**9, unit="ns between two messages of one change", source=BY_HAND)
     most: int = parameter(8, unit="changes a rig", source=BY_HAND)
-    most_messages: int = parameter(500, unit="messages that change a calibration", source=_WORK)
     pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
 
 
@@ -81,7 +69,6 @@ class StampAgreement:
     most_ns: int = parameter(
         2 * 10**9, unit="ns of the same up to which a stamp that goes on is kept: recorders stall", source=BY_HAND
     )
-    remembered: int = parameter(64, unit="messages among which a stamp is repeated", source=BY_HAND)
     follows: int = parameter(256, unit="messages over which the usual distance follows a drift", source=BY_HAND)
 
 
@@ -102,11 +89,6 @@ class RigLimits:
 
     most_cameras: int = parameter(
         9, unit="cameras a rig: 36 pairs, 119 triples with a LiDAR", source=f"Middlebury's nine views; {_WORK}"
-    )
-    most_rigs: int = parameter(24, unit="rigs a recording", source=_WORK)
-    most_candidates: int = parameter(200, unit="calibrated cameras a recording", source=_WORK)
-    most_cells: int = parameter(
-        160, unit="rays from the middle of a view to its edge, where cameras are only compared", source=_WORK
     )
     most_apart_m: float = parameter(
         30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
@@ -154,7 +136,6 @@ class MovingFrames:
 class LidarChoice:
     """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
 
-    looked_at: int = parameter(400, unit="points of each of the first clouds of a topic", source=BY_HAND)
     columns: int = parameter(12, unit="cells across a picture that points may fall into", source=BY_HAND)
     rows: int = parameter(8, unit="cells down the same", source=BY_HAND)
     nearest_m: float = parameter(1.0, unit="m ahead of a camera, a point", source=BY_HAND)
@@ -186,36 +167,11 @@ class PointUnits:
         300.0, unit="m, median range", source="the farthest return of those; KITTI and nuScenes 6 to 13 m"
     )
     fewest_points: int = parameter(50, unit="points", source=BY_HAND)
-    looked_at: int = parameter(
-        500, unit="points of a cloud that show whether its numbers are distances", source="0.03 ms; by hand"
-    )
     smallest_m: float = parameter(1e-6, unit="m, a coordinate that is not 0", source=BY_HAND)
     largest_m: float = parameter(1e9, unit="m, a coordinate", source="bytes in the other order: 80 % are beyond these")
     least_distances: float = parameter(
         0.5, unit="share of the coordinates within these", source="of a scanner of one row a third may be rounding"
     )
-
-
-@dataclass(frozen=True)
-class CameraLimits:
-    """Which calibrations are those of a camera at all; the others would overflow."""
-
-    widest_px: int = parameter(65_535, unit="px, width and height", source=BY_HAND)
-    largest: float = parameter(1e9, unit="px or m, any number of K and P", source=BY_HAND)
-    largest_distortion: float = parameter(1e6, unit="any coefficient of a lens model", source=BY_HAND)
-    worst_condition: float = parameter(1e10, unit="condition number of K", source=BY_HAND)
-    tolerance: float = parameter(1e-2, unit="by which R R^T and K's last number may differ from 1", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Which poses of a recording are kept for the places of its frames; no count and no verdict depends on them."""
-
-    most_tracks: int = parameter(8, unit="topics and frames of reference a recording", source=_WORK)
-    most_places: int = parameter(1_000_000, unit="frames times topics: 28 hours of one at 10 Hz", source=_WORK)
-    most_apart_ns: int = parameter(10 * 10**9, unit="ns from a frame to a pose of it", source=BY_HAND)
-    most_message_bytes: int = parameter(2**20, unit="bytes of a message", source=_WORK)
-    most_name_characters: int = parameter(256, unit="characters of a frame's name", source=_WORK)
 
 
 SENSOR_TIMING = SensorTiming()
@@ -231,7 +187,6 @@ TIME_GAPS = TimeGaps()
 class PictureDepth:
     """Of how many bits the values of 16-bit pictures are: cameras fill 10 to 14 of them, and write no word about it."""
 
-    bits: tuple[int, ...] = parameter((10, 12, 14, 16), unit="bits of a value", source="sensors that are sold")
     pictures: int = parameter(10, unit="first pictures a topic, of which the largest value counts", source=BY_HAND)
 
 
@@ -244,7 +199,6 @@ class PictureOrder:
         unit="times less that neighbours differ, of the deviation of all",
         source="of 10 to 14 bits 2.9 to 14 times, of luma for chroma 3.4 to 40; declared rightly at most 1",
     )
-    rows_apart: int = parameter(8, unit="rows from one that is looked at to the next", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -252,7 +206,6 @@ class OddPictures:
     """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
 
     most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
-    rows_apart: int = parameter(16, unit="rows from one that is looked at first to the next", source=BY_HAND)
     least_filled: float = parameter(0.1, unit="share of the rows, of one level that is not black", source=BY_HAND)
 
 
@@ -265,13 +218,11 @@ class SensorLike:
     the raw bytes of a serial line of 115,200 baud 11.5 kB/s.
     """
 
-    least_messages: int = parameter(2, unit="messages: a map that is published once is no sensor", source=BY_HAND)
     least_hz: float = parameter(1.0, unit="messages a second: frames have 4 Hz at least", source=BY_HAND)
     bytes_per_s: float = parameter(200e3, unit="bytes a second, whatever the type says", source=BY_HAND)
     blob_bytes_per_s: float = parameter(
         15e3, unit="bytes a second, where the type's definition holds raw bytes, a picture or points", source=BY_HAND
     )
-    least_s: float = parameter(1.0, unit="s: shorter recordings count as so long", source=BY_HAND)
 
 
 RIG_LIMITS = RigLimits()
@@ -280,13 +231,11 @@ LIDAR_CHOICE = LidarChoice()
 LIDAR_OVERLAP = LidarOverlap()
 MOVING_FRAMES = MovingFrames()
 POINT_UNITS = PointUnits()
-CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
 PICTURE_ORDER = PictureOrder()
 ODD_PICTURES = OddPictures()
 
-POSES = Poses()
 
 SENSOR_LIKE = SensorLike()
 
@@ -295,7 +244,6 @@ FINDING_FILES = (DRIVE_PARTS,)
 
 RIG_FINDING = (
     RIG_LIMITS,
-    CAMERA_LIMITS,
     PICTURE_DEPTH,
     PICTURE_ORDER,
     ODD_PICTURES,
@@ -309,9 +257,6 @@ RIG_FINDING = (
 
 ACCOUNTING = (SENSOR_LIKE,)
 """All that can change which topics count as sensors that cannot be read; no count and no verdict depends on them."""
-
-PLACING = (POSES,)
-"""All that can change which poses are kept, and nothing else."""
 
 SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
 """All that can change which messages form a frame, and what of a recording counts as covered."""

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 from auditor.model.lazy_names import imported_when_used
 
 if TYPE_CHECKING:
-    from auditor.reporting.drift_page import render_drift_page
     from auditor.reporting.evaluation.loading import render_evaluation_report
     from auditor.reporting.fleet import render_fleet_report
     from auditor.reporting.incident.render import render_incident_page, render_incident_report
-    from auditor.reporting.refresh_page import render_refresh_page
+    from auditor.reporting.refresh_page import render_drift_page, render_refresh_page
 
 __all__ = [
     "render_drift_page",
@@ -26,10 +25,9 @@ __all__ = [
 __getattr__ = imported_when_used(
     __name__,
     {
-        "drift_page": "render_drift_page",
         "evaluation.loading": "render_evaluation_report",
         "fleet": "render_fleet_report",
         "incident.render": "render_incident_page render_incident_report",
-        "refresh_page": "render_refresh_page",
+        "refresh_page": "render_drift_page render_refresh_page",
     },
 )

@@ -1,12 +1,14 @@
 """The page of a refresh: one self-contained HTML page of what was decided for each rig kind, and why."""
 
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 from auditor import __version__
 from auditor.reporting.templates import fill
 from auditor.store.store import Store
 from auditor.store.versions.decisions import Decided, Refresh
+from auditor.store.versions.drift import FleetDrift, SensorDrift
 from auditor.store.versions.next_steps import next_steps
 
 _OF_ONE = {
@@ -43,3 +45,63 @@ def _headline(refresh: Refresh) -> str:
     count = Counter(one.decided for one in refresh.decisions)
     told = [f"{count[decided]} {decided}" for decided in _OF_ONE if count[decided]]
     return f"Of {len(refresh.decisions)} rig kinds: {', '.join(told)}."
+
+
+_WIDTH_PX, _HEIGHT_PX = 600.0, 120.0
+_TOP_PX, _LEFT_PX = 8.0, 56.0
+_MOST_PLOTS = 40
+
+
+@dataclass(frozen=True)
+class Plot:
+    """The levels of one sensor's check, in the pixels of its drawing; `changed_px` is where it changed."""
+
+    drift: SensorDrift
+    path: str
+    low: float
+    high: float
+    changed_px: float | None
+
+
+def render_drift_page(found: FleetDrift, store: Store, *, out: Path) -> Path:
+    """Write the page of a fleet's drift; answer `out`. Raises StoreError where it cannot be written.
+
+    All of its text is escaped; it refers to nothing outside itself.
+    """
+    values = {
+        "found": found,
+        "plots": [_plot(one) for one in found.named[:_MOST_PLOTS]],
+        "headline": _drift_headline(found),
+        "auditor_version": __version__,
+        "store": str(store.folder),
+        "size": (_WIDTH_PX, _HEIGHT_PX, _LEFT_PX),
+    }
+    return store.write_page(out, fill("drift.html", values))
+
+
+def _drift_headline(found: FleetDrift) -> str:
+    if not found.sensors:
+        return "No vehicle has enough days."
+    if not found.named:
+        return "Nothing drifts."
+    sensors = {(one.vehicle, one.sensor) for one in found.named}
+    vehicles = len({vehicle for vehicle, _ in sensors})
+    several = "s drift or have" if len(sensors) > 1 else " drifts or has"
+    return f"{len(sensors)} sensor{several} changed, of {vehicles} vehicle{'s' * (vehicles > 1)}."
+
+
+def _plot(one: SensorDrift) -> Plot:
+    first, last = one.levels[0][0], one.levels[-1][0]
+    values = [level for _, level in one.levels]
+    low, high = min(values), max(values)
+    days, span = max((last - first).days, 1), (high - low) or 1.0
+
+    def at(day_count: float) -> float:
+        return _LEFT_PX + (_WIDTH_PX - _LEFT_PX - _TOP_PX) * day_count / days
+
+    def down(level: float) -> float:
+        return _TOP_PX + (_HEIGHT_PX - 2 * _TOP_PX) * (high - level) / span
+
+    points = " ".join(f"{at((day - first).days):.1f},{down(level):.1f}" for day, level in one.levels)
+    changed = at((one.change.on_day - first).days - 0.5) if one.change is not None else None
+    return Plot(one, f"M{points}", low, high, changed)

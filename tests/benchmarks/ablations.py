@@ -20,7 +20,7 @@ from unittest import mock
 from auditor.identification import drive_level, prior, robust
 from auditor.identification import parameters as judging
 from auditor.identification.causes import faults, light_causes
-from auditor.identification.evidence_parameters import ALERTS, DRIVE_LEVEL, INCIDENTS, LIKELIHOOD
+from auditor.identification.evidence_parameters import ALERTS, DRIVE_LEVEL, INCIDENTS, LIKELIHOOD, OWN_AT
 from auditor.identification.evidence_parameters import THROWN_LIGHT as LIT
 from auditor.model.arrays import Floats
 from auditor.model.checks import Check
@@ -126,13 +126,12 @@ def rules() -> Iterator[Rule]:
     yield Rule("levels of a group", replaced(drive_level, "group_of", lambda *args: None))
     of_attacked = {"farthest": INF, "farther": 0.0, "widest_values": INF}
     yield Rule("bounds against attacked drives", numbers(hierarchy, **of_attacked))
-    yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0, narrowest_of_any=0.0))
-    yield Rule("the narrowest of any drive", numbers(hierarchy, narrowest_of_any=0.0))
+    yield Rule("the narrowest deviations", numbers(hierarchy, narrowest=0.0))
     yield Rule("dependent checks", numbers(judging.JOINT_TAIL, independent=1.0))
     yield Rule("limits of a score", numbers(judging.SCORE_LIMITS, lowest=-40.0, highest=40.0))
     yield Rule("the curve of the other sensors", numbers(LIKELIHOOD, of_rest=(0.0,) * len(LIKELIHOOD.of_rest)))
     yield Rule("a price of several sensors", numbers(LIKELIHOOD, of_several=0.0))
-    straight = tuple(x - 2 for x in LIKELIHOOD.own_at)
+    straight = tuple(x - 2 for x in OWN_AT)
     yield Rule("curves of an attacked sensor", numbers(LIKELIHOOD, of_camera=straight, of_lidar=straight))
     yield Rule("a curve of the LiDAR by itself", numbers(LIKELIHOOD, of_lidar=LIKELIHOOD.of_camera))
     yield Rule("duty of a strobe", numbers(INCIDENTS, duty=1.0))

@@ -77,7 +77,7 @@ def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Fr
 def measured(source: Source, name: str, family: str, attacked: int, *, changes: Changes = attacks_on) -> Scene:
     """All frames of a source clean, and `attacked` of them, evenly spread, under every attack."""
     features, cases = FaultFeatures(), []
-    with source.open(colour=True) as [drive]:
+    with source.open() as [drive]:
         frames = [item for item in drive.frames if isinstance(item, Frame)]
         chosen = spread(frames, attacked)
         for frame in frames:

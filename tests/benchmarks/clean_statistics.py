@@ -148,9 +148,9 @@ class Resized:
     scale: float
 
     @contextmanager
-    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig."""
-        with self.source.open(colour=colour) as drives:
+        with self.source.open() as drives:
             yield tuple(self._of(drive) for drive in drives)
 
     def _of(self, drive: CleanDrive) -> CleanDrive:
@@ -219,9 +219,9 @@ class Altered:
     how: str
 
     @contextmanager
-    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig."""
-        with self.source.open(colour=colour) as drives:
+        with self.source.open() as drives:
             alter = ALTERATIONS[self.how]
             yield tuple(replace(drive, frames=(changed(item, alter) for item in drive.frames)) for drive in drives)
 
@@ -264,7 +264,7 @@ def scene_of(
     camera: int | None = None,
 ) -> Scene:
     """Measure a source, or a stretch of it: from a frame to before another."""
-    with source.open(colour=True) as drives:
+    with source.open() as drives:
         drive = drives[0]
         rig = drive.rig if camera is None else Rig(drive.rig.lidar, (replace(drive.rig.camera(camera), number=1),))
         kinds: dict[int, str] = {}

@@ -141,7 +141,7 @@ def measured(
 def frames_of(source: Source, camera: int | None, beams: int) -> tuple[Rig, list[Frame]]:
     """The frames of a source that have a cloud, of so many beams; of one camera alone."""
     if camera is None:
-        with source.open(colour=True) as [drive]:
+        with source.open() as [drive]:
             rig, frames = drive.rig, [item for item in drive.frames if isinstance(item, Frame)]
     else:
         rig, frames = lone_cameras.frames_of(source, camera)

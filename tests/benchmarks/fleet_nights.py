@@ -34,8 +34,8 @@ from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.refresh_parameters import INFLUENCE
 from auditor.identification.refreshing import influence
-from auditor.identification.refreshing.clustered import difference_of, share_of
 from auditor.identification.refreshing.drives import Drive, Folds, Shown, shown_by
+from auditor.identification.refreshing.gate import difference_of, share_of
 from auditor.identification.robust import findings_alone
 from auditor.identification.scores import CleanDrives
 from auditor.identification.systems import System

@@ -92,14 +92,14 @@ def _options(description: str) -> argparse.Namespace:
 
 def real(name: str, path: Path, happenings: Happenings, chosen: slice) -> Drive:
     """A real drive, each sensor in turn."""
-    with Recorded(path).open(colour=True) as [drive]:
+    with Recorded(path).open() as [drive]:
         kept = [frame for frame in drive.frames if isinstance(frame, Frame)][chosen]
         return measured_drive(name, name, drive.rig, happenings(kept, drive.rig, 1, each=True))
 
 
 def street(source: Street, happenings: Happenings, apart: int) -> Drive:
     """A street, every so many of its frames, and drives of its vehicle elsewhere of as many."""
-    with source.open(colour=True) as [drive]:
+    with source.open() as [drive]:
         kept = [frame for frame in drive.frames if isinstance(frame, Frame)][::apart]
         happened = happenings(kept, drive.rig, source.seed, each=False)
         found = measured_drive(str(source), source.family, drive.rig, happened)

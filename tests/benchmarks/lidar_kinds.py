@@ -161,7 +161,7 @@ def measured(
 ) -> Scene:
     """All frames of a source clean, and `most` of them, evenly spread, under some attacks, drawn anew or `constant`."""
     features, cases, seed = FaultFeatures(), [], len(name)
-    with source.open(colour=True) as [drive]:
+    with source.open() as [drive]:
         rig = drive.rig
         frames = [item for item in drive.frames if isinstance(item, Frame)]
         chosen = spread(frames, most)

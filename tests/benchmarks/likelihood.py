@@ -50,8 +50,8 @@ from tests.benchmarks.scenes import Scene, load
 R = Decimal("0.01")
 CAMERAS = (*combinations((1, 2, 3, 4), 3), (1, 2, 3, 4))
 NOBODY: frozenset[int] = frozenset()
-OWN_AT = np.array([-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0])
-REST_AT = np.array([-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0])
+OWN_AT = np.array(evidence_parameters.OWN_AT)
+REST_AT = np.array(evidence_parameters.REST_AT)
 CLEAN_WEIGHT = 4.0
 SMOOTH = 1e-3
 BINS = 10
@@ -200,10 +200,8 @@ def fit(designs: Sequence[Design]) -> evidence_parameters.Likelihood:
     camera, lidar, rest = (tuple(round(v, 2) for v in one.tolist()) for one in curves.values())
     return replace(
         evidence_parameters.LIKELIHOOD,
-        own_at=tuple(OWN_AT.tolist()),
         of_camera=camera,
         of_lidar=lidar,
-        rest_at=tuple(REST_AT.tolist()),
         of_rest=rest,
         of_several=round(curves.several.item(), 2),
     )

@@ -21,9 +21,8 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.lab.training.samples import Recorded, SampleFiles, SampleTask, Street, make_samples
+from auditor.lab.training.samples import Recorded, Sample, SampleFiles, SampleTask, Street, make_samples, score
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
-from auditor.measurement.disparity.matchers.scoring import Sample, score
 
 STREET_SAMPLES = 3
 """Of each street."""

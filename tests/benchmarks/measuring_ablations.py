@@ -110,7 +110,7 @@ def kept_frames() -> Iterator[Kept]:
     sources += [(f"street {seed}", Street(seed, 2, len(FOUR), 0.5)) for seed in STREETS]
     wanted = {kind.split()[0] for kinds in KINDS.values() for kind in kinds}
     for name, source in sources:
-        with source.open(colour=True) as [drive]:
+        with source.open() as [drive]:
             features = FaultFeatures()
             for place, frame in enumerate(one for one in drive.frames if isinstance(one, Frame)):
                 clean, arrays = measure(frame, drive.rig, MATCHER)

@@ -20,8 +20,7 @@ import numpy as np
 
 from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import GATE
-from auditor.identification.refreshing.clustered import difference_of
-from auditor.identification.refreshing.gate import planted_found
+from auditor.identification.refreshing.gate import difference_of, planted_found
 from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import FINDINGS

@@ -28,6 +28,7 @@ import torch
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.training.checkpoints import TrainingSettings
 from auditor.lab.training.psmnet import train
+from auditor.lab.training.samples import Sample, score
 from auditor.measurement import measure, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.matchers.psmnet import (
@@ -40,7 +41,6 @@ from auditor.measurement.disparity.matchers.psmnet import (
 from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, Engine
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet
 from auditor.measurement.disparity.matchers.psmnet.weights import content_sha256
-from auditor.measurement.disparity.matchers.scoring import Sample, score
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap

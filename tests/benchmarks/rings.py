@@ -13,7 +13,6 @@ import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from statistics import median
@@ -25,8 +24,6 @@ import numpy as np
 
 from auditor.cli import run
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS, PublishedRig
-from auditor.lab.simulation.rings import RingDrive, make_ring_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.model.arrays import Image, Points
 from auditor.model.frames import CameraImage, PointCloud
@@ -37,6 +34,8 @@ from auditor.recordings import open_recording, search_rigs, survey
 from auditor.recordings.synchronisation import shared_read
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
+from tests.making.published_rigs import PUBLISHED_RIGS, PublishedRig
+from tests.making.ring_drives import RingDrive, make_ring_drive
 
 FRAMES, WALLED_FRAMES, ATTACKED = 10, 14, range(4, 12)
 COST_FRAMES = 24
@@ -127,10 +126,10 @@ def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
 def cost(folder: Path, rig: PublishedRig, seed: int) -> None:
     """The CPU time of measuring a drive in one read and in a read for each camera, in turn, and their ratio."""
     path = write_published(folder / "ring.mcap", rig, *seen(make_ring_drive(rig, seed, COST_FRAMES), COST_FRAMES))
-    whole, none = shared_read.FRAME_WINDOW, replace(shared_read.FRAME_WINDOW, most_bytes=0)
+    whole = shared_read.MOST_WAITING_BYTES
     spent: dict[str, list[float]] = {"warm": [], "one read": [], "a read each": []}
     for round_, how in enumerate(("warm", *("one read", "a read each") * 3)):
-        shared_read.FRAME_WINDOW = none if how == "a read each" else whole
+        shared_read.MOST_WAITING_BYTES = 0 if how == "a read each" else whole
         began = process_time()
         measure_recording(MeasureTask(path, folder / f"store {round_}"), lambda _, __: None)
         spent[how].append(process_time() - began)

@@ -32,9 +32,11 @@ from auditor.lab.evaluation.object_baseline.average_precision import Scored, sco
 from auditor.lab.evaluation.object_baseline.detectors import CAR, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images
 from auditor.lab.evaluation.object_baseline.detectors.streets.network import packed
-from auditor.lab.evaluation.object_baseline.street_labels import street_labels
+from auditor.lab.evaluation.object_baseline.runner import street_labels
 from auditor.lab.evaluation.sources import Recorded, Source, Street
-from auditor.lab.training.street_detectors import (
+from auditor.model.frames import Frame
+from auditor.store import Store, run_query
+from tests.making.street_detectors import (
     CLOUDS,
     IMAGES,
     Training,
@@ -43,8 +45,6 @@ from auditor.lab.training.street_detectors import (
     trained,
     training_streets,
 )
-from auditor.model.frames import Frame
-from auditor.store import Store, run_query
 
 STEPS = {"clouds": 900, "images": 1500}
 """Of the weights that come with auditor, as are the numbers of streets and frames below."""

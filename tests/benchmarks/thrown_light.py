@@ -24,7 +24,7 @@ import torch
 
 from auditor.identification.causes.light_causes import Seen, seen_of
 from auditor.identification.drive_level import for_clean_drive
-from auditor.identification.evidence_parameters import THROWN_LIGHT
+from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA
@@ -48,10 +48,10 @@ PAPER = ("facula", "paper's facula", *(f"facula, {strength}" for strength in STR
 ALL = (1, 2, 3, 4)
 STARTS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 KNOTS = (
-    THROWN_LIGHT.changed_at,
-    THROWN_LIGHT.changed_at,
-    THROWN_LIGHT.darker_at,
-    THROWN_LIGHT.saturated_at,
+    CHANGED_AT,
+    CHANGED_AT,
+    DARKER_AT,
+    SATURATED_AT,
 )
 
 

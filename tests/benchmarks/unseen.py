@@ -46,7 +46,7 @@ PERIODS = range(2, 61)
 
 def frames_of(path: Path, count: int) -> tuple[Rig, list[Frame]]:
     """The rig of a drive and some of its frames, spread over it."""
-    with Recorded(path).open(colour=True) as drives:
+    with Recorded(path).open() as drives:
         frames = [item for item in drives[0].frames if isinstance(item, Frame)]
         return drives[0].rig, frames[:: max(len(frames) // count, 1)][:count]
 

@@ -14,13 +14,12 @@ from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.checks.found import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
 
 GROUPS = (
     FINDING_FILES,
     RIG_FINDING,
     SYNCHRONISING,
-    PLACING,
     ACCOUNTING,
     MEASURING,
     WARNING,
@@ -45,8 +44,8 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     error = by_name["counts", "disparity_error", "absolute_px"]
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
-    assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
-    changed = {"recordings", "rigs", "frames", "places", "topics"}
+    assert by_name["verdicts", "naming", "least_probability"]["value"] == "0.7"
+    changed = {"recordings", "rigs", "frames", "topics"}
     changed |= {"counts", "warnings", "verdicts", "refreshes", "drift"}
     assert changed == {row["changes"] for row in rows}
 
@@ -59,7 +58,7 @@ def test_csv_has_the_same_rows(capfd: pytest.CaptureFixture[str]) -> None:
 
 def test_the_table_has_a_part_for_each_group_that_says_what_it_changes(capfd: pytest.CaptureFixture[str]) -> None:
     lines = [line.strip() for line in printed(capfd).splitlines()]
-    for title in ("sgbm: changes counts", "frozen: changes verdicts", "frame_window: changes frames"):
+    for title in ("sgbm: changes counts", "naming: changes verdicts", "frame_window: changes frames"):
         assert title in lines
     [block] = [line for line in lines if line.startswith("block_px")]
     assert block.split()[1] == "5"

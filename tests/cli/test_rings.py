@@ -8,11 +8,11 @@ import pytest
 
 from auditor.cli import run
 from auditor.lab.attacks.paper import BogusWall
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS
-from auditor.lab.simulation.rings import make_ring_drive
 from auditor.model.frames import PointCloud
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
+from tests.making.published_rigs import PUBLISHED_RIGS
+from tests.making.ring_drives import make_ring_drive
 
 FRAMES, ATTACKED = 10, range(3, 9)
 RIG = replace(

@@ -13,7 +13,6 @@ from auditor.cli import run
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions
 from auditor.model.pictures import Cells, Pictures
-from auditor.model.setting_keywords import JudgingKeywords, MeasuringKeywords
 from auditor.model.settings import (
     Criteria,
     Engine,
@@ -24,6 +23,7 @@ from auditor.model.settings import (
 )
 from auditor.model.verdict import Method, Statistic
 from auditor.pipeline import library, many
+from auditor.pipeline.library import JudgingKeywords, MeasuringKeywords
 from auditor.store import Store
 from tests.settings_table import DOCUMENT, table
 

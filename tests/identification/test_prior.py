@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from auditor.identification.drive_level import of_drive, own_level
 from auditor.identification.parameters import HIERARCHY, JOINT_TAIL
 from auditor.identification.prior import (
+    SMALLEST_R,
     Prior,
     effective_size,
     expected,
@@ -98,7 +99,7 @@ def test_drives_that_are_all_alike_narrow_what_is_expected_of_any_drive_to_so_mu
     found = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)])
     assert found.between < 0.2 * PRIOR.tail * PRIOR.between
     assert found.deviation > math.hypot(found.within, found.between)
-    assert found.deviation == pytest.approx(HIERARCHY.narrowest_of_any * expected(PRIOR, []).deviation, rel=0.01)
+    assert found.deviation == pytest.approx(HIERARCHY.narrowest * expected(PRIOR, []).deviation, rel=0.01)
     believed = expected(PRIOR, [drive(-2.0, seed=n) for n in range(200)], believed=True)
     assert believed.deviation < 0.8 * found.deviation, "of faults there is no such bound"
 
@@ -203,7 +204,7 @@ def test_many_checks_are_worth_fewer_independent_ones():
 
 def test_at_r_of_one_everything_is_a_finding_and_the_smallest_rates_are_taken_for_one():
     assert joint_limit(1.0, 10) == -math.inf
-    assert joint_limit(0.0, 10) == joint_limit(JOINT_TAIL.smallest_r, 10) < math.inf
+    assert joint_limit(0.0, 10) == joint_limit(SMALLEST_R, 10) < math.inf
 
 
 @given(st.floats(0, 1))

@@ -10,15 +10,16 @@ import pytest
 from auditor.identification.cross_validation import as_scanned, thresholds_of
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
-from auditor.identification.refreshing.clustered import difference_of, share_of
 from auditor.identification.refreshing.drives import Drive, Folds, Shown, Source, shown_by, shown_by_others
 from auditor.identification.refreshing.gate import (
     Compared,
     compared,
+    difference_of,
     doubtful,
     doubts,
     planted_found,
     rates_by_condition,
+    share_of,
     worse,
 )
 from auditor.identification.refreshing.influence import crowded, influential, limited

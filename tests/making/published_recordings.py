@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.lab.simulation.published_rigs import PublishedLidar, PublishedRig
 from auditor.model.arrays import Image, Points
 from auditor.recordings import schemas
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
+from tests.making.published_rigs import PublishedLidar, PublishedRig
 
 START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 10**8

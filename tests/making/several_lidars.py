@@ -9,13 +9,13 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from auditor.lab.attacks.kinds import OnLidar
-from auditor.lab.simulation.published_rigs import PublishedLidar, PublishedRig
-from auditor.lab.simulation.rings import make_ring_drive
 from auditor.model.arrays import Integers, Mask
 from auditor.model.frames import Frame, PointCloud, Presence, SensorState
 from auditor.model.optics.geometry import motion
 from auditor.model.rig import Lidar, Rig
 from auditor.recordings import find_rigs, located, open_recording, survey, synchronise
+from tests.making.published_rigs import PublishedLidar, PublishedRig
+from tests.making.ring_drives import make_ring_drive
 
 ROOF = PublishedLidar("roof", (0.6, 0.0, 1.9), 40, -22, 8)
 REAR = PublishedLidar("rear", (-1.0, 0.0, 1.9), 32, -25, 8)

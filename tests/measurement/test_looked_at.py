@@ -5,7 +5,7 @@ import pytest
 
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.measurement.looked_at import Looked, looked_at
+from auditor.measurement.frame import Looked, looked_at
 from auditor.model.checks import Check, CountedPair
 from auditor.model.measurement import Cells
 from auditor.model.rig import LIDAR

@@ -12,7 +12,7 @@ from auditor.measurement import measure, measure_stream, own_past
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.parallax_conflict import Compared
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.measurement.looked_at import NOT_LOOKED_AT
+from auditor.measurement.frame import NOT_LOOKED_AT
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.model.verdict import Statistic

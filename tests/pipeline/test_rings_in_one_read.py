@@ -1,7 +1,6 @@
 """A recording of several rigs, as that of a ring of cameras is, is read once for all of them."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +8,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.recordings.synchronisation import shared_read
 from tests.making.counted_reads import count_reads
 from tests.making.published_recordings import road_points, write_published
+from tests.making.published_rigs import PUBLISHED_RIGS
 
 RIG = PUBLISHED_RIGS["nuscenes"].smaller(0.15)
 FRAMES = 8
@@ -52,7 +51,7 @@ def kept(store: Path) -> Mapping[str, Any]:
 
 def apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """From now on no message may wait for a stream that is behind."""
-    monkeypatch.setattr(shared_read, "FRAME_WINDOW", replace(shared_read.FRAME_WINDOW, most_bytes=0))
+    monkeypatch.setattr(shared_read, "MOST_WAITING_BYTES", 0)
 
 
 def test_six_cameras_take_one_read_and_give_what_six_reads_do(

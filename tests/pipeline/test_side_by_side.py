@@ -9,10 +9,11 @@ import pytest
 
 from auditor.cli import run, summary
 from auditor.errors import ThresholdsError
-from auditor.pipeline import many, side_by_side
+from auditor.pipeline import many
+from auditor.pipeline.calibrations import batch as side_by_side
+from auditor.pipeline.calibrations.batch import judge_side_by_side
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import JudgeSettings, judge_all
-from auditor.pipeline.side_by_side import judge_side_by_side
 from auditor.store import Store
 from auditor.store.log import entries
 from auditor.store.packs import packing

@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS
 from auditor.model.rig import Rig
 from auditor.reporting.rig_picture import rig_picture
 from auditor.reporting.rig_plan import PlacedRig, Unused, in_lidar_frame, planned
+from tests.making.published_rigs import PUBLISHED_RIGS
 from tests.making.recorded_drives import make_rig
 
 

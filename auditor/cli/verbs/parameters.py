@@ -41,13 +41,12 @@ def _rows() -> Iterator[dict[str, object]]:
     from auditor.measurement.checks.found import MEASURING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
-    from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
+    from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
 
     parts = (
         ("recordings", FINDING_FILES),
         ("rigs", RIG_FINDING),
         ("frames", SYNCHRONISING),
-        ("places", PLACING),
         ("topics", ACCOUNTING),
         ("counts", MEASURING),
         ("warnings", WARNING),

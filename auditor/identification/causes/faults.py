@@ -14,7 +14,6 @@ from auditor.identification.causes.light_causes import ENOUGH, Seen, by_tone, of
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
-    FROZEN,
     TEMPORAL_WINDOW,
 )
 from auditor.identification.statistics import measured_medians, window_means
@@ -41,10 +40,13 @@ from auditor.model.verdict import (
     VerdictKind,
 )
 
+_LEAST_LISTED = 0.2  # the score from which on a cause is listed; from ENOUGH on it explains
+_LEAST_TEXTURE = 0.01  # the share with texture that is told from none, so that its logarithm is finite
+
 LONGEST_WINDOW_S = max(TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.lasting_s)
 """No fault score depends on frames further away than half of this."""
 
-MIN_FRAMES = FROZEN.least_repeats
+MIN_FRAMES = 2
 """Frames that must be equal to the one before them: one repeat alone occurs where frames are faster than a sensor."""
 
 FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED, Cause.BLURRED})
@@ -140,7 +142,7 @@ def fault_hypotheses(
     unusual = np.stack([_unusual(key[0], scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
     z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
     share = ENOUGH * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
-    least = FAULT_SCALE.least_listed
+    least = _LEAST_LISTED
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
         places: list[int] = np.argsort(-z[frame], kind="stable").tolist()
@@ -190,7 +192,7 @@ def _explaining(
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and by_tone(own, limit)
+            yield own is not None and by_tone(own)
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
@@ -292,7 +294,7 @@ def _blurred(seen: ObservedFeatures) -> list[Floats]:
 
     What is darker has less texture. So by how much it is darker than the darkest other one is taken off.
     """
-    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], FAULT_SCORES.least_texture))
+    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], _LEAST_TEXTURE))
     levels = np.log(np.maximum(seen.brightness["level"], 1.0))
     found = []
     for place in range(len(seen.cameras)):

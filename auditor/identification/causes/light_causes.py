@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.evidence_parameters import THROWN_LIGHT
+from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT, THROWN_LIGHT
 from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import NANOSECONDS, window_bounds
 from auditor.identification.systems import System
@@ -98,10 +98,10 @@ class Seen(NamedTuple):
         """
         of = THROWN_LIGHT
         curves = (
-            (self.removed, of.changed_at, of.of_removed),
-            (self.inconsistent, of.changed_at, of.of_inconsistent),
-            (float(np.log(self.darker)), of.darker_at, of.of_darker),
-            (float(np.log1p(self.saturated_px)), of.saturated_at, of.of_saturated),
+            (self.removed, CHANGED_AT, of.of_removed),
+            (self.inconsistent, CHANGED_AT, of.of_inconsistent),
+            (float(np.log(self.darker)), DARKER_AT, of.of_darker),
+            (float(np.log1p(self.saturated_px)), SATURATED_AT, of.of_saturated),
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
@@ -163,13 +163,10 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen, limit: float) -> bool:
+def by_tone(seen: Seen) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted. Neither adds light of one colour or in rows.
     """
-    if seen.thrown:
-        return False
-    unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
-    return unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added
+    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)

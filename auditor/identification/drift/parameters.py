@@ -19,19 +19,9 @@ class Drifting:
     )
     days: int = parameter(60, unit="days that are looked at", source=BY_HAND)
     fewest_frames: int = parameter(20, unit="measured frames of a vehicle's day", source=BY_HAND)
-    fewest_of_stretch: int = parameter(
-        3, unit="days of a stretch, of which a series has two: a line and one more", source=BY_HAND
-    )
-    fewest_vehicles: int = parameter(3, unit="vehicles of a day whose median is the fleet's", source=BY_HAND)
     margin: float = parameter(
         1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"
     )
-    tails: tuple[float, ...] = parameter(
-        (0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
-        unit="shares of a fleet's days, whose levels are made normal",
-        source=BY_HAND,
-    )
-    parts: int = parameter(5, unit="parts of the vehicles, each of which has the tails of the others", source=BY_HAND)
     most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
     days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)
     extreme: float = parameter(2.0, unit="deviations that an odd day may differ from it", source=BY_HAND)

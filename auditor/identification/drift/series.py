@@ -25,7 +25,12 @@ from auditor.model.arrays import Floats, Integers
 
 _OF_A_DEVIATION = 0.6744897501960817
 """The median absolute deviation of a standard normal variable; its square is the median of a chi-squared one."""
-
+_PARTS = 5  # of the vehicles, each of which has the tails of the others
+_TAILS = (0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99)
+"""Shares of a fleet's days, whose levels are made normal: quantiles out to two deviations and more."""
+_FEWEST_OF_STRETCH = 3
+"""Days of a stretch, of which a series has two: a line has two points, and one more shows its noise."""
+_FEWEST_VEHICLES = 3  # of a day whose median is the fleet's: one vehicle alone does not move that of three
 
 RAISED_FROM: Mapping[str, float] = {"row_offset": FAULT_SCORES.tilted_by_px, "depth_bias": FAULT_SCORES.biased_by_px}
 """By check the level, in px, from which a frame's own verdict says that a camera is displaced."""
@@ -121,9 +126,7 @@ def drifts(comparisons: Sequence[DailyLevels], least: Callable[[str], float]) ->
 
     `least` gives by check the smallest deviation that is believed: less is not worth a visit to a workshop.
     """
-    measured = [
-        _Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= 2 * DRIFT.fewest_of_stretch
-    ]
+    measured = [_Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= 2 * _FEWEST_OF_STRETCH]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least(some[0].levels.name.check)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
@@ -149,7 +152,7 @@ def _without_the_fleet(series: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
     for row, one in enumerate(series):
         centred[row, np.searchsorted(days, one.levels.day)] = one.own - np.median(one.own)
     shared = np.zeros(len(days))
-    many = np.count_nonzero(~np.isnan(centred), axis=0) >= DRIFT.fewest_vehicles
+    many = np.count_nonzero(~np.isnan(centred), axis=0) >= _FEWEST_VEHICLES
     if many.any():
         shared[many] = np.nanmedian(centred[:, many], axis=0)
     for row, one in enumerate(series):
@@ -166,7 +169,7 @@ def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
     for sensor in sorted({sensor for one in comparisons for sensor in one.levels.name.sensors}):
         mine = [one for one in comparisons if sensor in one.levels.name.sensors]
         day = reduce(np.intersect1d, [one.levels.day for one in mine])
-        if len(day) < 2 * DRIFT.fewest_of_stretch:
+        if len(day) < 2 * _FEWEST_OF_STRETCH:
             continue
         signs = [-1.0 if one.levels.signed and one.levels.name.sensors[0] != sensor else 1.0 for one in mine]
         places = [np.searchsorted(one.levels.day, day) for one in mine]
@@ -199,7 +202,7 @@ def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
     by_sensors: dict[tuple[int, ...], list[_Adjusted]] = defaultdict(list)
     for one in series:
         by_sensors[one.levels.name.sensors].append(one)
-    alike = {sensors: some for sensors, some in by_sensors.items() if len(some) >= DRIFT.fewest_vehicles}
+    alike = {sensors: some for sensors, some in by_sensors.items() if len(some) >= _FEWEST_VEHICLES}
     of_sensors = {sensors: _typical(some) for sensors, some in alike.items()}
     deviations = [
         max(typical, of_sensors.get(one.levels.name.sensors, 0.0), _spread_of_steps(one.own), least, tiny)
@@ -224,8 +227,8 @@ def _typical(series: Sequence[_Adjusted]) -> float:
 
 
 def _tails(standard: Sequence[Floats]) -> Floats:
-    """The quantiles of `DRIFT.tails` in the middle one of these series: one that drifts does not move them."""
-    return np.asarray(np.median([np.quantile(values, DRIFT.tails) for values in standard], axis=0))
+    """The quantiles of `_TAILS` in the middle one of these series: one that drifts does not move them."""
+    return np.asarray(np.median([np.quantile(values, _TAILS) for values in standard], axis=0))
 
 
 def _tails_of_others(
@@ -236,11 +239,9 @@ def _tails_of_others(
     Days of few levels that hardly ever differ have no tails of their own where there are few of them.
     """
     values = [standard[one.levels.name] for one in series]
-    parts = range(min(DRIFT.parts, len(series)))
+    parts = range(min(_PARTS, len(series)))
     tails = [
-        np.quantile(
-            np.concatenate([one for place, one in enumerate(values) if place % len(parts) != part]), DRIFT.tails
-        )
+        np.quantile(np.concatenate([one for place, one in enumerate(values) if place % len(parts) != part]), _TAILS)
         for part in parts
     ]
     return ((one.levels.name, tails[place % len(parts)]) for place, one in enumerate(series))
@@ -251,7 +252,7 @@ def _as_normal(values: Floats, *tails: Floats) -> Floats:
 
     Days whose tails are rough, or long on one side, would else give more alarms than is said.
     """
-    normal = np.array([NormalDist().inv_cdf(share) for share in DRIFT.tails])
+    normal = np.array([NormalDist().inv_cdf(share) for share in _TAILS])
     knots = np.sign(normal) * np.maximum(np.abs(normal), np.max(np.sign(normal) * tails, axis=0))
     inside = np.interp(values, knots, normal)
     beyond = np.where(values < knots[0], values * normal[0] / knots[0], values * normal[-1] / knots[-1])
@@ -309,7 +310,7 @@ def _drift(one: _Adjusted, tests: float) -> Drift:
     return Drift(
         name=one.levels.name,
         levels=one.levels,
-        level=float(np.median(level[last][-DRIFT.fewest_of_stretch :])),
+        level=float(np.median(level[last][-_FEWEST_OF_STRETCH:])),
         deviation=one.deviation,
         per_day=_slope(day[last], one.own[last]),
         chance=min(erfc(steep / sqrt(2)) * tests * searched, 1.0),
@@ -331,7 +332,7 @@ def _cuts(one: _Adjusted, start: int, end: int, tests: float) -> dict[int, float
 
     Where no line changes, the squared error that a cut saves is chi-squared with two degrees of freedom.
     """
-    least = DRIFT.fewest_of_stretch
+    least = _FEWEST_OF_STRETCH
     cuts = np.arange(start + least, end - least + 1)
     if len(cuts) == 0:
         return {}

@@ -32,6 +32,9 @@ _S_PER_HOUR = 3600
 
 FEWEST_FINDINGS = 2
 """Findings of an incident, or in a row: one frame is neither."""
+FEWEST_PER_HOUR = 0.01
+"""False incidents: fewer are taken for so many, since no clean drives reach further."""
+
 
 QUIET_FRAMES = round(1 / INCIDENTS.duty)
 """Frames without a rise that no incident ends with: a strobe of one frame in so many is one attack."""
@@ -236,7 +239,7 @@ def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), h
     `peaks` are those of the excursions of so many `hours` of clean driving. Beyond the smallest that counts they are
     taken for exponential; how many there are, and how far they reach, is known beforehand from a few of the prior.
     """
-    allowed = max(INCIDENTS.per_hour if per_hour is None else per_hour, INCIDENTS.fewest_per_hour)
+    allowed = max(INCIDENTS.per_hour if per_hour is None else per_hour, FEWEST_PER_HOUR)
     least, prior = INCIDENTS.peaks_from, INCIDENTS.prior_peaks
     beyond = [peak - least for peak in peaks if peak > least]
     rate = (prior + len(beyond)) / (INCIDENTS.prior_hours + hours)
@@ -249,7 +252,7 @@ def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
 
     A lone frame, whose rate is not known, is taken for one a second.
     """
-    rates = max(per_hour, INCIDENTS.fewest_per_hour) * np.nan_to_num(evidence.periods_s, nan=1.0) / _S_PER_HOUR
+    rates = max(per_hour, FEWEST_PER_HOUR) * np.nan_to_num(evidence.periods_s, nan=1.0) / _S_PER_HOUR
     return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
 
 

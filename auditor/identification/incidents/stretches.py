@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
-from auditor.identification.incidents.sequential import periods_of, places_of
+from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, periods_of, places_of
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import joint_limit, prior_of_check
 from auditor.identification.statistics import NANOSECONDS, measured_medians
@@ -110,7 +110,7 @@ def thresholds_of(thresholds: RobustThresholds, checks: int, seconds: float) -> 
     That is as often as false incidents are allowed.
     """
     per_hour = INCIDENTS.per_hour if thresholds.incidents_per_hour is None else thresholds.incidents_per_hour
-    rate = max(per_hour, INCIDENTS.fewest_per_hour) * seconds / 3600
+    rate = max(per_hour, FEWEST_PER_HOUR) * seconds / 3600
     expected = {check: of_stretch(check, usual) for check, usual in thresholds.expected.items()}
     return replace(thresholds, limit=joint_limit(rate, checks), expected=expected)
 

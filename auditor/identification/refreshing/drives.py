@@ -11,7 +11,7 @@ import numpy as np
 from auditor.identification.cross_validation import as_scanned, count_incidents
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.prior import joint_limit
-from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
+from auditor.identification.refresh_parameters import CLEAN_DRIVE
 from auditor.identification.robust import findings_alone, judge_frames
 from auditor.identification.scores import CleanDrives
 from auditor.identification.statistics import NANOSECONDS
@@ -19,6 +19,8 @@ from auditor.identification.systems import System
 from auditor.model.arrays import Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import FINDINGS
+
+_FOLDS = 5  # groups of vehicles, and groups of days, that judge each other
 
 
 class Source(NamedTuple):
@@ -142,4 +144,4 @@ def _groups(known: Sequence[Hashable], sources: Sequence[Source]) -> list[int]:
     """The number of the group that each drive is in; what is not known is one of its own."""
     keys = [one.recording_id if key is None else key for key, one in zip(known, sources, strict=True)]
     number = {key: place for place, key in enumerate(sorted(set(keys), key=str))}
-    return [number[key] % INFLUENCE.folds for key in keys]
+    return [number[key] % _FOLDS for key in keys]

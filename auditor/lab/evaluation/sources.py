@@ -2,22 +2,41 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from auditor import __version__
-from auditor.lab.clean_recordings import clean_recording
+from auditor.errors import RecordingError
 from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
-from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.rectification import shown_rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.recordings import Location, Recording, synchronise
+from auditor.pipeline.geometry import rigs_through
+from auditor.recordings import Location, Recording, RigInForce, open_recording, survey, synchronise
 from auditor.store.records import content_id
+
+
+@contextmanager
+def clean_recording(path: Path | Location, rig: Path | None, use: str) -> Iterator[tuple[Recording, list[RigInForce]]]:
+    """A recording with its rigs, or with that of a rig file; `use` says what to do with another one, "train".
+
+    Raises RecordingError where it cannot be read, was attacked or fits no rig, and RigError.
+    """
+    with open_recording(path) as recording:
+        if recording.labels():
+            raise RecordingError(
+                "it carries labels of attacks, so it is not clean",
+                where=path,
+                remedy=f"{use} on recordings that are free of attacks",
+            )
+        in_force = rigs_through(recording, survey(recording), rig)
+        if in_force.withheld:
+            raise RecordingError(in_force.withheld, where=path, remedy=f"{use} on recordings that fit")
+        yield recording, list(in_force.rigs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +71,14 @@ class Recorded:
         return str(self.path)
 
     @contextmanager
-    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
         with clean_recording(self.path, self.rig, "evaluate") as (recording, rigs):
             yield tuple(
                 _clean_drive(
                     recording,
                     one.rig,
-                    iter(synchronise(recording, one.rig, one.survey, colour=colour, stretches=one.stretches)),
+                    iter(synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches)),
                 )
                 for one in rigs
             )
@@ -120,11 +139,10 @@ class Street:
         )
 
     @contextmanager
-    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
-        """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
+    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames, each made when it is read."""
         drive = self.drive
         given = (self.seed, self.frames, self.cameras, self.scale, self.family)
-        frames = drive.frames() if colour else map(_grey, drive.frames())
         yield (
             CleanDrive(
                 recording_id=content_id("street", __version__, *given),
@@ -132,15 +150,10 @@ class Street:
                 family=self.family,
                 synthetic=True,
                 rig=drive.rig,
-                frames=frames,
+                frames=drive.frames(),
                 street=drive,
             ),
         )
-
-
-def _grey(frame: Frame) -> Frame:
-    images = {number: replace(image, pixels=grey(image.pixels)) for number, image in frame.images.items()}
-    return replace(frame, images=images)
 
 
 Source = Recorded | Street

@@ -21,6 +21,7 @@ from auditor.lab.simulation.responses import (
     draw_responses,
     kinds_of,
 )
+from auditor.lab.simulation.scene_objects import Vehicle3D, seen_share, vehicles_among
 from auditor.lab.simulation.sensors import camera_rays, echoes, expose, lidar_directions, lidar_rays
 from auditor.lab.simulation.shading import Light, radiance
 from auditor.lab.simulation.spectra import Channels, channels, reflectances, spectral_radiance
@@ -28,7 +29,6 @@ from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.streets import street, style_named, traffic
 from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
-from auditor.lab.simulation.true_vehicles import Vehicle3D, seen_share, vehicles_among
 from auditor.lab.simulation.vehicles import CameraFlaws, Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.arrays import Floats32, Image
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState

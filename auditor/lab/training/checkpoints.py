@@ -11,11 +11,10 @@ from typing import Any
 import torch
 
 from auditor.errors import SettingError
-from auditor.lab.training.samples import Made, SampleFiles
+from auditor.lab.training.samples import Made, SampleFiles, Score, score
 from auditor.measurement.disparity.matchers import SgbmMatcher, psmnet_module
 from auditor.measurement.disparity.matchers.psmnet.network import PUBLISHED_WIDTH, PSMNet
 from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import METADATA, load_safely
-from auditor.measurement.disparity.matchers.scoring import Score, score
 from auditor.store.records import content_id
 
 CHECKPOINT = "checkpoint.pt"

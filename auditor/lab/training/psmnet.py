@@ -23,9 +23,9 @@ from auditor.lab.training.checkpoints import (
     training_curve,
     write,
 )
+from auditor.lab.training.samples import Sample, score
 from auditor.measurement.disparity.matchers.psmnet.inference import Engine, Image, seen
 from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
-from auditor.measurement.disparity.matchers.scoring import Sample, score
 from auditor.measurement.frame import prefetch
 from auditor.model.arrays import Floats32
 

@@ -7,21 +7,39 @@ the image, and the other camera would seem to be lit outside.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import cv2
 import numpy as np
 
 from auditor.measurement.checks.tone_curve import tone_curve
-from auditor.measurement.colour_parameters import COLOURED_LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
+from auditor.model.parameter import BY_HAND, parameter
+
+_COLOURED = "frames of the three real drives under lasers of one colour (docs/attacks.md): chosen on them"
+
+
+@dataclass(frozen=True)
+class ColouredLight:
+    """Light of one colour in one of two colour cameras."""
+
+    offset: float = parameter(8.0, unit="grey levels added before gains are taken", source=_COLOURED)
+    largest_gain: float = parameter(1.5, unit="of a gain's natural logarithm", source=BY_HAND)
+    gain_bins: int = parameter(120, unit="bins from the smallest to the largest gain", source=BY_HAND)
+    smoothed_bins: int = parameter(7, unit="bins", source=BY_HAND)
+    near: float = parameter(0.1, unit="of the logarithm, about the most frequent gain", source=BY_HAND)
+    purity: float = parameter(2.0, unit="times what the other channels have, taken off", source=_COLOURED)
+
+
+NUMBERS = ColouredLight()
 
 _WHITE = 255
-_OFFSET = np.float32(COLOURED_LIGHT.offset)
-_EDGES = np.linspace(-COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.gain_bins + 1)
-_SMOOTH = np.ones(COLOURED_LIGHT.smoothed_bins)
+_OFFSET = np.float32(NUMBERS.offset)
+_EDGES = np.linspace(-NUMBERS.largest_gain, NUMBERS.largest_gain, NUMBERS.gain_bins + 1)
+_SMOOTH = np.ones(NUMBERS.smoothed_bins)
 _ZERO, _NO_LIMIT = np.float32(0), np.float32(np.inf)
-_PURITY = np.float32(COLOURED_LIGHT.purity)
+_PURITY = np.float32(NUMBERS.purity)
 
 
 class Channel(Protocol):
@@ -114,7 +132,7 @@ def _gain(curve: Image, source: Image, target: Image) -> float:
     gains = np.sort(np.log((target + _OFFSET) / (curve[source] + _OFFSET)))
     counts = np.convolve(np.diff(np.searchsorted(gains, _EDGES)), _SMOOTH, mode="same")
     usual = (_EDGES[:-1] + _EDGES[1:])[int(np.argmax(counts))] / 2
-    near = gains[np.abs(gains - usual) < COLOURED_LIGHT.near]
+    near = gains[np.abs(gains - usual) < NUMBERS.near]
     return float(np.exp(near[(near.size - 1) // 2 : near.size // 2 + 1].mean())) if near.size else 1.0
 
 

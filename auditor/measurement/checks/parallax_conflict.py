@@ -23,7 +23,7 @@ from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import textured
 from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
 from auditor.measurement.moving_things import FoundElsewhere, moving
-from auditor.measurement.parameters import HALF, PATCH_CORRELATION
+from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, PATCH_CORRELATION
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
@@ -185,7 +185,7 @@ def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
     parallax_px = np.hypot(*away.T)
     margin = (_RADIUS * HALF ** _halvings(parallax_px))[:, None]
     inside = (predicted > margin).all(axis=1) & (predicted < np.array(now.grey.shape[::-1]) - margin - 1).all(axis=1)
-    inside &= (parallax_px >= PARALLAX_CONFLICT.least_px) & (moved[:, 2] > PARALLAX_CONFLICT.nearest_m)
+    inside &= (parallax_px >= PARALLAX_CONFLICT.least_px) & (moved[:, 2] > LIDAR_PROJECTION.nearest_m)
     kept = np.flatnonzero(inside)
     kept = kept[:: max(-(-kept.size // PARALLAX_CONFLICT.most_points), 1)]
     return _Sought(

@@ -21,7 +21,7 @@ import numpy as np
 from auditor.measurement.checks.tone_curve import saturation_level, tone_curve
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.ego_motion import Motion, pixels_of
-from auditor.measurement.parameters import HALF
+from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
 from auditor.measurement.time_parameters import STILL_LIGHT
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
@@ -197,7 +197,7 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
     """What points show in two pictures, by cells of the one now; None where too few of them are seen in both."""
     motion = now.since(before)
     there_m = point_m @ motion.rotation.T + motion.translation_m
-    ahead = there_m[:, 2] > STILL_LIGHT.nearest_m
+    ahead = there_m[:, 2] > LIDAR_PROJECTION.nearest_m
     point_m, there_m = point_m[ahead], there_m[ahead]
     here, there = pixels_of(now.intrinsics, point_m), pixels_of(before.intrinsics, there_m)
     size = np.array(now.levels.shape[::-1])

@@ -15,15 +15,34 @@ import numpy as np
 
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.tone_curve import saturation_level
-from auditor.measurement.colour_parameters import STRIPED_LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
+from auditor.model.parameter import BY_HAND, parameter
 
-_LEVELS = np.log(np.arange(256, dtype=np.float32) + np.float32(STRIPED_LIGHT.offset))
-_BESIDE = STRIPED_LIGHT.rows_around // 2
+_LIT = "two frames of three real drives and of 14 streets, with faults and lights (docs/decisions.md): chosen on them"
+
+
+@dataclass(frozen=True)
+class StripedLight:
+    """Light in some rows of one of two cameras."""
+
+    offset: float = parameter(10.0, unit="grey levels added before logarithms are taken", source=BY_HAND)
+    blocks: int = parameter(12, unit="blocks of columns, side by side", source=BY_HAND)
+    usable_share: float = parameter(0.5, unit="share of a block's row neither black nor saturated", source=BY_HAND)
+    blocks_share: float = parameter(0.5, unit="share of the blocks that both cameras know", source=BY_HAND)
+    without_share: float = parameter(0.25, unit="share of those blocks in which a lit row may not show", source=BY_HAND)
+    rows_around: int = parameter(25, unit="half px, rows that a row is compared with", source=_LIT)
+    rows_apart: int = parameter(2, unit="half px that rows of two cameras may lie apart", source=_LIT)
+    usual: float = parameter(0.03, unit="logarithm of a level, that is none", source=_LIT)
+
+
+NUMBERS = StripedLight()
+
+_LEVELS = np.log(np.arange(256, dtype=np.float32) + np.float32(NUMBERS.offset))
+_BESIDE = NUMBERS.rows_around // 2
 _ABOVE = np.zeros((2 * _BESIDE + 1, 1), dtype=np.float32)
 _ABOVE[:_BESIDE] = 1 / _BESIDE
 _BELOW = np.ascontiguousarray(_ABOVE[::-1])
-_NEARBY = np.ones((2 * STRIPED_LIGHT.rows_apart + 1, 1), dtype=np.uint8)
+_NEARBY = np.ones((2 * NUMBERS.rows_apart + 1, 1), dtype=np.uint8)
 _NOTHING = np.float32(-np.inf)
 _LEAST = np.float32(np.finfo(np.float32).tiny)
 
@@ -46,7 +65,7 @@ class Rows:
         usable[1 : saturation_level(grey)] = 1
         upright = cv2.transpose(grey)
         share, total = (_by_block(cv2.LUT(upright, of_level)) for of_level in (usable, _LEVELS * usable))
-        known = share >= np.float32(STRIPED_LIGHT.usable_share)
+        known = share >= np.float32(NUMBERS.usable_share)
         level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
         counts = known.astype(np.float32)
         sides = [_sums(level, side) / np.maximum(_sums(counts, side), _LEAST) for side in (_ABOVE, _BELOW)]
@@ -60,12 +79,12 @@ class Rows:
         nearby = cv2.dilate(np.where(other.known, other.excess, _NOTHING), _NEARBY)
         both = self.known & (cv2.erode(other.known.astype(np.uint8), _NEARBY) > 0)
         counts = both.sum(axis=1)
-        enough = counts >= STRIPED_LIGHT.blocks_share * STRIPED_LIGHT.blocks
+        enough = counts >= NUMBERS.blocks_share * NUMBERS.blocks
         if not enough.any():
             return None
         above = np.sort(np.where(both, self.excess - nearby, np.inf)[enough], axis=1)
-        least = (counts[enough] * STRIPED_LIGHT.without_share).astype(np.intp)
-        shown = float(above[np.arange(len(least)), least].max()) - STRIPED_LIGHT.usual
+        least = (counts[enough] * NUMBERS.without_share).astype(np.intp)
+        shown = float(above[np.arange(len(least)), least].max()) - NUMBERS.usual
         return min(max(shown, 0.0), 1.0)
 
 
@@ -82,7 +101,7 @@ def measure_striped_light(seen: Seen, i: int, k: int) -> tuple[float | None, flo
 
 def _by_block(transposed: cv2.typing.MatLike) -> Floats32:
     """Of a transposed image (w, h) the (h, blocks) means: OpenCV adds up whole rows faster than parts of them."""
-    size = (transposed.shape[1], STRIPED_LIGHT.blocks)
+    size = (transposed.shape[1], NUMBERS.blocks)
     return np.ascontiguousarray(cv2.resize(transposed, size, interpolation=cv2.INTER_AREA).T, dtype=np.float32)
 
 

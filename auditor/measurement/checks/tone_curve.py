@@ -17,6 +17,7 @@ from auditor.model.arrays import Floats, Image, Mask
 
 _LEVELS = 256
 _WHITE = 255
+_FEWEST_BINS = 2  # a curve has two points
 _BINS = TONE_CURVE.bins
 _WIDTH = _LEVELS // _BINS
 _OF_BINS = np.arange(_LEVELS).reshape(_BINS, _WIDTH)
@@ -81,7 +82,7 @@ def tone_curve(source: Image, target: Image) -> Image:
     """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends."""
     middle, level = _medians(source, target)
     levels = np.arange(_LEVELS, dtype=np.float64)
-    if len(middle) < TONE_CURVE.fewest_bins:
+    if len(middle) < _FEWEST_BINS:
         return levels.astype(np.uint8)
     level = _monotone(level)
     curve = np.interp(levels, middle, level)

@@ -15,6 +15,8 @@ from auditor.model.frames import PointCloud
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
 
+_REACH_STEP = 7  # points, of which one tells how near and far a cloud reaches: it bounds the work
+
 
 @dataclass(frozen=True, eq=False)
 class LidarView:
@@ -62,7 +64,7 @@ class LidarView:
     @cached_property
     def reach_m(self) -> tuple[float, float]:
         """How near and how far the points of the cloud are, but for a few of them, wherever they lie."""
-        some = self.cloud_m[:: LIDAR_PROJECTION.reach_step]
+        some = self.cloud_m[::_REACH_STEP]
         return bulk_of(np.asarray(np.sqrt(np.einsum("nc,nc->n", some, some))))
 
     @cached_property

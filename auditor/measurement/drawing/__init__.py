@@ -1,6 +1,5 @@
 """Pictures of a frame for people: every camera at full resolution, and the cloud, with what is damaged."""
 
-from auditor.measurement.drawing.damage import damaged_cloud
-from auditor.measurement.drawing.frame import blur_around, draw_frame, draw_overlays
+from auditor.measurement.drawing.frame import blur_around, damaged_cloud, draw_frame, draw_overlays
 
 __all__ = ["blur_around", "damaged_cloud", "draw_frame", "draw_overlays"]

@@ -37,6 +37,9 @@ _ROUNDED = (
     "random ranges, may pass unseen"
 )
 _CROPPED = "do not reach as near, or as far, as lost returns are looked for: what is removed there passes unseen"
+_EVERY = 5  # frames, of which one is used: it bounds the work
+_MOST_FRAMES = 200  # frames that are used: it bounds the work
+_SUCCESSIVE = 20  # first frames, each of which is held against the cloud before: it bounds the work
 
 
 class CalibrationCheck:
@@ -66,10 +69,10 @@ class CalibrationCheck:
         number, self._frames = self._frames, self._frames + 1
         for sensor, by in lags(fault_features).items():
             self._lags.setdefault(sensor, array("d")).append(by)  # of every frame: eight bytes each
-        if number < CALIBRATION_CHECK.successive:
+        if number < _SUCCESSIVE:
             before, self._before = self._before, views_of_sides(arrays)
             self._fits_before.append(fit_of_sides(arrays, before) - fit_of_sides(arrays, self._before))
-        if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
+        if number % _EVERY == 0 and number // _EVERY < _MOST_FRAMES:
             self.add(arrays, fault_features)
 
     def add(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:

@@ -19,6 +19,10 @@ from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE,
 from auditor.model.arrays import Floats32, Indices
 from auditor.model.checks import Agreement
 
+FEWEST = 200
+"""Points compared: shares of fewer say nothing."""
+_LARGEST_BIAS_PX = 24  # of disparity: cameras that are farther off fit nowhere
+
 _SHIFTS = [*((by, 0) for by in LIDAR_AGREEMENT.shifts_px), *((0, by) for by in LIDAR_AGREEMENT.shifts_px)]
 BORDER = max(LIDAR_AGREEMENT.shifts_px) // HALF
 """By how many half-resolution pixels points are moved at most."""
@@ -57,7 +61,7 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
     """Compare the LiDAR's points with stereo of this frame and of the one before; all NaN where too few can be."""
     difference = differences(now, now.sure_px)
     compared = np.count_nonzero(~np.isnan(difference))
-    if compared < LIDAR_AGREEMENT.fewest:
+    if compared < FEWEST:
         return Agreement()
     bias, biased = _bias(difference)
     moved = np.stack([differences(now, now.sure_px, right, down) for right, down in _SHIFTS])
@@ -100,7 +104,7 @@ def _agreeing(difference: Floats32) -> float:
     """The share of the compared points that agree; 0 where too few were compared."""
     compared = int(np.count_nonzero(~np.isnan(difference)))
     agreeing = float(np.count_nonzero(np.abs(difference) <= LIDAR_AGREEMENT.agree_px))
-    return agreeing / compared if compared >= LIDAR_AGREEMENT.fewest else 0.0
+    return agreeing / compared if compared >= FEWEST else 0.0
 
 
 def _only(these: Floats32, others: Floats32) -> Indices:
@@ -111,7 +115,7 @@ def _only(these: Floats32, others: Floats32) -> Indices:
 
 def _bias(difference: Floats32) -> tuple[float, float]:
     """The constant with which most points agree, in whole pixels, and their share."""
-    largest, window = LIDAR_AGREEMENT.largest_bias_px, LIDAR_AGREEMENT.bias_window_px
+    largest, window = _LARGEST_BIAS_PX, LIDAR_AGREEMENT.bias_window_px
     near = difference[np.abs(difference) < largest]
     counts = np.bincount(np.rint(near).astype(np.intp) + largest, minlength=window)
     bias = int(np.argmax(np.convolve(counts, np.ones(window), mode="same"))) - largest

@@ -15,9 +15,15 @@ from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
 from auditor.model.arrays import Floats32, Image, Mask, Points
 from auditor.model.checks import Pair, Rows
 
+_LEVELS = 3  # of the pyramid: beyond these no corner is found again
+_ITERATIONS = 10  # at most: it bounds the work
+_ACCURACY_PX = 0.05  # half px, at which the search ends
+_FEWEST = 15  # points followed: shares of fewer say nothing
+
+
 _ROWS, _COLUMNS = ROW_ALIGNMENT.blocks
-_AROUND = np.ones(ROW_ALIGNMENT.border_px, dtype=np.uint8)
-_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROW_ALIGNMENT.iterations, ROW_ALIGNMENT.accuracy_px)
+_AROUND = np.ones([2 * side - 1 for side in ROW_ALIGNMENT.window_px], dtype=np.uint8)  # of the pyramid's second level
+_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ITERATIONS, _ACCURACY_PX)
 
 
 def corners(half: Image, sees: Mask | None = None) -> Points:
@@ -66,7 +72,7 @@ def register(
         back_i = _follow(now[i], before[i], match, match) if i in before else None
         for back in (back_i, back_k):
             tracked = tracked & back[1] if back else tracked
-        if np.count_nonzero(tracked) >= ROW_ALIGNMENT.fewest:
+        if np.count_nonzero(tracked) >= _FEWEST:
             apart = match[:, 1] - points[k][:, 1]
             # Where i lags it shows the scene of the frame before, where k's points lay then; and the other way round.
             lagged_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
@@ -101,7 +107,7 @@ def _follow(source: Image, target: Image, points: Points, start: Points) -> tupl
         points[:, None],
         start[:, None].copy(),
         winSize=ROW_ALIGNMENT.window_px,
-        maxLevel=ROW_ALIGNMENT.levels,
+        maxLevel=_LEVELS,
         criteria=_ACCURACY,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )

@@ -9,15 +9,29 @@ from numpy.typing import NDArray
 from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import DAMAGED_PIXELS, HALF
+from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.checks import Pair
 from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import Rig
 
-_OPENED = np.ones(DAMAGED_PIXELS.opened_px, dtype=np.uint8)
-_CLOSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, DAMAGED_PIXELS.closed_px)
+_CONSISTENT = 0.8  # NCC above which stereo's depth is used
+_DIFFERS_BY = 35.0  # grey levels
+_BLUR_PX = (3, 3)  # mask px
+_OPENED_PX = (5, 5)  # mask px
+_CLOSED_PX = (9, 9)  # mask px
+_SMALLEST = 30  # mask px of a part
+_PART_SHARE = 0.1  # of the largest part
+_MEDIAN_PX = 5  # mask px, of the depths
+_SATURATED = 250.0  # grey levels from which on a brightness is saturated
+_GAINS = (0.5, 2.0)  # the smallest and the largest
+_GAIN_ROUNDS = 3  # in each, the pixels that fit best are kept
+_GAIN_KEPT_SHARE = 0.7  # of the pixels
+_GAIN_FEWEST = 200  # mask px
+
+_OPENED = np.ones(_OPENED_PX, dtype=np.uint8)
+_CLOSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _CLOSED_PX)
 
 
 def damaged_pixels(arrays: FrameArrays, camera: int) -> Mask:
@@ -103,7 +117,7 @@ def _nearness(
         put(k, view.u_px, view.row, view.disparity_px(i) / np.float32(rig.baseline_m(i, k)))
     for (i, k), stereo in maps.items():
         step, every = HALF // stereo.step, REGION_STEP // HALF
-        consistent = consistencies[i, k].comparable & (consistencies[i, k].ncc > DAMAGED_PIXELS.consistent)
+        consistent = consistencies[i, k].comparable & (consistencies[i, k].ncc > _CONSISTENT)
         consistent = consistent[::every, ::every]
         row, column = np.divmod(np.flatnonzero(consistent), consistent.shape[1])
         disparity = stereo.disparity_px[:: step * every, :: step * every][consistent]
@@ -117,30 +131,30 @@ def _nearness(
     _, nearest = cv2.distanceTransformWithLabels(missing, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
     values = np.zeros(int(nearest.max()) + 1, dtype=np.float32)
     values[nearest[missing == 0]] = known[missing == 0]
-    return np.asarray(cv2.medianBlur(values[nearest], DAMAGED_PIXELS.median_px), dtype=np.float32), sure
+    return np.asarray(cv2.medianBlur(values[nearest], _MEDIAN_PX), dtype=np.float32), sure
 
 
 def _fitted(warped: Floats32, still: Floats32, sure: Mask) -> Floats32:
     """The other image at this camera's gain and offset, fitted where the two are consistent."""
-    of_pairs = sure & (np.maximum(warped, still) < DAMAGED_PIXELS.saturated)
+    of_pairs = sure & (np.maximum(warped, still) < _SATURATED)
     x, y = warped[of_pairs], still[of_pairs]
-    if x.size < DAMAGED_PIXELS.gain_fewest:
+    if x.size < _GAIN_FEWEST:
         return warped
     gain, offset = np.float32(1), np.float32(np.median(y - x))
-    keep = int(DAMAGED_PIXELS.gain_kept_share * x.size)
-    for _ in range(DAMAGED_PIXELS.gain_rounds):
+    keep = int(_GAIN_KEPT_SHARE * x.size)
+    for _ in range(_GAIN_ROUNDS):
         best = np.argpartition(np.abs(gain * x + offset - y), keep)[:keep]
         spread = x[best] - x[best].mean()
-        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *DAMAGED_PIXELS.gains)
+        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *_GAINS)
         offset = y[best].mean() - gain * x[best].mean()
     return np.asarray(np.clip(gain * warped + offset, 0, 255), dtype=np.float32)
 
 
 def _solid(difference: Floats32) -> Mask:
     """The larger parts of what differs, without small parts and gaps."""
-    mark = (cv2.blur(difference, DAMAGED_PIXELS.blur_px) > DAMAGED_PIXELS.differs_by).astype(np.uint8)
+    mark = (cv2.blur(difference, _BLUR_PX) > _DIFFERS_BY).astype(np.uint8)
     _, part, boxes, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(mark, cv2.MORPH_OPEN, _OPENED))
     area = boxes[:, cv2.CC_STAT_AREA].copy()
     area[0] = 0  # what is not marked
-    kept = area >= max(DAMAGED_PIXELS.smallest, DAMAGED_PIXELS.part_share * area.max())
+    kept = area >= max(_SMALLEST, _PART_SHARE * area.max())
     return np.asarray(cv2.morphologyEx(kept[part].astype(np.uint8), cv2.MORPH_CLOSE, _CLOSED) > 0)

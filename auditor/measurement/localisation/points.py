@@ -9,10 +9,21 @@ from numpy.typing import NDArray
 from auditor.measurement.checks.count_grid import CELL_PX
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.parameters import DAMAGED_POINTS
 from auditor.model.arrays import Mask, Points
 from auditor.model.measurement import Solid
 from auditor.model.rig import Rig
+
+_WINDOW = (7, 7)  # cells
+_WINDOW_FEWEST = 30  # points
+_WINDOW_SHARE = 0.4  # of a window's points, in conflict
+_FEWEST = 15  # points of a layer
+_LAYERS = 3  # at most
+_LAYER_SHARE = 0.15  # of the points in conflict: fewer are no surface
+_THINNEST_M = 0.08  # either way
+_THICKEST_M = 0.25  # either way: a wall stands on a road (docs/decisions.md, regions)
+_DEVIATIONS = 4  # median absolute ones, either way
+_GAP = (3, 3)  # cells closed
+_PART_SHARE = 0.2  # of the part with most points in conflict
 
 
 def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflicts], rig: Rig) -> Mask:
@@ -27,12 +38,12 @@ def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflic
     conflicting = np.logical_or.reduce([of_pair.lidar_conflicts for of_pair in verified_conflicts])
     comparable = np.logical_or.reduce([of_pair.valid for of_pair in verified_conflicts])
     inconsistent, valid = (_window_sums(row[mask], column[mask], shape) for mask in (conflicting, comparable))
-    dense = (valid >= DAMAGED_POINTS.window_fewest) & (inconsistent >= DAMAGED_POINTS.window_share * valid)
+    dense = (valid >= _WINDOW_FEWEST) & (inconsistent >= _WINDOW_SHARE * valid)
     left = conflicting & dense[row, column]
     damaged = np.zeros(left.size, dtype=np.bool_)
     depth = _depth(view.point_m, rig)
-    fewest = max(DAMAGED_POINTS.fewest, DAMAGED_POINTS.layer_share * np.count_nonzero(left))
-    for _ in range(DAMAGED_POINTS.layers):
+    fewest = max(_FEWEST, _LAYER_SHARE * np.count_nonzero(left))
+    for _ in range(_LAYERS):
         if np.count_nonzero(left) < fewest:
             break
         middle, thickness = _densest_layer(depth[left])
@@ -76,19 +87,19 @@ def _window_sums(row: NDArray[np.int32], column: NDArray[np.int32], shape: tuple
     """How many points lie in the window around each cell."""
     counts = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1]).reshape(shape)
     return cv2.boxFilter(
-        counts.astype(np.float32), cv2.CV_32F, DAMAGED_POINTS.window, normalize=False, borderType=cv2.BORDER_CONSTANT
+        counts.astype(np.float32), cv2.CV_32F, _WINDOW, normalize=False, borderType=cv2.BORDER_CONSTANT
     )
 
 
 def _densest_layer(depth: Points) -> tuple[float, float]:
     """The middle of the depth at which most points lie, and how far from it they still belong to one surface."""
     ascending = np.sort(depth)
-    ends = np.searchsorted(ascending, ascending + np.float32(2 * DAMAGED_POINTS.thickest_m), side="right")
+    ends = np.searchsorted(ascending, ascending + np.float32(2 * _THICKEST_M), side="right")
     first = int(np.argmax(ends - np.arange(ascending.size)))
     inside = ascending[first : ends[first]]
     middle = float(np.median(inside))
-    spread = DAMAGED_POINTS.deviations * float(np.median(np.abs(inside - middle)))
-    return middle, min(max(spread, DAMAGED_POINTS.thinnest_m), DAMAGED_POINTS.thickest_m)
+    spread = _DEVIATIONS * float(np.median(np.abs(inside - middle)))
+    return middle, min(max(spread, _THINNEST_M), _THICKEST_M)
 
 
 def _connected(
@@ -97,7 +108,7 @@ def _connected(
     """The points of a layer in those connected parts of it that hold most of the seeds."""
     grid = np.zeros(shape, dtype=np.uint8)
     grid[row[layer], column[layer]] = 1
-    _, part = cv2.connectedComponents(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones(DAMAGED_POINTS.gap, np.uint8)))
+    _, part = cv2.connectedComponents(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones(_GAP, np.uint8)))
     counts = np.bincount(part[row[seeds], column[seeds]])
-    kept = np.flatnonzero(counts >= DAMAGED_POINTS.part_share * counts.max())
+    kept = np.flatnonzero(counts >= _PART_SHARE * counts.max())
     return np.asarray(layer & np.isin(part[row, column], kept))

@@ -21,7 +21,16 @@ from auditor.model.optics.lenses import NO_LENS
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 
-_CELL_PX = COMMON_VIEW.cell_px
+FARTHEST_PX = 4096
+"""From the principal point; any focal length may be given, so it bounds the work."""
+CELL_PX = 8
+"""Between the rays that are tried: it bounds the work."""
+_SHORTEST_AXIS = 0.1  # of a mean of unit vectors: cameras that look apart have none
+NEAREST_AHEAD = 0.05
+"""Of z of a ray (x, y, 1) in a camera's frame: it guards a division."""
+_ENLARGED_IN_STEPS = 0.25  # of the pixels of the view a recorded one, so that like cameras have one view
+_FEWEST_PX = 32  # of a view's sides: a matcher's windows do not fit into less
+
 _STEP = 4
 """Pixels of a view from one ray to the next that is asked what of a picture is compared."""
 _LOOKED_PX = 32
@@ -59,7 +68,7 @@ def view_scale(rig: Rig) -> float:
     by_width = COMMON_VIEW.usual_width_px / max(widths_px)
     scale = min(COMMON_VIEW.usual_focal_px / focal_px, by_width, COMMON_VIEW.most_enlarged)
     # Of simple ratios, so that pixels of one picture lie evenly among those of the other.
-    return max(round(float(scale) / COMMON_VIEW.enlarged_in_steps) * COMMON_VIEW.enlarged_in_steps, 1.0)
+    return max(round(float(scale) / _ENLARGED_IN_STEPS) * _ENLARGED_IN_STEPS, 1.0)
 
 
 @cache
@@ -96,7 +105,7 @@ def _resized(camera: Camera, scale: float) -> Camera:
     return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
 
 
-def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> CommonView:
+def common_view(rig: Rig, *, widest: bool = False, cell_px: int = CELL_PX) -> CommonView:
     """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
 
     Rays `cell_px` apart are tried. Raises RigError where they have none in common.
@@ -200,7 +209,7 @@ def _orientation(rig: Rig) -> Matrix:
     x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
     z = np.sum([camera.rotation[2] for camera in rig.cameras], axis=0)
     z = z - x * (x @ z)
-    if np.linalg.norm(z) < COMMON_VIEW.shortest_axis:
+    if np.linalg.norm(z) < _SHORTEST_AXIS:
         raise RigError(f"{_names(rig)} look along the line they stand on", where="rig")
     z = z / np.linalg.norm(z)
     return np.stack([x, np.cross(z, x), z])
@@ -209,7 +218,7 @@ def _orientation(rig: Rig) -> Matrix:
 def upright(cameras: Sequence[Camera]) -> Matrix:
     """(3, 3) rotation to axes that suit cameras wherever they stand: z where they look on average, x to their right."""
     across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
-    if np.linalg.norm(ahead) < COMMON_VIEW.shortest_axis * len(cameras):
+    if np.linalg.norm(ahead) < _SHORTEST_AXIS * len(cameras):
         raise RigError("the cameras look in opposite directions", where="rig")
     z = ahead / np.linalg.norm(ahead)
     x = across - z * (z @ across)
@@ -226,14 +235,14 @@ def _window(
 ) -> tuple[int, int, int, int, int]:
     """Left and top from the principal point, width and height, in pixels; and how many of them every camera sees."""
     # A damaged calibration may see next to nothing.
-    reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / cell_px), 1)
+    reach = max(int(min(COMMON_VIEW.widest * focal, FARTHEST_PX) / cell_px), 1)
     places = np.arange(-reach, reach + 1) * cell_px / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:
         seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, cell_px / scale)
     top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
     width, height = (columns - 1) * cell_px + 1, (rows - 1) * cell_px + 1
-    if min(width, height) < COMMON_VIEW.fewest_px:
+    if min(width, height) < _FEWEST_PX:
         raise RigError(
             f"{_names(rig)} have no view in common", where="rig", remedy="leave out the one that looks elsewhere"
         )
@@ -267,7 +276,7 @@ def recorded_pixels(camera: Camera, view_SO3_rig: Matrix, x: Matrix, y: Matrix) 
     K, R = camera.intrinsics, camera.rotation @ view_SO3_rig.T
     across, down = np.meshgrid(x, y)
     ahead = R[2, 0] * across + R[2, 1] * down + R[2, 2]
-    ahead = np.where(ahead > COMMON_VIEW.nearest_ahead, ahead, np.nan)
+    ahead = np.where(ahead > NEAREST_AHEAD, ahead, np.nan)
     bent_x, bent_y = camera.lens.distort(
         (R[0, 0] * across + R[0, 1] * down + R[0, 2]) / ahead, (R[1, 0] * across + R[1, 1] * down + R[1, 2]) / ahead
     )

@@ -15,7 +15,6 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.arrays import Floats
-from auditor.model.parameters import LENS_REACH
 
 PINHOLE = "none"
 POLYNOMIAL = "plumb_bob"
@@ -24,6 +23,8 @@ FISHEYE = "equidistant"
 DOUBLE_SPHERE = "double_sphere"
 OMNIDIRECTIONAL = "omnidirectional"
 F_THETA = "f_theta"
+_WIDEST = 4.0  # tangent of 76 degrees off the axis: farther out no rectified picture reaches
+_STEPS = 4000  # radii that are tried up to the widest
 
 MODELS = {
     PINHOLE: PINHOLE,
@@ -111,7 +112,7 @@ class Lens:
         """The ray that appears at (x, y): what `distort` takes there; NaN where none does."""
         if self.model == PINHOLE:
             return x, y
-        radii = np.linspace(0, self.reach, LENS_REACH.steps)
+        radii = np.linspace(0, self.reach, _STEPS)
         seen = radii * self._ratio(radii * radii)
         ideal_x, ideal_y = x, y
         for _ in range(_ROUNDS):
@@ -128,11 +129,11 @@ class Lens:
     @cached_property
     def reach(self) -> float:
         """How far off the axis, as a tangent, the model can be trusted: beyond it polynomials turn back inwards."""
-        radii = np.linspace(0, LENS_REACH.widest, LENS_REACH.steps)
+        radii = np.linspace(0, _WIDEST, _STEPS)
         with np.errstate(all="ignore"):
             seen = radii * self._ratio(radii * radii)
         turns = np.flatnonzero(~(np.diff(seen) > 0))
-        return float(radii[turns[0]]) if turns.size else LENS_REACH.widest
+        return float(radii[turns[0]]) if turns.size else _WIDEST
 
     def _ratio(self, r2: Floats) -> Floats:
         """Distorted over ideal distance from the axis, by the square of the ideal one."""

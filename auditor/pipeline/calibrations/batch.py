@@ -6,9 +6,11 @@ and all are judged once more without it. Others of the store teach where their v
 what a large batch found is not lost when one of its recordings is scanned again alone.
 """
 
+import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
+from pathlib import Path
 
 from auditor.errors import ThresholdsError
 from auditor.model.calibration import PRIOR, Calibration
@@ -18,10 +20,10 @@ from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_l
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
 from auditor.pipeline.known import FEW, is_as_now
-from auditor.pipeline.many import Judged, JudgeSettings
+from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
-from auditor.pipeline.side_by_side import judge_side_by_side
+from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Store, StoredJudgement, rows_of, run_sql
 from auditor.store.log import logged
 from auditor.store.versions.history import calibrations_in_force
@@ -280,3 +282,55 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
         or held_by(store, recording, among=recordings)
         or conflicts_of(store, recording)
     )
+
+
+WORTH_A_PROCESS = 50
+"""Measurements that a process is begun for; it has to read the store's judgements and calibrations first."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The measurements of a store that one process judges, by a calibration that the store keeps, if one is named."""
+
+    folder: Path
+    measurements: tuple[str, ...]
+    settings: JudgeSettings
+    calibration_id: str | None
+
+    def __str__(self) -> str:
+        return str(self.folder)
+
+
+def judge_side_by_side(
+    store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int | None = None
+) -> Iterator[Judged]:
+    """As `judge_all`, in so many processes at a time; None stands for as many as there are cores.
+
+    Few measurements are judged in this process. Raises, too, what a process could not even begin with.
+    """
+    jobs = min(jobs or len(os.sched_getaffinity(0)), len(measurements) // WORTH_A_PROCESS)
+    if jobs <= 1:
+        return judge_all(store, measurements, settings)
+    return _judged(store, measurements, settings, jobs)
+
+
+def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int) -> Iterator[Judged]:
+    with logged(store.folder):
+        named = None
+        if settings.calibration is not None:
+            named = settings.calibration.calibration_id
+            store.keep_calibration(settings.calibration)
+        without = replace(settings, calibration=None)
+        parts = [_Part(store.folder, tuple(measurements[first::jobs]), without, named) for first in range(jobs)]
+        found: dict[str, Judged] = {}
+        for outcome in run_all(_judge_part, parts, jobs, lambda *_: None):
+            if outcome.error is not None:
+                raise outcome.error
+            found.update((one.measurement_id, one) for one in outcome.result or ())
+        yield from (found[one] for one in measurements)
+
+
+def _judge_part(part: _Part, _: Progress) -> list[Judged]:
+    store = Store.open(part.folder)
+    named = store.calibration(part.calibration_id) if part.calibration_id is not None else None
+    return list(judge_all(store, part.measurements, replace(part.settings, calibration=named)))

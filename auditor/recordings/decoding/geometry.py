@@ -10,9 +10,8 @@ from auditor.model.frames import Message
 from auditor.model.optics.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.interface import CameraInfo, Header, Region, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
-from auditor.recordings.parameters import CAMERA_LIMITS
 
-ABSURD = CAMERA_LIMITS.largest
+ABSURD = 1e9
 """An upper limit of focal lengths in pixels and distances in metres; map coordinates reach 1e7."""
 
 

@@ -27,6 +27,8 @@ from auditor.recordings.decoding.videos.forms import form_of
 from auditor.recordings.decoding.videos.tracks import VideoData, Videos
 from auditor.recordings.parameters import PICTURE_ORDER
 
+_ROWS_APART = 8  # rows from one that is looked at to the next: it bounds the work
+
 _PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
 """Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
 
@@ -253,7 +255,7 @@ def _rows(image: Any, encoding: Encoding, step: int) -> Values:  # noqa: ANN401 
 
 def _is_swapped(rows: Values, encoding: Encoding) -> bool:
     """Whether each two bytes are the other way round than declared: only so neighbours in a row are much alike."""
-    few = rows[:: PICTURE_ORDER.rows_apart]
+    few = rows[::_ROWS_APART]
     if encoding.bytes_a_value > 1:  # in a mosaic every second value has the same colour
         return roughness(few.byteswap(), 2) * PICTURE_ORDER.smoother < roughness(few, 2)
     if encoding in _SWAPPED_BYTES:

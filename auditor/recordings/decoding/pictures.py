@@ -15,8 +15,12 @@ from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.picture_heads import Picture, check_whole, inspect_picture
-from auditor.recordings.parameters import ODD_PICTURES, PICTURE_DEPTH
+from auditor.recordings.parameters import ODD_PICTURES
 from auditor.safety.budget import MAX_PIXELS
+
+_ROWS_APART = 16  # rows from one that is looked at first to the next: it bounds the work
+_BITS = (10, 12, 14, 16)  # of a value: those of sensors that are sold
+
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what it says of damaged files is said here
 
@@ -70,7 +74,7 @@ _SATURATED = 255
 
 def depth_of(largest: int) -> int:
     """The bits of a camera of whose values this is the largest. Those at the upper end of 16 bits have 16."""
-    return next((bits for bits in PICTURE_DEPTH.bits if largest < 1 << bits), MOST_BITS)
+    return next((bits for bits in _BITS if largest < 1 << bits), MOST_BITS)
 
 
 def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
@@ -102,7 +106,7 @@ def check_received(pixels: NDArray[np.uint8]) -> None:
 
 def grey_if_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(H, W) of a picture (H, W, 3) that has no colour anywhere, as many grey cameras are recorded; else as it is."""
-    if pixels.ndim == 2 or _coloured(pixels[:: ODD_PICTURES.rows_apart]) or _coloured(pixels):
+    if pixels.ndim == 2 or _coloured(pixels[::_ROWS_APART]) or _coloured(pixels):
         return pixels
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 

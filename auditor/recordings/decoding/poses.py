@@ -23,7 +23,6 @@ from auditor.recordings.decoding.foxglove_layouts import (
 )
 from auditor.recordings.decoding.geometry import ABSURD, numbers_of
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.parameters import POSES
 from auditor.recordings.recording import Topic
 
 NO_FIX = "no fix"
@@ -31,6 +30,8 @@ OUT_OF_RANGE = "not finite or out of range"
 DAMAGED = "damaged"
 SEVERAL = "several poses of one moment"
 TOO_LARGE = "too large"
+_MOST_MESSAGE_BYTES = 2**20  # of a message with poses: it bounds the work
+_MOST_NAME_CHARACTERS = 256  # of a frame's name: it bounds the memory
 
 _WORLD_FRAMES = frozenset({"map", "odom"})
 _VEHICLE_FRAME = "base_link"
@@ -57,7 +58,7 @@ class PoseDecoder:
 
     def poses(self, message: Message) -> Iterator[Stamped]:
         """The poses of a message, which of transforms may be none. Raises PoseError, whose `what` is the reason."""
-        if len(message.data) > POSES.most_message_bytes:
+        if len(message.data) > _MOST_MESSAGE_BYTES:
             raise PoseError(TOO_LARGE, where=message.topic)
         try:
             yield from _READ[message.schema].read(self, message)
@@ -217,7 +218,7 @@ def _is_of_vehicle(parent: str, child: str) -> bool:
 
 def _frame(frame_id: str) -> str:
     """The name of a frame, which a hostile file may make of any length."""
-    return frame_id.lstrip("/")[: POSES.most_name_characters]
+    return frame_id.lstrip("/")[:_MOST_NAME_CHARACTERS]
 
 
 def _vector(values: Mapping[str, float] | None) -> tuple[float, ...]:

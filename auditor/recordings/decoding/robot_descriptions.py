@@ -13,9 +13,9 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.recordings import schemas
+from auditor.recordings.decoding.geometry import ABSURD
 from auditor.recordings.decoding.interface import Transform
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.parameters import CAMERA_LIMITS
 from auditor.recordings.recording import Topic
 from auditor.safety.budget import MAX_DESCRIPTION_BYTES, MAX_TRANSFORMS
 
@@ -53,7 +53,7 @@ def _joints(robot: ElementTree.Element) -> Iterator[Transform]:
 
 def _three(text: str) -> Matrix:
     numbers = np.array([float(word) for word in text.split()])
-    if numbers.shape != (3,) or not np.all(np.abs(numbers) < CAMERA_LIMITS.largest):
+    if numbers.shape != (3,) or not np.all(np.abs(numbers) < ABSURD):
         raise ValueError(f"{text[:40]!r} is not three numbers")
     return numbers
 

@@ -10,19 +10,42 @@ from functools import cached_property
 from heapq import merge
 from itertools import chain
 from pathlib import Path
-from typing import cast
+from types import TracebackType
+from typing import Self, cast
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.opened import OpenedRecording
 from auditor.recordings.formats.part_names import missing_parts
 from auditor.recordings.formats.topics import Channels, Names, Span, total_traffic
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import CHUNKS, Spending
+
+
+class OpenedRecording:
+    """A recording whose files are `contents`. See recording.Recording."""
+
+    def __init__(self, contents: Contents) -> None:
+        self._contents = contents
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Nothing stays open between reads, unless a format says otherwise."""
+
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was opened."""
+        self._contents.check_unchanged()
+
 
 NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20

@@ -10,7 +10,7 @@ from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
-from auditor.recordings.formats.opened import OpenedRecording
+from auditor.recordings.formats.files import OpenedRecording
 from auditor.recordings.recording import Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import MAX_BYTES
 

@@ -6,8 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from auditor.model.optics.common_view import NEAREST_AHEAD
 from auditor.model.optics.geometry import Matrix
-from auditor.model.parameters import COMMON_VIEW, RIG_GEOMETRY
+from auditor.model.parameters import COMMON_VIEW, PAIR_DEPTH
 from auditor.model.rig import Camera
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.reasons import Reason
@@ -66,6 +67,8 @@ def _seen_m(camera: Camera) -> Matrix:
     u, v = (0, camera.width_px), (0, camera.height_px)
     corners = np.array([(x, y, 1.0) for x in u for y in v]).T
     rays = camera.rotation.T @ np.linalg.solve(camera.intrinsics, corners)
-    tangents = rays[:2] / np.maximum(rays[2], COMMON_VIEW.nearest_ahead)
-    wall = camera.centre_m[:2, None] + RIG_GEOMETRY.far_m * np.clip(tangents, -COMMON_VIEW.widest, COMMON_VIEW.widest)
+    tangents = rays[:2] / np.maximum(rays[2], NEAREST_AHEAD)
+    wall = camera.centre_m[:2, None] + PAIR_DEPTH.distance_m * np.clip(
+        tangents, -COMMON_VIEW.widest, COMMON_VIEW.widest
+    )
     return np.array([wall.min(axis=1), wall.max(axis=1)])

@@ -12,9 +12,15 @@ from numpy.typing import ArrayLike
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.decoding.geometry import ABSURD
 from auditor.recordings.decoding.interface import Region, SizePx
-from auditor.recordings.parameters import CALIBRATION_CHANGES, CAMERA_LIMITS
 from auditor.recordings.rigs.conventions import Scale
+
+_WIDEST_PX = 65_535  # of a picture's sides; this and what follows keep numbers of no camera from overflowing
+_LARGEST_DISTORTION = 1e6  # of any coefficient of a lens model
+_WORST_CONDITION = 1e10  # condition number of K
+_TOLERANCE = 1e-2  # by which R R^T and K's last number may differ from 1
+_NOISE = 1e-6  # share of the largest number, that rounding makes
 
 _WHOLE = Region()
 _NUMBERS = (tuple, np.ndarray)
@@ -89,7 +95,7 @@ def _is_binned(binned_px: int, whole_px: int, by: int) -> bool:
 
 def check_size(size_px: SizePx) -> None:
     """Raises RigError where pictures of a size cannot be compared."""
-    if not all(0 < side <= CAMERA_LIMITS.widest_px for side in size_px):
+    if not all(0 < side <= _WIDEST_PX for side in size_px):
         raise RigError(f"its pictures have {size_px[0]} x {size_px[1]} px")
 
 
@@ -99,15 +105,15 @@ def check_camera(matrices: Iterable[Matrix], rotation: Matrix, distortion: Itera
     Such numbers would overflow, or cannot be inverted, further on.
     """
     for K in matrices:
-        if not np.all(np.abs(K) < CAMERA_LIMITS.largest):
+        if not np.all(np.abs(K) < ABSURD):
             raise RigError("its camera info holds numbers that are absurd or not finite")
         if not (K[0, 0] > 0 and K[1, 1] > 0):
             raise RigError("it is uncalibrated (its camera info has no focal length)")
-        if abs(K[2, 2] - 1) > CAMERA_LIMITS.tolerance or not np.linalg.cond(K) < CAMERA_LIMITS.worst_condition:
+        if abs(K[2, 2] - 1) > _TOLERANCE or not np.linalg.cond(K) < _WORST_CONDITION:
             raise RigError("the K or P of its camera info is not that of a camera: it cannot be inverted")
-    if not np.all(np.abs(rotation @ rotation.T - np.eye(3)) < CAMERA_LIMITS.tolerance):
+    if not np.all(np.abs(rotation @ rotation.T - np.eye(3)) < _TOLERANCE):
         raise RigError("the R of its camera info is not a rotation")
-    if not all(abs(one) < CAMERA_LIMITS.largest_distortion for one in distortion):
+    if not all(abs(one) < _LARGEST_DISTORTION for one in distortion):
         raise RigError("its distortion is absurd or not finite")
 
 
@@ -117,7 +123,7 @@ def same_numbers(a: ArrayLike, b: ArrayLike) -> bool:
     if one.shape != other.shape or not one.size:
         return one.shape == other.shape
     largest = max(float(np.abs(one).max()), float(np.abs(other).max()))
-    return bool(np.all(np.abs(one - other) <= CALIBRATION_CHANGES.noise * largest))
+    return bool(np.all(np.abs(one - other) <= _NOISE * largest))
 
 
 def same_camera_info(a: CameraInfo, b: CameraInfo) -> bool:

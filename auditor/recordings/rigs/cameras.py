@@ -10,7 +10,6 @@ from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, camera_centre, motion
 from auditor.model.optics.lenses import FISHEYE, NO_LENS, Lens, of_camera
 from auditor.recordings.decoding import CameraInfo, Transform
-from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones
 from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
 from auditor.recordings.rigs.conventions import Axes, Conventions, Scale, ZeroLens
@@ -21,6 +20,9 @@ _KNOWN_RECTIFIED = "/kitti/camera_"
 """kitti2bag writes rectified images as image_raw, with the K and D of the unrectified camera."""
 
 _SAY_LENS = "give a rig file (--rig) that says which lens it has"
+MOST_CANDIDATES = 200
+"""Calibrated cameras a recording: it bounds the work."""
+
 
 _BODY_R_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 
@@ -120,7 +122,7 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
         best.setdefault(topic, replace(view, axes=survey.conventions.axes))
     views = sorted(best.values(), key=lambda view: view.image.topic.name)
     names = (view.name for view in views)
-    return first_ones(views, RIG_LIMITS.most_candidates, "cameras are calibrated", names, reasons)
+    return first_ones(views, MOST_CANDIDATES, "cameras are calibrated", names, reasons)
 
 
 def sensor_name(topic: str) -> str:

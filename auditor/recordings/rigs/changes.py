@@ -17,6 +17,7 @@ from auditor.safety.budget import MAX_TRANSFORM_BYTES
 
 _STAMP_END = 12
 """A ROS message begins with 4 bytes and the stamp: what follows is the same in each message of one calibration."""
+_MOST_MESSAGES = 500  # messages that change a calibration: it bounds the work
 
 _PLAIN_NAMES = frozenset({"cdr", "ros1", "protobuf"})
 """Encodings that write a name as its bytes in UTF-8; JSON may write it otherwise."""
@@ -92,7 +93,7 @@ class Changes:
         """Take one message, in the order of the recording."""
         with suppress(DecodingError):
             for change in self._changes(message):
-                if len(self._found) == CALIBRATION_CHANGES.most_messages:
+                if len(self._found) == _MOST_MESSAGES:
                     self.until_ns = change.time_ns
                     return
                 self._values[change.key] = change.value

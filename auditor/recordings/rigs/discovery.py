@@ -36,9 +36,9 @@ from auditor.recordings.synchronisation.given_calibrations import completed
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
-
 IDENTIFYING = 4
 """The least number of sensors that identify an attacked one; three can only detect an attack."""
+_MOST_RIGS = 24  # it bounds the work
 
 
 class FoundRigs(NamedTuple):
@@ -93,7 +93,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
         reasons.extend(map(Reason, _lacking_calibration(survey)))
     rigs.sort(key=lambda rig: (not rig.cameras, -len(rig.sensors)))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras] or [rig.name(LIDAR)])}" for rig in rigs)
-    rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
+    rigs = first_ones(rigs, _MOST_RIGS, "rigs are possible", names, reasons)
     return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
 

@@ -10,16 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.optics.common_view import common_view, upright
+from auditor.model.optics.common_view import CELL_PX, FARTHEST_PX, common_view, upright
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
-from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M
 from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
+_MOST_CELLS = 160  # rays from the middle of a view to its edge, where cameras are only compared: it bounds the work
 
 
 def aligned(
@@ -137,8 +137,8 @@ def _aside(a: Camera, b: Camera) -> float:
 def _seen_px(cameras: Sequence[Camera], *, widest: bool = False) -> int:
     """The number of pixels of the common view that all see."""
     focal_px = min(camera.focal_px for camera in cameras)
-    reach_px = min(COMMON_VIEW.widest * focal_px, COMMON_VIEW.farthest_px)
-    cell_px = max(COMMON_VIEW.cell_px, int(reach_px / RIG_LIMITS.most_cells))
+    reach_px = min(COMMON_VIEW.widest * focal_px, FARTHEST_PX)
+    cell_px = max(CELL_PX, int(reach_px / _MOST_CELLS))
     try:
         return common_view(_numbered(cameras), widest=widest, cell_px=cell_px).seen_px
     except RigError:

@@ -20,6 +20,8 @@ REMEDY = (
     "or give --no-sensor {topic} where it is neither camera nor LiDAR"
 )
 """What helps where nobody knows the type; `topic` is filled in."""
+_LEAST_MESSAGES = 2  # what is published once, as a map is, is no sensor
+_LEAST_S = 1.0  # shorter recordings count as so long: a rate of a moment is none
 
 
 def topic_coverage(
@@ -204,8 +206,8 @@ def why_none(topic: Topic, traffic: Traffic, held_s: float) -> str:
 
 
 def _is_much(topic: Topic, traffic: Traffic, held_s: float, definition: Definition | None) -> bool:
-    seconds = max(held_s, SENSOR_LIKE.least_s)
-    if traffic.messages < max(SENSOR_LIKE.least_messages, SENSOR_LIKE.least_hz * seconds):
+    seconds = max(held_s, _LEAST_S)
+    if traffic.messages < max(_LEAST_MESSAGES, SENSOR_LIKE.least_hz * seconds):
         return False
     per_s = traffic.size_bytes / seconds
     if per_s >= SENSOR_LIKE.bytes_per_s:
@@ -214,7 +216,7 @@ def _is_much(topic: Topic, traffic: Traffic, held_s: float, definition: Definiti
 
 
 def _rates(traffic: Traffic, held_s: float) -> str:
-    seconds = max(held_s, SENSOR_LIKE.least_s)
+    seconds = max(held_s, _LEAST_S)
     mean, per_s = traffic.size_bytes / max(traffic.messages, 1), traffic.size_bytes / seconds
     return (
         f"{traffic.messages} messages of {mean:,.0f} bytes, {traffic.messages / seconds:.3g} a second, "

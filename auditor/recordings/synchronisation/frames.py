@@ -249,7 +249,7 @@ def synchronise(
 
     Outside the `stretches` another rig is in force: its frames are left out, and their numbers with them. Offsets that
     the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The window holds at
-    most FRAME_WINDOW.most_bytes of messages as recorded.
+    most MOST_WAITING_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
     return FrameStream(recording, rig, survey, colour=colour, stretches=stretches)

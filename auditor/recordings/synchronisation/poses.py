@@ -2,7 +2,7 @@
 
 They are placed behind the read of the sensors: nothing of them can change a frame. Their messages are kept from that
 read where they are few, and come of a read of their own where they are many. What is kept of a topic's poses is no more
-than one before and one behind each frame, so memory is bounded by frames and topics, and both are bounded by POSES.
+than one before and one behind each frame, so memory is bounded by frames and topics, and both are bounded.
 """
 
 from bisect import bisect_left
@@ -21,12 +21,15 @@ from auditor.model.frames import Message
 from auditor.model.poses import FramePose, Pose, PoseTopic
 from auditor.recordings.decoding.poses import PoseDecoder, PoseError, pose_rank
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.parameters import POSES
 from auditor.recordings.recording import Recording, Topic
 
 FAR = "far from every frame"
 MANY_TOPICS = "too many topics"
 MANY_FRAMES = "too many frames of reference"
+_MOST_TRACKS = 8  # topics and frames of reference a recording: it bounds the work
+_MOST_PLACES = 1_000_000  # frames times topics, 28 hours of one at 10 Hz: it bounds the memory
+_MOST_APART_NS = 10 * 10**9  # from a frame to a pose of it: beyond, the vehicle may be anywhere
+
 
 _MOST_KEPT_BYTES, _MESSAGE_BYTES = 32 * 2**20, 512
 """Of messages that are kept, and what each takes beside its data."""
@@ -59,7 +62,7 @@ class PoseMessages:
     """Keeps the messages of a recording's topics of poses as somebody else's read passes them, while they are few."""
 
     def __init__(self, recording: Recording) -> None:
-        self.topics = frozenset(topic.name for topic in _topics_of(recording)[: POSES.most_tracks])
+        self.topics = frozenset(topic.name for topic in _topics_of(recording)[:_MOST_TRACKS])
         self._kept: list[Message] = []
         self._left_bytes = _MOST_KEPT_BYTES
 
@@ -102,10 +105,10 @@ def _topics_of(recording: Recording) -> list[Topic]:
 class _Reading:
     def __init__(self, recording: Recording, frames: FrameTimes, topics: Sequence[Topic]) -> None:
         self._recording = recording
-        order = np.argsort(np.asarray(frames.stamps_ns, dtype=np.int64), kind="stable")[: POSES.most_places]
+        order = np.argsort(np.asarray(frames.stamps_ns, dtype=np.int64), kind="stable")[:_MOST_PLACES]
         self._numbers = [int(frames.numbers[place]) for place in order]
         self._stamps_ns = [int(frames.stamps_ns[place]) for place in order]
-        self._most_tracks = min(POSES.most_tracks, max(1, POSES.most_places // len(order)))
+        self._most_tracks = min(_MOST_TRACKS, max(1, _MOST_PLACES // len(order)))
         self._decoder = PoseDecoder(RosTypes(recording.definition))
         self._tracks: dict[tuple[str, str], _Track] = {}
         self._found = topics
@@ -124,7 +127,7 @@ class _Reading:
     def _place(self, message: Message, stamp_ns: int, pose: Pose) -> None:
         place = bisect_left(self._stamps_ns, stamp_ns)
         near = self._stamps_ns[max(place - 1, 0) : place + 1]
-        if min(abs(stamp_ns - frame_ns) for frame_ns in near) > POSES.most_apart_ns:
+        if min(abs(stamp_ns - frame_ns) for frame_ns in near) > _MOST_APART_NS:
             self._dropped[message.topic][FAR] += 1
             return
         track = self._tracks.get((message.topic, pose.frame_id))
@@ -211,7 +214,7 @@ class _Track:
     @cached_property
     def frames(self) -> NDArray[np.intp]:
         """The places of the frames that have a pose."""
-        return np.flatnonzero(np.abs(self._nearest.offset_ns) <= POSES.most_apart_ns)
+        return np.flatnonzero(np.abs(self._nearest.offset_ns) <= _MOST_APART_NS)
 
     def poses(self) -> Iterator[FramePose]:
         """The poses of the frames that have one, by stamp."""

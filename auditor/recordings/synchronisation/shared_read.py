@@ -6,9 +6,9 @@ from itertools import chain
 from typing import Protocol, TypeVar
 
 from auditor.model.frames import Message
-from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.recording import Recording
 from auditor.recordings.synchronisation.frames import FrameStream
+from auditor.recordings.synchronisation.window import MESSAGE_BYTES, MOST_WAITING_BYTES
 
 Item = TypeVar("Item")
 
@@ -33,7 +33,7 @@ def share_a_read(recording: Recording, streams: Sequence[FrameStream], listeners
 
     The streams have to be iterated in turn: messages wait for those that are behind. Listeners hear all of their topics
     before the last stream ends. The topics must be interleaved: else each has a read of its own. An iteration raises
-    FarAheadError where more than FRAME_WINDOW.most_bytes wait.
+    FarAheadError where more than MOST_WAITING_BYTES wait.
     """
     _SharedRead(recording, streams, [one for one in listeners if one.topics])
 
@@ -86,11 +86,11 @@ class _SharedRead:
                 if message.topic in topics:
                     waiting.append(message)
                     self._waiting_bytes += _size(message)
-            if len(self._waiting) > 1 and self._waiting_bytes > FRAME_WINDOW.most_bytes:
+            if len(self._waiting) > 1 and self._waiting_bytes > MOST_WAITING_BYTES:
                 raise FarAheadError
             yield True
         self._damaged = bool(self._recording.damage)
 
 
 def _size(message: Message) -> int:
-    return len(message.data) + FRAME_WINDOW.message_bytes
+    return len(message.data) + MESSAGE_BYTES

@@ -18,6 +18,7 @@ from auditor.recordings.synchronisation.survey import Sample
 
 DUPLICATE = "duplicate"
 """The reason of messages that another recorder of the same topic has written too: same stamp, same bytes."""
+_REMEMBERED = 64  # messages among which a stamp is repeated: it bounds the memory
 
 
 class Placed(NamedTuple):
@@ -103,7 +104,7 @@ class StampCheck:
         self._delay_ns = clock.delay_ns
         self._newest_ns: int | None = None
         self._newest_log_ns = 0
-        self._recent: deque[tuple[int, int]] = deque(maxlen=STAMP_AGREEMENT.remembered)
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
 
     def place(self, stamp_ns: int, log_time_ns: int, data: bytes | memoryview = b"") -> Placed:
         """The time of a message and what is wrong with its stamp, which is 0 where the message has none.

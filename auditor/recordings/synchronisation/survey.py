@@ -28,13 +28,17 @@ from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK, LIDAR_CHOICE, PICTURE_DEPTH, POINT_UNITS, SWEEPS
+from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.conventions import STANDARD, Conventions
 from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
 from auditor.recordings.synchronisation.metadata import metadata_of
 from auditor.recordings.synchronisation.mountings import Mountings
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
+
+_POINTS_OF_A_CLOUD = 400  # points of each of the first clouds that are kept, evenly chosen: it bounds the work
+_MOST_BYTES = 512 * 2**20  # sensor data that a first look reads: it bounds the work
+_MOST_MESSAGES = 20_000  # messages that a first look reads: it bounds the work
 
 
 class Sample(NamedTuple):
@@ -130,7 +134,7 @@ def survey(recording: Recording, units_m: Mapping[str, float] | None = None) -> 
     """Survey the beginning; the recording can be read from its start afterwards. `units_m`: see Decoders.
 
     It ends as soon as every sensor topic known has given enough stamps and a calibration was seen, at the latest after
-    FIRST_LOOK.most_bytes of sensor data. A message that cannot be decoded is a problem, not an error.
+    _MOST_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
     """
     return _Surveyor(recording, units_m).run()
 
@@ -222,7 +226,7 @@ class _Surveyor:
             yield from found
 
     def _enough(self) -> bool:
-        if self._bytes > FIRST_LOOK.most_bytes:
+        if self._bytes > _MOST_BYTES:
             return True
         sensors = self._by_kind("image", "cloud")
         if not sensors or any(len(self._samples.get(topic, ())) < FIRST_LOOK.samples for topic in sensors):
@@ -235,7 +239,7 @@ class _Surveyor:
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
-        return self._messages >= FIRST_LOOK.most_messages
+        return self._messages >= _MOST_MESSAGES
 
     def _take(self, message: Message) -> None:
         self._messages += 1
@@ -369,7 +373,7 @@ class _Surveyor:
 
 def _thinned(xyz_m: Points, number: int) -> Points:
     """Some of the (N, 3) points of a topic's cloud of a `number`, others than of the one before."""
-    step = max(len(xyz_m) // LIDAR_CHOICE.looked_at, 1)
+    step = max(len(xyz_m) // _POINTS_OF_A_CLOUD, 1)
     return xyz_m[number * step // SWEEPS.looked_at :: step].copy()
 
 

@@ -13,6 +13,15 @@ from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.synchronisation.clock_offsets import Timing
 from auditor.recordings.synchronisation.counts import BETWEEN, LATE, Counts
 
+MOST_WAITING_BYTES = 96 * 2**20
+"""Of messages that wait for their frame: it bounds the memory."""
+MESSAGE_BYTES = 512
+"""What a message takes beside its data."""
+
+_MOST_WAITING = 2048  # messages that wait, 1 kHz beside 1 Hz: it bounds the memory
+_MOST_FROM_BEFORE = 100  # messages after a clock went back: it bounds the memory
+_MOST_HELD_GROUPS = 100  # frames that are held: it bounds the memory
+
 
 class Waiting(NamedTuple):
     """A message in the window; sorted by when it was captured, less the sensor's offset.
@@ -76,7 +85,7 @@ class Window:
             self.held_bytes += _bytes(waiting)
             # One sensor that lags is late; old stamps of two sensors, near one another, mean a clock set back.
             self._has_jumped = len({sensor for sensor, _ in self._from_before}) > 1
-            if not self._has_jumped and len(self._from_before) > FRAME_WINDOW.most_from_before:
+            if not self._has_jumped and len(self._from_before) > _MOST_FROM_BEFORE:
                 self._refuse_from_before()
             return
         self._refuse_from_before()
@@ -179,10 +188,7 @@ class Window:
         )
 
     def _is_full(self) -> bool:
-        return (
-            self.held_bytes > FRAME_WINDOW.most_bytes
-            or sum(map(len, self._waiting.values())) > FRAME_WINDOW.most_waiting
-        )
+        return self.held_bytes > MOST_WAITING_BYTES or sum(map(len, self._waiting.values())) > _MOST_WAITING
 
     def _is_settled(self, opening: int) -> bool:
         """True where every sensor has a message in the frame or behind it, or the wait is over."""
@@ -236,7 +242,7 @@ class Window:
 
 
 def _bytes(waiting: Waiting) -> int:
-    return sum(len(message.data) + FRAME_WINDOW.message_bytes for message in waiting.messages)
+    return sum(len(message.data) + MESSAGE_BYTES for message in waiting.messages)
 
 
 class Edges:
@@ -260,15 +266,13 @@ class Edges:
             newest = max(newest, group.last_ns)
             held.append(group)
             while held and (
-                held[0].complete
-                or newest > held[0].time_ns + self._period_ns
-                or len(held) > FRAME_WINDOW.most_held_groups
+                held[0].complete or newest > held[0].time_ns + self._period_ns or len(held) > _MOST_HELD_GROUPS
             ):
                 yield self._marked(held.popleft(), start, None)
         yield from self._last(held, start, newest)
 
     def _is_full(self, held: deque[Group]) -> bool:
-        return len(held) > FRAME_WINDOW.most_held_groups
+        return len(held) > _MOST_HELD_GROUPS
 
     def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
         """The groups held at the end of a chunk."""

@@ -21,8 +21,7 @@ from auditor.reporting.evaluation.answers import (
     size_of,
     subsets,
 )
-from auditor.reporting.evaluation.figures import sheets
-from auditor.reporting.evaluation.methods import METHODS, by_method, method_grids
+from auditor.reporting.evaluation.figures import METHODS, by_method, method_grids, sheets
 from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.reporting.evaluation.page import (
     LEFT_OUT,

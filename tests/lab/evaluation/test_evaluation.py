@@ -12,7 +12,6 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import RecordingError, RigError, SettingError
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab import clean_recordings
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.evaluation import (
     EvaluateTask,
@@ -22,6 +21,7 @@ from auditor.lab.evaluation import (
     experiments_of,
     runner,
 )
+from auditor.lab.evaluation import sources as clean_recordings
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws, attacked_sets, disc_share
 from auditor.lab.evaluation.features import FeaturesOfCases

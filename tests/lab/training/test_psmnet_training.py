@@ -10,10 +10,10 @@ torch = pytest.importorskip("torch")
 from auditor.errors import SettingError  # noqa: E402
 from auditor.lab.training.checkpoints import CHECKPOINT, TrainingSettings, training_curve  # noqa: E402
 from auditor.lab.training.psmnet import _loss, _rate, crops, train  # noqa: E402
+from auditor.lab.training.samples import Sample, score  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import inspect_weights  # noqa: E402
-from auditor.measurement.disparity.matchers.scoring import Sample, score  # noqa: E402
 from tests.making.psmnet_networks import noise  # noqa: E402
 
 TOY = TrainingSettings(

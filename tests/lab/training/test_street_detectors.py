@@ -13,9 +13,11 @@ from auditor.lab.evaluation.object_baseline.detectors.interface import SolidBox 
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps, overlaps_on_ground  # noqa: E402
 from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images  # noqa: E402
 from auditor.lab.evaluation.object_baseline.detectors.streets.network import packed, unpacked  # noqa: E402
-from auditor.lab.evaluation.object_baseline.street_labels import street_labels  # noqa: E402
+from auditor.lab.evaluation.object_baseline.runner import street_labels  # noqa: E402
 from auditor.lab.evaluation.sources import Street  # noqa: E402
-from auditor.lab.training.street_detectors import (  # noqa: E402
+from auditor.measurement import use_one_thread  # noqa: E402
+from auditor.store import Store, run_query, run_sql  # noqa: E402
+from tests.making.street_detectors import (  # noqa: E402
     CLOUDS,
     IMAGES,
     StreetFrame,
@@ -27,8 +29,6 @@ from auditor.lab.training.street_detectors import (  # noqa: E402
     trained,
     training_streets,
 )
-from auditor.measurement import use_one_thread  # noqa: E402
-from auditor.store import Store, run_query, run_sql  # noqa: E402
 
 FEW = Training(steps=2, batch=2)
 

@@ -17,10 +17,9 @@ from auditor.errors import RecordingError, SettingError
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.training import Recorded, SampleFiles, SampleTask, Street, checkpoints, make_samples, training_set
 from auditor.lab.training.checkpoints import Point
-from auditor.lab.training.samples import dense_sample, lidar_sample, pair_of
+from auditor.lab.training.samples import dense_sample, lidar_sample, pair_of, score
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher
-from auditor.measurement.disparity.matchers.scoring import score
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import AttackLabel

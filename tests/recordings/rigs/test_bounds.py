@@ -1,6 +1,5 @@
 """However many cameras a recording has, few are compared, and those that are not are named."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from auditor.recordings.decoding import Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs import discovery, extrinsics
 from auditor.recordings.rigs.bounding import first_ones, overlapping_most
+from auditor.recordings.rigs.cameras import MOST_CANDIDATES
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.reasons import Reason
 from auditor.recordings.synchronisation.survey import Survey
@@ -85,7 +85,7 @@ def test_cameras_beyond_those_that_are_looked_at_are_named() -> None:
     assert str(reason) == "4 numbers are there, and at most 2 are looked at. Left out: three, four"
     assert reason.tells_of("/four/image", "four")
     assert not reason.tells_of("/two/image", "two")
-    found = search_rigs(in_a_row(RIG_LIMITS.most_candidates + 1))
+    found = search_rigs(in_a_row(MOST_CANDIDATES + 1))
     assert any(reason.endswith("Left out: c200") for reason in found.reasons)
 
 
@@ -95,7 +95,7 @@ def test_rigs_beyond_those_that_are_measured_are_named(monkeypatch: pytest.Monke
     places = {name: turned(180 if "rear" in name else 0, at(0.3 * number)) for number, name in enumerate(names)}
     surveyed = look(infos, {**places, "top": at(0)})
     assert [rig.n for rig in search_rigs(surveyed).rigs] == [3, 2]
-    monkeypatch.setattr(discovery, "RIG_LIMITS", replace(RIG_LIMITS, most_rigs=1))
+    monkeypatch.setattr(discovery, "_MOST_RIGS", 1)
     found = search_rigs(surveyed)
     assert [rig.n for rig in found.rigs] == [3]
     assert any(reason.endswith("Left out: the one of rear1, rear2") for reason in found.reasons)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from auditor.lab.simulation.published_rigs import PUBLISHED_RIGS, PublishedRig
 from auditor.model.optics.common_view import shown_shares
 from auditor.recordings import open_recording, search_rigs, survey
 from tests.making.published_recordings import write_standing
+from tests.making.published_rigs import PUBLISHED_RIGS, PublishedRig
 
 WIDTH_PX = 160
 GROUPS = {"argoverse_2": 3, "kitti_360": 2}

@@ -230,7 +230,7 @@ def test_messages_that_lie_topic_by_topic_are_still_paired(tmp_path: Path) -> No
 def test_the_window_stays_small_whatever_a_silent_sensor_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [make_frame(RIG, n, without={0} if 5 <= n < 45 else ()) for n in range(50)]
     path = written(tmp_path, frames)
-    monkeypatch.setattr(windows, "FRAME_WINDOW", replace(FRAME_WINDOW, most_bytes=30_000))
+    monkeypatch.setattr(windows, "MOST_WAITING_BYTES", 30_000)
     held: list[int] = []
     add = windows.Window.add
 
@@ -365,8 +365,9 @@ def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, mo
         waiting[limit] = max(waiting.get(limit, 0), sum(map(len, window._waiting.values())))
 
     monkeypatch.setattr(windows.Window, "add", spied)
+    monkeypatch.setattr(windows, "FRAME_WINDOW", patient)
     for limit in (1000, 40):
-        monkeypatch.setattr(windows, "FRAME_WINDOW", replace(patient, most_waiting=limit))
+        monkeypatch.setattr(windows, "_MOST_WAITING", limit)
         assert len(read(written(tmp_path, frames))[0]) >= 59
     assert waiting[1000] > 100
     assert waiting[40] <= 41

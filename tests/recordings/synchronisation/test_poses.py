@@ -185,7 +185,7 @@ def test_a_new_frame_of_reference_in_each_message_does_not_grow_what_is_kept(tmp
 
 
 def test_with_very_many_frames_fewer_topics_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(synchronisation, "POSES", replace(synchronisation.POSES, most_places=7))
+    monkeypatch.setattr(synchronisation, "_MOST_PLACES", 7)
     frames = FrameTimes([*range(4)], [START_NS + n for n in range(4)])
     made = [fix(START_NS), RosPose("/odom", schemas.ODOMETRY, START_NS, (0.0, 0.0, 0.0))]
     found = read(write_ros(tmp_path / "a.mcap", made), frames)

@@ -5,21 +5,56 @@ from dataclasses import KW_ONLY, asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from auditor.errors import SettingError
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
 from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
-from auditor.lab.evaluation.object_baseline.detectors import Detectors, find_detectors
+from auditor.lab.evaluation.object_baseline.detectors import CAR, Detectors, find_detectors
 from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel, read_object_labels
-from auditor.lab.evaluation.object_baseline.street_labels import street_labels
 from auditor.lab.evaluation.runner import Evaluated, Progress, Run, Task, together
 from auditor.lab.evaluation.sources import CleanDrive
+from auditor.lab.simulation.drives import SyntheticDrive
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
-from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.model.optics.geometry import Matrix
+from auditor.model.rig import LIDAR, Camera, Rig, Triple
 from auditor.store import Store
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart
+
+_LEAST_SEEN_BY_LEVEL = (0.8, 0.4, 0.1)
+"""Of a vehicle that is seen less than this, the level of occlusion is one more; KITTI's levels are 0 to 3."""
+
+
+def street_labels(drive: SyntheticDrive, number: int, camera: int) -> tuple[ObjectLabel, ...]:
+    """The vehicles of a frame that lie at least in part in the picture of S_camera."""
+    optics = drive.rig.camera(camera)
+    labels = (_label(corners, seen, optics) for corners, seen in drive.vehicles_ahead(number, camera))
+    return tuple(label for label in labels if label is not None)
+
+
+def _label(corners_m: Matrix, seen_share: float, camera: Camera) -> ObjectLabel | None:
+    u, v, depth = camera.projection @ np.append(corners_m, np.ones((8, 1)), axis=1).T
+    ends = [(u / depth).min(), (v / depth).min(), (u / depth).max(), (v / depth).max()]
+    inside = np.clip(ends, 0, [camera.width_px, camera.height_px] * 2)
+    area, whole = (np.prod(np.subtract(box[2:], box[:2])) for box in (inside, ends))
+    if area <= 0:
+        return None
+    x, z = corners_m[3, [0, 2]] - corners_m[0, [0, 2]]
+    sides = corners_m[0] - corners_m[4], corners_m[1] - corners_m[0], corners_m[3] - corners_m[0]
+    height, width, length = (float(np.linalg.norm(side)) for side in sides)
+    return ObjectLabel(
+        kind=CAR,
+        truncated=float(1 - area / whole),
+        occluded=sum(seen_share < least for least in _LEAST_SEEN_BY_LEVEL),
+        box_px=(float(inside[0]), float(inside[1]), float(inside[2]), float(inside[3])),
+        size_m=(height, width, length),
+        place_m=(float(corners_m[:4, 0].mean()), float(corners_m[:4, 1].mean()), float(corners_m[:4, 2].mean())),
+        yaw_rad=float(np.arctan2(-z, x)),
+    )
+
 
 _SENSITIVITY = "sensitivity"
 

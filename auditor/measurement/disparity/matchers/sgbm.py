@@ -14,6 +14,10 @@ from auditor.model.arrays import Image, Indices
 
 _LEVELS = 256
 _WHITE = 255
+_NO_CHECK = 1 << 20  # so large a difference of left and right leaves nothing out (docs/decisions.md, dense matching)
+_SAMPLED_PX = 2  # between the pixels that quantiles are taken of: it bounds the work
+_FEWEST_LEVELS = 2  # fewer are one level, and have no quantiles
+
 _SHARES = np.linspace(EQUALISING.first_quantile, 1 - EQUALISING.first_quantile, EQUALISING.quantiles)
 
 
@@ -24,7 +28,7 @@ def equalised(image: Image, like: Image) -> Image:
     """
     own, other = (_quantiles(one) for one in (image, like))
     levels, place = np.unique(own, return_inverse=True)
-    if len(levels) < EQUALISING.fewest_levels:
+    if len(levels) < _FEWEST_LEVELS:
         return image
     wanted = np.bincount(place, weights=other) / np.bincount(place)
     curve = np.interp(np.arange(_LEVELS), [-1, *levels, _LEVELS], [-1, *wanted, _LEVELS])
@@ -32,7 +36,7 @@ def equalised(image: Image, like: Image) -> Image:
 
 
 def _quantiles(image: Image) -> Indices:
-    every = EQUALISING.step_px
+    every = _SAMPLED_PX
     some = np.ascontiguousarray(image[::every, ::every])
     counts = cv2.calcHist([some], [0], None, [_LEVELS], [0, _LEVELS]).ravel().astype(np.intp).cumsum()
     return np.asarray(np.searchsorted(counts, _SHARES * counts[-1]), dtype=np.intp)
@@ -91,7 +95,7 @@ class SgbmMatcher:
             blockSize=_BLOCK,
             P1=SGBM.smoothness_1 * _BLOCK * _BLOCK,
             P2=SGBM.smoothness_2 * _BLOCK * _BLOCK,
-            disp12MaxDiff=SGBM.left_right_difference,
+            disp12MaxDiff=_NO_CHECK,
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         )
         # Negative where there is no match.

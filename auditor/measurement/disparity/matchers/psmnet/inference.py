@@ -14,10 +14,12 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet
 from auditor.measurement.disparity.matchers.psmnet.weights import Weights
-from auditor.measurement.parameters import PSMNET_INPUT
 
 PRECISIONS = ("fp32", "tf32", "fp16", "bf16")
 """fp32 is exact; tf32 rounds the factors of products to 10 bits; fp16 and bf16 also store what lies between layers."""
+
+_MEAN, _DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""ImageNet's, as shares of 255, RGB: so the published code prepares pictures."""
 
 _HALF = {"fp16": torch.float16, "bf16": torch.bfloat16}
 _FORMATS = {4: torch.channels_last, 5: torch.channels_last_3d}
@@ -41,8 +43,8 @@ class Engine:
         """
         pixels = torch.from_numpy(np.stack([_rgb(image) for image in images])).to(self.device)
         tensor = pixels.permute(0, 3, 1, 2).float() / 255
-        mean = torch.tensor(PSMNET_INPUT.mean, device=self.device).view(1, 3, 1, 1)
-        deviation = torch.tensor(PSMNET_INPUT.deviation, device=self.device).view(1, 3, 1, 1)
+        mean = torch.tensor(_MEAN, device=self.device).view(1, 3, 1, 1)
+        deviation = torch.tensor(_DEVIATION, device=self.device).view(1, 3, 1, 1)
         top, right = (-length % MULTIPLE for length in tensor.shape[-2:])
         padded = functional.pad((tensor - mean) / deviation, (0, right, top, 0))
         return padded.contiguous(memory_format=torch.channels_last)

@@ -15,10 +15,16 @@ from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import seen_by_both
-from auditor.measurement.warning_parameters import PSMNET_PREFLIGHT
 from auditor.model.arrays import Mask
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
+
+_FEWEST_PX = 500  # known pixels of a frame, from which on a warning is founded
+_NEAREST_TRUST_PX = 4.0  # of disparity, where 1 px of misalignment is a quarter
+_RATIO_OFF_BY = 0.03  # share by which a ratio of disparities is off
+_BETTER_BY_PX = 0.25  # of disparity, by which another reading fits better
+_PRECISION_PX = 0.1  # of disparity, the mean by which a lower precision differs
+
 
 Pixels = NDArray[np.floating]
 """Disparities in px, of any shape."""
@@ -74,9 +80,9 @@ def check_scale(
     if not parts:
         return None
     network, lidar = (np.concatenate([np.ravel(part[side]) for part in parts]) for side in (0, 1))
-    used = (lidar >= PSMNET_PREFLIGHT.nearest_trust_px) & (lidar < max_disparity) & ~np.isnan(network)
+    used = (lidar >= _NEAREST_TRUST_PX) & (lidar < max_disparity) & ~np.isnan(network)
     network, lidar = network[used], lidar[used]
-    if lidar.size < PSMNET_PREFLIGHT.fewest_px:
+    if lidar.size < _FEWEST_PX:
         return None
     ratio = float(np.median(network / lidar))
     residual = float(np.median(np.abs(network - lidar)))
@@ -91,12 +97,12 @@ def _under_other(disparity: Pixels, align_corners: bool, max_disparity: int) -> 
 
 def _warning(ratio: float, residual: float, other: float, align_corners: bool) -> str | None:  # noqa: FBT001 - private
     figures = f"PSMNet / LiDAR has the median {ratio:.3f}, they differ by {residual:.2f} px"
-    if other + PSMNET_PREFLIGHT.better_by_px < residual:
+    if other + _BETTER_BY_PX < residual:
         return (
             f"PSMNet's disparities are off scale: {figures}, but by {other:.2f} px with align_corners="
             f"{not align_corners}; the weights were probably trained with that"
         )
-    if abs(ratio - 1) > PSMNET_PREFLIGHT.ratio_off_by:
+    if abs(ratio - 1) > _RATIO_OFF_BY:
         return f"PSMNet's disparities are off scale: {figures}; check the weights and the camera calibration"
     return None
 
@@ -118,7 +124,7 @@ def check_precision(
     differences = np.abs(np.stack(matcher.match_pairs(images, pairs)) - np.stack(exact))
     mean, largest = float(differences.mean()), float(differences.max())
     warning = None
-    if not mean <= PSMNET_PREFLIGHT.precision_px:  # an overflow's NaN is over it too
+    if not mean <= _PRECISION_PX:  # an overflow's NaN is over it too
         warning = f"{matcher.precision} changes PSMNet's disparities by {mean:.2f} px on average; use fp32 or tf32"
     return PrecisionCheck(mean, largest, warning)
 

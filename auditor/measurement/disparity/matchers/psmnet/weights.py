@@ -19,9 +19,10 @@ from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import (
     no_safetensors,
     read_weights_file,
 )
-from auditor.measurement.parameters import PSMNET_INPUT
 
-DEFAULT_MAX_DISPARITY = PSMNET_INPUT.range_px
+DEFAULT_MAX_DISPARITY = 192
+"""That of the published code (Chang and Chen, PSMNet, CVPR 2018)."""
+
 _WIDTHS = range(1, 257)
 _FIRST = "feature_extraction.firstconv.0.0.weight"
 _COUNTER = "num_batches_tracked"  # no disparity depends on it, and checkpoints of 2018 lack it

@@ -8,7 +8,6 @@ import numpy as np
 
 from auditor.errors import SettingError
 from auditor.lab.simulation.drives import PERIOD_NS, SyntheticDrive, make_drive
-from auditor.lab.simulation.published_rigs import PublishedCamera, PublishedLidar, PublishedRig
 from auditor.lab.simulation.raycasting import cast, placed
 from auditor.lab.simulation.rays import Rays
 from auditor.lab.simulation.sensors import camera_rays, echoes, expose
@@ -17,6 +16,7 @@ from auditor.lab.simulation.vehicles import rotation
 from auditor.model.arrays import Floats32, Image, Points
 from auditor.model.optics.geometry import Matrix, compose, invert, motion
 from auditor.model.rig import Camera
+from tests.making.published_rigs import PublishedCamera, PublishedLidar, PublishedRig
 
 _BEGIN_M = 40.0
 """How far along its street a drive begins: cameras that look back see a street as well."""

@@ -13,7 +13,7 @@ from torch.nn import functional
 from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images
 from auditor.lab.evaluation.object_baseline.detectors.streets.network import STRIDE, CentreNet
 from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel
-from auditor.lab.evaluation.object_baseline.street_labels import street_labels
+from auditor.lab.evaluation.object_baseline.runner import street_labels
 from auditor.lab.evaluation.sources import Street
 from auditor.model.arrays import Floats, Floats32, Image, Points
 
