@@ -194,8 +194,10 @@ def describe(
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         damage = [str(piece) for piece in recording.damage]
+        of_cameras = {rig.lidar.topic for rig in rigs if rig.cameras and rig.lidar}
         readings = [
-            _reading(rig, one, seen, damage, no_sensors) for rig, one, seen in zip(rigs, health, first, strict=True)
+            _reading(rig, one, seen, damage, no_sensors, of_cameras if rig.others else ())
+            for rig, one, seen in zip(rigs, health, first, strict=True)
         ]
         coverage = declared(_coverage(recording, surveyed, rigs, health), no_sensors)
         return {
@@ -282,12 +284,22 @@ def _doubts(doubts: RigDoubts) -> dict[str, Any]:
     return {**doubts._asdict(), "withheld": doubts.withheld or None}
 
 
-def _reading(rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str]) -> Reading:
-    """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them."""
+def _reading(
+    rig: Rig,
+    health: Health,
+    first: FirstFrames,
+    damage: list[str],
+    no_sensors: Collection[str],
+    of_cameras: Collection[str],
+) -> Reading:
+    """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them.
+
+    `of_cameras` are topics of its LiDARs that another rig compares with cameras.
+    """
     balance = [sensor.balance for sensor in health.sensors.values()]
     frames = FrameCount(health.frames, health.skipped)
     reading = judge_reading(frames, health.coverage, balance, (*damage, *health.undecoded), no_sensors=no_sensors)
-    if narrow := tuple(views_not_compared(rig, Criteria.min_view, no_sensors)):
+    if narrow := tuple(views_not_compared(rig, Criteria.min_view, {*no_sensors, *of_cameras})):
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading

@@ -258,7 +258,7 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name = recording.name
+        name, rig = recording.name, store.rig(stored.rig_id)
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
@@ -277,7 +277,7 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(store.rig(stored.rig_id), criteria.min_view, criteria.no_sensors),
+            *views_not_compared(rig, criteria.min_view, {*criteria.no_sensors, *self._of_cameras(recording, rig)}),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
@@ -342,6 +342,14 @@ class Judge:
         if current is None or criteria.strict or not self._settings.only_stale:
             return None
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
+
+    def _of_cameras(self, recording: RecordingRecord, rig: Rig) -> frozenset[str]:
+        """The topics of LiDARs of several that another rig of the recording compares with cameras."""
+        if not rig.others:
+            return frozenset()
+        seen = {one for sighting in recording.sightings for one in sighting.measurements}
+        rigs = [self._rig(one) for one in seen if self._store.has_measurement(one)]
+        return frozenset(one.lidar.topic for one in rigs if one.cameras and one.lidar)
 
     def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""

@@ -83,14 +83,15 @@ def reading_of(
 def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = ()) -> Iterator[str]:
     """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`.
 
-    And LiDARs alone, unless their topics are declared to be no sensors: of one nothing is seen that is there all along,
-    of several what stands where another one looks too.
+    And LiDARs alone, unless their topics are declared to be no sensors or are of rigs with cameras as well: of one
+    nothing is seen that is there all along, of several what stands where another one looks too.
     """
     lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in no_sensors]
     if rig.others and min_view > 0 and lidars:
         named = " and ".join(f"S_{one} {rig.name(one)}" for one in lidars)
+        whose = "each other's" if len(lidars) > 1 else "another LiDAR's"
         yield (
-            f"{named}: compared with each other's points where both look, and else looked at for what appears, by "
+            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by "
             "their own past alone; no camera of this rig sees what they see"
         )
     elif min_view > 0 and lidars:

@@ -128,6 +128,11 @@ def test_a_lidar_beside_that_of_cameras_is_compared_with_it(
     path = merged(tmp_path / "drive.mcap", tmp_path / "cars.mcap", tmp_path / "beside.mcap")
     code = run(["scan", str(path), "--store", str(path.with_suffix(".audit")), "--pictures", "none", *ALL_SEEN])
     capfd.readouterr()
+    assert run(["inspect", str(path)]) == 3
+    said = "S_0 side: compared with another LiDAR's points where both look"
+    assert said in capfd.readouterr().out, "that of the cameras is looked at by these"
+    assert run(["judge", "--store", str(path.with_suffix(".audit")), "--min-view", "0.5"]) in (3, 4)
+    assert said in capfd.readouterr().err
     rigs = ask(path.with_suffix(".audit"), "SELECT kind, n FROM rigs ORDER BY n")
     assert [(row["kind"][:9], row["n"]) for row in rigs] == [("2 LiDARs ", 0), ("LiDAR + 2", 2)]
     assert code == (1 if on else 0)

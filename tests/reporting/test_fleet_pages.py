@@ -86,7 +86,7 @@ def test_the_page_of_an_incident_has_evidence_alternatives_hashes_calibration_an
     row = next(one for one in store_rows if one["review"] is None)
     words = read(pages / "many" / "incidents" / f"{row['incident_id']}.html").words
     assert row["incident_id"] in words
-    assert "S1 sees light that the others do not 5" in words
+    assert "S1 has light in some rows that the others do not 5" in words
     assert row["alternatives"].replace("S_", "S") in words
     assert "Causes other than an attack none was found" in words
     assert f"auditor review {row['incident_id'][:12]}" in words
