@@ -16,7 +16,7 @@ from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.pipeline.geometry import FirstFrames, RigDoubts, first_frames_of, rigs_through, rigs_to_begin_with
-from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared
+from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared, why_not_compared
 from auditor.recordings import (
     Changes,
     FarAheadError,
@@ -285,31 +285,19 @@ def _doubts(doubts: RigDoubts) -> dict[str, Any]:
 
 
 def _reading(
-    rig: Rig,
-    health: Health,
-    first: FirstFrames,
-    damage: list[str],
-    no_sensors: Collection[str],
-    of_cameras: Collection[str],
+    rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str], seen: Collection[str]
 ) -> Reading:
     """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them.
 
-    `of_cameras` are topics of its LiDARs that another rig compares with cameras.
+    `seen` are topics of its LiDARs that another rig compares with cameras.
     """
-    balance = [sensor.balance for sensor in health.sensors.values()]
-    frames = FrameCount(health.frames, health.skipped)
+    balance, frames = [one.balance for one in health.sensors.values()], FrameCount(health.frames, health.skipped)
     reading = judge_reading(frames, health.coverage, balance, (*damage, *health.undecoded), no_sensors=no_sensors)
-    if narrow := tuple(views_not_compared(rig, Criteria.min_view, {*no_sensors, *of_cameras})):
+    if narrow := tuple(views_not_compared(rig, Criteria.min_view, {*no_sensors, *seen})):
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading
-    if not rig.cameras:
-        why = "could the LiDAR be compared with its scan before: scans too far apart in time, or of different places"
-    elif rig.by_time:
-        why = "could the LiDAR be compared with the camera's own past: the vehicle stands, or too little texture"
-    else:
-        why = "could three sensors be compared: too little texture"
-    dark = f"in none of {first.measured} frames at its beginning {why}"
+    dark = f"in none of {first.measured} frames at its beginning {why_not_compared(rig)}"
     return Reading((*reading.remarks, dark), complete=False)
 
 

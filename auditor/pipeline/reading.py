@@ -109,6 +109,15 @@ def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = 
             )
 
 
+def why_not_compared(rig: Rig) -> str:
+    """What could not be done with frames of a rig in which nothing was compared, and the likely reason."""
+    if not rig.cameras:
+        return "could the LiDAR be compared with its scan before: scans too far apart in time, or of different places"
+    if rig.by_time:
+        return "could the LiDAR be compared with the camera's own past: the vehicle stands, or too little texture"
+    return "could three sensors be compared: too little texture"
+
+
 def frames_not_audited(
     measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float
 ) -> Iterator[str]:
