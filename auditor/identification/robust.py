@@ -120,9 +120,9 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     held = _flags(len(raised), (place for one in found for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    others = [
-        held_of(one, verdicts, evidence) for one in alerts(raised, accusing, audited, strong, held, float(thresholds.r))
-    ]
+    attacked = {place: verdicts[place].attacked for place in np.flatnonzero(raised).tolist()}
+    loose = alerts(raised, attacked, accusing, audited, strong, held, float(thresholds.r))
+    others = [held_of(one, verdicts, evidence) for one in loose]
     for number, event in enumerate(sorted([*found, *others], key=lambda one: one.first), 1):
         for place, frame in event.frames.items():
             finding = Finding(*frame.held_for, number, event.alert, frame.added)

@@ -262,6 +262,14 @@ def test_findings_that_no_incident_holds_are_alerts_in_a_row_or_as_a_tenth_of_th
     assert not [v for v in judge([3], z=4.0, score=99.0) if v.finding], "one of 20 is chance at r = 1 %"
 
 
+def test_findings_of_one_sensor_make_no_alert_of_another_ones():
+    series = series_of([3, 9, 12], z=4.0)
+    series.statistics[np.ix_([6], columns_of(3, Check.ADDED_LIGHT))] = statistic_at(0.0)
+    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, score=99.0))
+    assert verdicts[6].attacked == (3,)
+    assert [f for f, v in enumerate(verdicts) if v.in_alert] == [3, 9, 12]
+
+
 def test_the_larger_r_is_the_more_findings_an_alert_needs():
     often = replace(THRESHOLDS, r=Decimal("0.2"), score=99.0)
     series = series_of([3, 4, 9], z=4.0)

@@ -10,12 +10,12 @@
    (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
-7. Findings that no incident holds are alerts: two in a row, a tenth of all frames, or one very strong frame. A short
-   recording has little time: such findings count as found all the same, though no rate of false alerts is promised
-   (`alerts`).
+7. Findings that no incident holds are alerts: two in a row, those of one sensor in a tenth of all frames, or one very
+   strong frame. A short recording has little time: such findings count as found all the same, though no rate of false
+   alerts is promised (`alerts`).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, log
@@ -172,19 +172,40 @@ def strong_frames(evidence: Evidence, raised: Flags, per_hour: float | None) -> 
     return np.asarray(raised & (evidence.ratios > limits))
 
 
-def alerts(findings: Flags, accusing: Flags, audited: Flags, strong: Flags, held: Flags, r: float) -> list[Event]:
+def alerts(
+    findings: Flags,
+    attacked: Mapping[int, tuple[int, ...]],
+    accusing: Flags,
+    audited: Flags,
+    strong: Flags,
+    held: Flags,
+    r: float,
+) -> list[Event]:
     """The alerts among F frames that are judged at r, in the order of time; all flags are (F,).
 
-    `findings` are findings by themselves, `accusing` those that say attacked or unidentified, `audited` those with a
-    verdict. The `strong` ones are told by themselves, and incidents hold those that are `held`.
+    `findings` are findings by themselves, and `attacked` says by their places which sensors they name; `accusing` are
+    those that say attacked or unidentified, `audited` those with a verdict. The `strong` ones are told by themselves,
+    and incidents hold those that are `held`.
     """
     loose = findings & ~held
-    if 0 < max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited) <= np.count_nonzero(loose):
-        return [Event(tuple(np.flatnonzero(loose).tolist()), alert=True)]
-    groups = list(_rows(loose, accusing, audited, _fewest_in_a_row(r)))
-    in_rows = {place for group in groups for place in group}
-    groups += [(place,) for place in np.flatnonzero(loose & strong).tolist() if place not in in_rows]
+    often = _often(np.flatnonzero(loose).tolist(), attacked, max(ALERTS.share, ALERTS.times_r * r) * audited.sum())
+    groups = [often] if often else []
+    left = loose.copy()
+    left[list(often)] = False
+    groups += _rows(left, accusing, audited, _fewest_in_a_row(r))
+    told = {place for group in groups for place in group}
+    groups += [(place,) for place in np.flatnonzero(left & strong).tolist() if place not in told]
     return [Event(group, alert=True) for group in sorted(groups)]
+
+
+def _often(loose: Sequence[int], attacked: Mapping[int, tuple[int, ...]], fewest: float) -> tuple[int, ...]:
+    """The findings that name a sensor or nobody, where these are the `fewest` at least.
+
+    Those of several sensors do not add up: findings of one make no alert of another one's.
+    """
+    sensors: set[int | None] = {sensor for place in loose for sensor in attacked[place]}
+    of_each = ([place for place in loose if not attacked[place] or one in attacked[place]] for one in sensors or {None})
+    return tuple(sorted({place for places in of_each if len(places) >= fewest > 0 for place in places}))
 
 
 def _fewest_in_a_row(r: float) -> int:
