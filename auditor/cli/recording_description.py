@@ -59,23 +59,23 @@ _BY_TIME = (
     "camera that moves as a scene at another range would",
 )
 
-_BY_SCANS = (
-    "a LiDAR alone is checked by its own last scan: what stands up where its beams passed a moment ago, within "
-    f"{FREE_SPACE.farthest_m:g} m, with nothing near from which it can have come, names S_0; also while the vehicle "
-    "stands",
-    "not looked at: what is there from the first frame on; points that are removed or moved; what is less than "
-    f"{FREE_SPACE.clearly_m:g} m above the ground; scans more than {FREE_SPACE.most_s:g} s apart",
+_OWN_SCANS = (
+    f"checked by its own last scan: what stands up where its beams passed a moment ago, in {FREE_SPACE.farthest_m:g} m "
+    "and with nothing near from which it can have come, names it; also while the vehicle stands"
 )
-
-
+_NOT_BY_SCANS = (
+    f"points that are removed or moved; what is less than {FREE_SPACE.clearly_m:g} m above the ground; scans more than "
+    f"{FREE_SPACE.most_s:g} s apart"
+)
+_BY_SCANS = f"a LiDAR alone is {_OWN_SCANS}", f"not looked at: what is there from the first frame on; {_NOT_BY_SCANS}"
 _BY_OTHER_SCANS = (
-    "several LiDARs: in every frame each is compared with the others where both look, within "
-    f"{FREE_SPACE.farthest_m:g} m: what stands by its points where another one's beams went on behind; so also what is "
-    "there from the first frame on is seen",
+    "several LiDARs: each is compared with the others where both look: what stands by its points where another one's "
+    "beams went on behind, also what is there from the first frame on",
     "two that contradict each other do not say which is attacked: an incident names neither, unless what one shows "
     "came from nowhere by its own last scan, or a third LiDAR agrees with the other",
+    f"each is {_OWN_SCANS}",
     "not looked at: what only one of them sees, as behind things or beyond the other's beams; what is near something "
-    "that the other sees, or moves; posts, wires and boards; points that scatter",
+    f"that the other sees, or moves; posts, wires and boards; points that scatter; {_NOT_BY_SCANS}",
 )
 
 
@@ -88,7 +88,7 @@ def short_pairs(rig: Rig) -> list[Pair]:
 def capabilities(rig: Rig) -> list[str]:
     """What can be identified at most, which cameras check the LiDAR, and what is missing for more."""
     if rig.by_time:
-        return list(_BY_TIME if rig.cameras else (*_BY_OTHER_SCANS, *_BY_SCANS) if rig.others else _BY_SCANS)
+        return list(_BY_TIME if rig.cameras else _BY_OTHER_SCANS if rig.others else _BY_SCANS)
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:

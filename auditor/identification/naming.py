@@ -246,6 +246,8 @@ def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet
     found = zip(z[columns].tolist(), columns, strict=True)
     known = [(value, system.sensor_checks[c].sensor) for value, c in found if not isnan(value)]
     best = max((value for value, _ in known), default=limit)
+    if best <= limit:  # what names no sensor exceeds it alone: what two say of each other
+        return float(np.nanmax(z[system.detecting(absent)], initial=limit)) - limit
     rivals = [value for value, sensor in known if sensor not in attacked] if attacked else []
     return best - max(limit, *rivals) if rivals else best - limit
 

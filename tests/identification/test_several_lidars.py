@@ -37,6 +37,7 @@ def test_two_that_contradict_each_other_are_both_candidates_first_the_one_whose_
     assert (one.kind, one.attacked) == (VerdictKind.UNIDENTIFIED, ())
     assert [other.attacked for other in one.alternatives[:2]] == [(sensor,), (1 - sensor,)]
     assert [(said.i, said.k) for said in one.evidence] == [(sensor, 1 - sensor)]
+    assert one.gap == pytest.approx(6.0 - LIMIT)
 
 
 @pytest.mark.parametrize("sensor", [0, 1])
