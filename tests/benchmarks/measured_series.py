@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.causes.faults import ObservedFeatures, fault_scores
+from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
@@ -181,7 +182,9 @@ def learn(
 
 
 def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection[int] = ()) -> list[Verdict]:
-    """The verdicts of the robust method."""
+    """The verdicts of the robust method, as a scan has them: with what is usual of the series itself."""
+    system = system_of(rig)
+    learnt = for_drive(learnt, system.sensor_checks, part.statistics, part.stamps_ns)
     present = np.tile([sensor not in absent for sensor in rig.sensors], (len(part.numbers), 1))
     scores: Mapping[CauseIn, Floats] = scores_of(part, rig, absent)
     cameras = [camera.number for camera in rig.cameras]
@@ -191,4 +194,4 @@ def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection
         for camera, column in zip(cameras, values.T, strict=True)
     }
     series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores, brightness)
-    return judge_frames(series, system_of(rig), learnt)
+    return judge_frames(series, system, learnt)

@@ -10,8 +10,8 @@
    (`Excursion.peak`).
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
-7. Findings that no incident holds are alerts: two in a row, those of one sensor in a tenth of all frames, or one very
-   strong frame. A short recording has little time: such findings count as found all the same, though no rate of false
+7. Findings that no incident holds are alerts: two in a row, two and more of one sensor in a tenth of all frames, or one
+   very strong frame. A short recording has little time: such findings count as found all the same, though no rate of false
    alerts is promised (`alerts`).
 """
 
@@ -188,7 +188,8 @@ def alerts(
     and incidents hold those that are `held`.
     """
     loose = findings & ~held
-    often = _often(np.flatnonzero(loose).tolist(), attacked, max(ALERTS.share, ALERTS.times_r * r) * audited.sum())
+    share = max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited)
+    often = _often(np.flatnonzero(loose).tolist(), attacked, max(share, FEWEST_FINDINGS))
     groups = [often] if often else []
     left = loose.copy()
     left[list(often)] = False
@@ -205,7 +206,7 @@ def _often(loose: Sequence[int], attacked: Mapping[int, tuple[int, ...]], fewest
     """
     sensors: set[int | None] = {sensor for place in loose for sensor in attacked[place]}
     of_each = ([place for place in loose if not attacked[place] or one in attacked[place]] for one in sensors or {None})
-    return tuple(sorted({place for places in of_each if len(places) >= fewest > 0 for place in places}))
+    return tuple(sorted({place for places in of_each if len(places) >= fewest for place in places}))
 
 
 def _fewest_in_a_row(r: float) -> int:
