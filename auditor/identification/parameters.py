@@ -71,7 +71,6 @@ class WindowedMean:
 
 
 _LASTING = "benchmarks benign, attack_kinds, held_light: 0.3 to 1 a second tried (docs/decisions.md)"
-_NO_LIGHT = "attacked frames of three real drives and clean ones of 63 streets (docs/ablations.md)"
 _STANDS_OUT = "62 clean real frames and those of their attacks that are named (docs/decisions.md)"
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
@@ -210,12 +209,9 @@ class LightOfCauses:
         2.5, unit="z of light of one colour or in rows, from which on it was thrown in", source=_ONE_COLOUR
     )
     hardly_added: float = parameter(
-        2.0, unit="z of added light, below which an exposure explains what is seen, or dirt may", source=_BENIGN
+        2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
-    hardly_saturated: float = parameter(
-        20.0, unit="half px that saturate beside it, below which it outshines nothing", source=_NO_LIGHT
-    )
     nearby_s: float = parameter(3.0, unit="s around a frame, in which a fault of a lens stays", source=_LASTING)
     further_s: float = parameter(
         5.0, unit="s to the next frame, where none is within half of that", source="a gap of 4 s in a real drive"

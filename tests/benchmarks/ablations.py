@@ -144,8 +144,6 @@ def rules() -> Iterator[Rule]:
     yield Rule("light of one colour or in rows", numbers(light, least_thrown=INF))
     yield Rule("how long light lasts", replaced(light_causes.Seen, "_of_time", property(lambda self: 0.0)))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
-    yield Rule("hardly any light", replaced(light_causes.Seen, "without_light", property(lambda self: False)))
-    yield Rule("hardly any light: saturates", numbers(light, hardly_saturated=INF))
     for name in ("removed", "inconsistent", "darker", "saturated"):
         yield Rule(f"light on a lens: {name}", flat(f"of_{name}"))
     yield Rule("light on a lens", replaced(faults, "of_lens", lambda seen: ()))

@@ -377,12 +377,6 @@ def test_the_chance_of_a_lens_rises_with_what_is_removed_and_falls_with_what_sat
     assert chances[0] != chances[-1]
 
 
-def test_where_hardly_any_light_was_added_dirt_is_likely_enough():
-    weak = Seen(added=1.9, removed=-1.0, inconsistent=5.5, darker=0.3, saturated_px=19.0)
-    assert weak.chance_of_lens == 0.5 > weak._replace(added=2.1).chance_of_lens
-    assert weak._replace(saturated_px=20.0).chance_of_lens < 0.5
-
-
 def test_what_is_not_known_of_light_says_nothing():
     without = DROP._replace(saturated_px=NAN)
     outshone = DROP._replace(saturated_px=3000.0)

@@ -83,18 +83,11 @@ class Seen(NamedTuple):
         return self.inconsistent < LIGHT_OF_CAUSES.unchanged
 
     @property
-    def without_light(self) -> bool:
-        """Whether hardly any light was added or saturates."""
-        saturates = self.saturated_px >= LIGHT_OF_CAUSES.hardly_saturated
-        return self.added < LIGHT_OF_CAUSES.hardly_added and not saturates
-
-    @property
     def chance_of_lens(self) -> float:
         """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
 
         What is not known says nothing. A lens's fault stays for minutes, thrown light seldom so long, and what is
-        there for one frame is on no lens. Where there is hardly any light, dirt is likely enough: the curves compare
-        it with thrown light, and beside leaves and sky clean cameras disagree, so that another one may be named.
+        there for one frame is on no lens.
         """
         of = THROWN_LIGHT
         curves = (
@@ -106,8 +99,7 @@ class Seen(NamedTuple):
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
         if not isnan(self.shown_s):
             ratio += self._of_time
-        chance = 1 / (1 + exp(ratio))
-        return max(chance, ENOUGH) if self.without_light else chance
+        return 1 / (1 + exp(ratio))
 
     @property
     def _of_time(self) -> float:

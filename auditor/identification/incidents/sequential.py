@@ -11,8 +11,8 @@
 6. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
    continued by an exponential tail (`incident_limit`).
 7. Findings that no incident holds are alerts: two in a row, two and more of one sensor in a tenth of all frames, or one
-   very strong frame. A short recording has little time: such findings count as found all the same, though no rate of false
-   alerts is promised (`alerts`).
+   very strong frame. A short recording has little time: such findings count as found all the same, though no rate of
+   false alerts is promised (`alerts`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
