@@ -109,8 +109,8 @@ def report(title: str, drives: Sequence[Drive], clean: Path | None) -> None:
     print(title, flush=True)
     for (kind, lasts, by), of in total.items():
         print(
-            f"  {kind:26} {lasts:17} {by:7} {of['incidents']:d} incidents, {of['named']:d} named, {of['found']:d} found, "
-            f"{of['innocent']:d} innocent of {of['recordings']}",
+            f"  {kind:26} {lasts:17} {by:7} {of['incidents']:d} incidents, {of['named']:d} named, "
+            f"{of['found']:d} found, {of['innocent']:d} innocent of {of['recordings']}",
             flush=True,
         )
 
