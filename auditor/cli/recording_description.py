@@ -194,9 +194,8 @@ def describe(
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         damage = [str(piece) for piece in recording.damage]
-        of_cameras = {rig.lidar.topic for rig in rigs if rig.cameras and rig.lidar}
         readings = [
-            _reading(rig, one, seen, damage, no_sensors, of_cameras if rig.others else ())
+            _reading(rig, one, seen, damage, no_sensors, rigs)
             for rig, one, seen in zip(rigs, health, first, strict=True)
         ]
         coverage = declared(_coverage(recording, surveyed, rigs, health), no_sensors)
@@ -285,15 +284,12 @@ def _doubts(doubts: RigDoubts) -> dict[str, Any]:
 
 
 def _reading(
-    rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str], seen: Collection[str]
+    rig: Rig, health: Health, first: FirstFrames, damage: list[str], no_sensors: Collection[str], rigs: Sequence[Rig]
 ) -> Reading:
-    """What was not read with one rig. Where none of the first frames can be compared, a scan will not judge them.
-
-    `seen` are topics of its LiDARs that another rig compares with cameras.
-    """
+    """What was not read with one of the rigs. Where none of its first frames can be compared, no scan judges them."""
     balance, frames = [one.balance for one in health.sensors.values()], FrameCount(health.frames, health.skipped)
     reading = judge_reading(frames, health.coverage, balance, (*damage, *health.undecoded), no_sensors=no_sensors)
-    if narrow := tuple(views_not_compared(rig, Criteria.min_view, {*no_sensors, *seen})):
+    if narrow := tuple(views_not_compared(rig, Criteria.min_view, no_sensors, rigs)):
         reading = Reading((*reading.remarks, *narrow), complete=False)
     if first.compared or not first.measured:
         return reading

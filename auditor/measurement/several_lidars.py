@@ -8,7 +8,7 @@ import numpy as np
 from auditor.measurement.checks.collect import BY_SCANS
 from auditor.measurement.checks.contested_returns import contested, measure_contested_returns
 from auditor.measurement.checks.found import measuring
-from auditor.measurement.checks.free_space_conflict import OwnScans, upright
+from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.model.arrays import Indices
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import Frame
@@ -44,9 +44,9 @@ class SeveralLidars:
         scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
         ways = {sensor: own.way for sensor, own in self._own.items() if own.way is not None}
         lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
-        ended_m = {sensor: upright(frame.clouds[sensor].xyz_m, self._rig.alone(sensor)) for sensor in scans}
         said = {
-            (i, k): contested(scans[i], ended_m[k], self._rig.beside_m(i, k), ways[i]) for i, k in permutations(ways, 2)
+            (i, k): contested(scans[i], scans[k].ended_m, self._rig.beside_m(i, k), ways[i])
+            for i, k in permutations(ways, 2)
         }
         for (i, k), found in said.items():
             if found.fits(said[k, i]):

@@ -14,14 +14,23 @@ from auditor.errors import RigError
 from auditor.model.fields import Fields
 from auditor.model.optics.geometry import Matrix, beside_line_m
 from auditor.model.optics.lenses import PINHOLE, Lens
-from auditor.model.optics.sensors import LIDAR as LIDAR  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.optics.sensors import MOST_BITS as MOST_BITS  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.optics.sensors import PIXEL_BITS as PIXEL_BITS  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.optics.sensors import Camera as Camera  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.optics.sensors import Lidar as Lidar  # noqa: PLC0414 - also its home for who reads rigs
-from auditor.model.optics.sensors import Sweep as Sweep  # noqa: PLC0414 - also its home for who reads rigs
+from auditor.model.optics.sensors import LIDAR, MOST_BITS, PIXEL_BITS, Camera, Lidar, Sweep
 from auditor.model.parameters import PAIR_DEPTH, RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
+
+__all__ = (
+    "LIDAR",
+    "MOST_BITS",
+    "MOST_OFF_PX",
+    "PIXEL_BITS",
+    "Camera",
+    "Lidar",
+    "Rig",
+    "Sweep",
+    "Triple",
+    "fallback_of",
+    "triples_of",
+)
 
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""

@@ -246,14 +246,18 @@ def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> 
     """
     stored = store.measurement(measurement)
     topics = _topics(store.rig(stored.rig_id))
-    seen = (one for sighting in recording.sightings for one in sighting.measurements)
-    known = {one for one in seen if store.has_measurement(one)}
-    others = {one: store.measurement(one) for one in sorted(known - {measurement})}
+    others = {one: store.measurement(one) for one in sorted(measured_of(store, recording) - {measurement})}
     return tuple(
         one
         for one, other in others.items()
         if not other.withheld and other.procedure == stored.procedure and _topics(store.rig(other.rig_id)) == topics
     )
+
+
+def measured_of(store: Store, recording: RecordingRecord) -> set[str]:
+    """The measurements of a recording, by any rig, that the store has."""
+    seen = (one for sighting in recording.sightings for one in sighting.measurements)
+    return {one for one in seen if store.has_measurement(one)}
 
 
 def _topics(rig: Rig) -> dict[int, str]:

@@ -17,6 +17,7 @@ from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
     fitting_calibration,
     judge_measurement,
+    measured_of,
     prior_for,
     refuse_earlier_counting,
     rigs_in_turn,
@@ -277,7 +278,7 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(rig, criteria.min_view, {*criteria.no_sensors, *self._of_cameras(recording, rig)}),
+            *views_not_compared(rig, criteria.min_view, criteria.no_sensors, self._rigs(recording)),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
@@ -343,13 +344,9 @@ class Judge:
             return None
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
 
-    def _of_cameras(self, recording: RecordingRecord, rig: Rig) -> frozenset[str]:
-        """The topics of LiDARs of several that another rig of the recording compares with cameras."""
-        if not rig.others:
-            return frozenset()
-        seen = {one for sighting in recording.sightings for one in sighting.measurements}
-        rigs = [self._rig(one) for one in seen if self._store.has_measurement(one)]
-        return frozenset(one.lidar.topic for one in rigs if one.cameras and one.lidar)
+    def _rigs(self, recording: RecordingRecord) -> Iterator[Rig]:
+        """The rigs that a recording was measured with."""
+        yield from map(self._rig, measured_of(self._store, recording))
 
     def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""

@@ -1,6 +1,6 @@
 """Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from auditor.model.coverage import (
@@ -80,13 +80,17 @@ def reading_of(
     return judge_reading(frames, measurement.coverage, measurement.balance, damage, min_coverage, no_sensors)
 
 
-def views_not_compared(rig: Rig, min_view: float, no_sensors: Collection[str] = ()) -> Iterator[str]:
+def views_not_compared(
+    rig: Rig, min_view: float, no_sensors: Collection[str] = (), beside: Iterable[Rig] = ()
+) -> Iterator[str]:
     """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`.
 
-    And LiDARs alone, unless their topics are declared to be no sensors or are of rigs with cameras as well: of one
-    nothing is seen that is there all along, of several what stands where another one looks too.
+    And LiDARs alone, unless their topics are declared to be no sensors, or one of several is compared with cameras in
+    a rig `beside` it: of one nothing is seen that is there all along, of several what stands where another one looks
+    too.
     """
-    lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in no_sensors]
+    seen = {one.lidar.topic for one in beside if one.cameras and one.lidar} if rig.others else set()
+    lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in {*no_sensors, *seen}]
     if rig.others and min_view > 0 and lidars:
         named = " and ".join(f"S_{one} {rig.name(one)}" for one in lidars)
         whose = "each other's" if len(lidars) > 1 else "another LiDAR's"

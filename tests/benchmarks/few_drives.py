@@ -21,7 +21,7 @@ from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import use_one_thread
 from auditor.model.rig import Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.measured_series import Drive, Series, clean_of, judged, kept_drive, learn, measured
+from tests.benchmarks.measured_series import Drive, Series, Watched, clean_of, judged, kept_drive, learn, measured
 from tests.benchmarks.scenes import load
 
 R = Decimal("0.01")
@@ -62,7 +62,7 @@ def street(vehicle: int, number: int) -> Drive:
     return _of(f"street {seed}", f"{style}, {condition}", drive.rig, measured(drive.frames(), drive.rig))
 
 
-def _of(name: str, family: str, rig: Rig, frames: object) -> Drive:
+def _of(name: str, family: str, rig: Rig, frames: Watched) -> Drive:
     return Drive(name, family, rig, (Series("clean", None, None, frames),))
 
 

@@ -9,7 +9,6 @@ is contested has to be wide and tall.
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
@@ -22,6 +21,7 @@ from auditor.measurement.checks.free_space_conflict import (
     beams_around,
     cells_from_above,
     ellipse,
+    grid_of,
     near,
     widths_m,
     within_reach,
@@ -96,8 +96,7 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     alone = _alone(now, passed, _things(now, other_m + offset), way)
     if alone.size:
         alone = alone[_passed_all_along(now.xyz_m[:, alone] - offset, other_m, way)]
-    count, numbers = cv2.connectedComponents(now.cells(_flags(now, alone)))
-    thing = np.asarray(numbers, dtype=np.intp).take(now.cell)
+    count, thing = now.objects(now.cells(_flags(now, alone)))
     return Contested(_objects(now, seen, alone, thing, count), _flags(now, seen), count - 1)
 
 
@@ -141,9 +140,7 @@ def _things(now: Scan, xyz_m: Floats32) -> Image:
     row, column = cells_from_above(np.concatenate([xyz_m, now.xyz_m], axis=1))
     above = above_ground_m(row, column, np.concatenate([xyz_m[1], now.xyz_m[1]]))
     standing = np.flatnonzero(above[: xyz_m.shape[1]] > FREE_SPACE.stands_m)
-    grid = np.zeros((SIDE, SIDE), dtype=np.uint8)
-    grid[row[standing], column[standing]] = 1
-    return grid
+    return grid_of(row[standing] * SIDE + column[standing])
 
 
 def _objects(now: Scan, seen: Indices, alone: Indices, thing: Indices, count: int) -> Mask:

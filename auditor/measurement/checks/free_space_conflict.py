@@ -82,12 +82,14 @@ class Shift(NamedTuple):
 class Scan:
     """One scan, its points within reach, seen from above.
 
-    `xyz_m` is (3, M), right, down and ahead; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that
-    are asked about, `from_nowhere` those of objects that came from nowhere.
+    `ended_m` (3, N) is where all its beams ended, right, down and ahead of it, and `xyz_m` (3, M) the same of those
+    within reach; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that are asked about,
+    `from_nowhere` those of objects that came from nowhere.
     """
 
     stamp_ns: int
     points: Points
+    ended_m: Floats32
     xyz_m: Floats32
     cell: Indices
     solid: Mask
@@ -97,9 +99,9 @@ class Scan:
     @classmethod
     def of(cls, cloud: PointCloud, rig: Rig) -> "Scan":
         """The scan of a cloud, upright as the rig is."""
-        xyz = upright(cloud.xyz_m, rig)
-        within = within_reach(xyz)
-        xyz = xyz.take(within, axis=1)
+        ended = _upright(cloud.xyz_m, rig)
+        within = within_reach(ended)
+        xyz = ended.take(within, axis=1)
         right, down, ahead = xyz
         row, column = cells_from_above(xyz)
         above = above_ground_m(row, column, down)
@@ -108,7 +110,7 @@ class Scan:
         clearly = solid & (above > NUMBERS.clearly_m) & (away < NUMBERS.farthest_m**2)
         nothing = np.zeros(within.size, dtype=np.bool_)
         points = cloud.xyz_m.take(within, axis=0)
-        return cls(cloud.stamp_ns, points, xyz, row * SIDE + column, solid, clearly, nothing)
+        return cls(cloud.stamp_ns, points, ended, xyz, row * SIDE + column, solid, clearly, nothing)
 
     @cached_property
     def things(self) -> Image:
@@ -117,9 +119,15 @@ class Scan:
 
     def cells(self, some: Mask) -> Image:
         """(SIDE, SIDE) 1 where a cell holds some (M,) of its points."""
-        grid = np.zeros(SIDE * SIDE, dtype=np.uint8)
-        grid[self.cell.take(np.flatnonzero(some))] = 1
-        return grid.reshape(SIDE, SIDE)
+        return grid_of(self.cell.take(np.flatnonzero(some)))
+
+    def objects(self, grid: Image) -> tuple[int, Indices]:
+        """The number (M,) of the object that each point is of, by the cells of a grid that touch; 0 is none.
+
+        Before them stands how many numbers there are.
+        """
+        count, numbers = cv2.connectedComponents(grid)
+        return count, np.asarray(numbers, dtype=np.intp).take(self.cell)
 
     def after_s(self, before: "Scan") -> float:
         """The seconds from another scan to this one."""
@@ -187,7 +195,7 @@ def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> f
     return share_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
 
 
-def upright(points: Points, rig: Rig) -> Floats32:
+def _upright(points: Points, rig: Rig) -> Floats32:
     """(3, N) points (N, 3) of the LiDAR, right, down and ahead of it."""
     assert rig.lidar is not None
     rotation, along = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32), np.ascontiguousarray(points.T)
@@ -204,6 +212,13 @@ def cells_from_above(xyz_m: Floats32) -> tuple[Indices, Indices]:
     """The row and the column (M,) of the cells of points (3, M) within reach, seen from above."""
     row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for axis in (xyz_m[2], xyz_m[0]))
     return row, column
+
+
+def grid_of(cell: Indices) -> Image:
+    """(SIDE, SIDE) 1 in some cells (K,), which are numbered row by row."""
+    grid = np.zeros(SIDE * SIDE, dtype=np.uint8)
+    grid[cell] = 1
+    return grid.reshape(SIDE, SIDE)
 
 
 def above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
@@ -233,8 +248,7 @@ def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
         return None
     earlier = near(before.cells(before.from_nowhere), shift, around)
     new = asked[before.passed(now.xyz_m[:, asked]) | earlier.take(now.cell[asked])]
-    count, objects = cv2.connectedComponents(now.things)
-    of = np.asarray(objects, dtype=np.intp).take(now.cell)
+    count, of = now.objects(now.things)
     no_other, every = (
         np.bincount(of.take(np.flatnonzero(mask)), minlength=count) for mask in (now.solid & alone, now.solid)
     )
