@@ -9,8 +9,10 @@ from auditor.model.checks.kinds import found_of
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
+from auditor.model.pictures import LIDAR_COLOURS
 from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
+from auditor.reporting.incident.contradictions import Contradiction
 from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.plots import Figure
@@ -135,7 +137,8 @@ class IncidentPart:
     `evidence`, `alternatives` and `causes` are in words, of the whole incident. `checks` is the evidence of this part
     by sensor and check, of the robust method. `states` and `reasons` are its e vectors and what the verdicts add, each
     with its number of frames. `figure` is None where the incident is listed but not drawn. `shown` are frames that
-    show it at full resolution, `views` what measuring kept, where there are none of these.
+    show it at full resolution, `views` what measuring kept, where there are none of these. `contradictions` are what
+    LiDARs without cameras contradict of each other.
     """
 
     number: int
@@ -159,6 +162,7 @@ class IncidentPart:
     figure: Figure | None = None
     views: tuple[View, ...] = ()
     shown: tuple[ShownExample, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -274,6 +278,12 @@ class RecordingPart:
     def skipped_messages(self) -> int:
         """Messages of all topics that were skipped."""
         return sum(sum(topic.skipped.values()) for topic in self.balance)
+
+    @property
+    def lidars(self) -> tuple[tuple[SensorLine, str], ...]:
+        """Its LiDARs, each with its colour in pictures of all of them, in hexadecimal digits."""
+        lidars = (sensor for sensor in self.sensors if sensor.what == "LiDAR")
+        return tuple(zip(lidars, LIDAR_COLOURS, strict=False))
 
     def sensor(self, number: int) -> SensorLine:
         """The sensor of a number."""
