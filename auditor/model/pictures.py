@@ -44,8 +44,8 @@ class Content(StrEnum):
     """What a picture of a frame shows.
 
     COLOUR: what a camera recorded. OVERLAY: the rectified image with the damaged portion of its camera, and that of the
-    LiDAR where it lies in this view. ABOVE: the cloud from above, of several LiDARs all of them. RANGE: the cloud as a range
-    image. In both of the cloud the damaged points are marked.
+    LiDAR where it lies in this view. ABOVE: the cloud from above, of several LiDARs all of them. RANGE: the cloud as
+    a range image. In both of the cloud the damaged points are marked.
     """
 
     COLOUR = "colour"

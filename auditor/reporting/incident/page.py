@@ -165,6 +165,11 @@ class IncidentPart:
     contradictions: tuple[Contradiction, ...] = ()
 
     @property
+    def contradictory(self) -> tuple[int, ...]:
+        """The LiDARs that contradict each other."""
+        return tuple(sorted({sensor for one in self.contradictions for sensor in (one.sensor, one.by)}))
+
+    @property
     def duration_s(self) -> float:
         """Time from its first frame to its last."""
         return (self.to_ns - self.from_ns) / NS_PER_S
