@@ -94,10 +94,10 @@ def views_not_compared(
     if rig.others and min_view > 0 and lidars:
         *first, last = (f"S_{one} {rig.name(one)}" for one in lidars)
         named = " and ".join([*filter(None, [", ".join(first)]), last])
-        whose = "each other's" if len(lidars) > 1 else "another LiDAR's"
+        whose, own, they = ("each other's", "their", "they see") if first else ("another LiDAR's", "its", "it sees")
         yield (
-            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by "
-            "their own past alone; no camera of this rig sees what they see"
+            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by {own} "
+            f"own past alone; no camera of this rig sees what {they}"
         )
     elif min_view > 0 and lidars:
         yield (

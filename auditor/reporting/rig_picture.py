@@ -38,6 +38,7 @@ text { font: 13px system-ui, -apple-system, "Segoe UI", "Noto Sans", "Liberation
 .lidar { fill: var(--lidar); stroke: var(--paper); stroke-width: 1.2; }
 .reach { fill: none; stroke: var(--lidar); stroke-width: 1.1; stroke-dasharray: 2 5; stroke-linecap: round; }
 .pair { stroke: var(--lidar); stroke-width: 2; }
+.beside { font-size: 12px; paint-order: stroke; stroke: var(--paper); stroke-width: 4px; stroke-linejoin: round; }
 .unused { fill: var(--paper); stroke: var(--lidar); stroke-width: 1.6; }
 .lead { stroke: var(--rule); stroke-width: 1; fill: none; }
 .hatch { stroke: var(--none); stroke-width: 1.4; }
@@ -145,7 +146,7 @@ def _lidar_labels(plan: Plan, scale: float) -> Iterator[str]:
     for one in sorted(chain.from_iterable(plan.together), key=lambda one: -one.ahead_m):
         x, y = _at(one, scale)
         below = max(y + 4, below + _LINE_PX)
-        yield f'<text class="small" x="{x + 12:.1f}" y="{below:.1f}">{_named(one.name)}</text>'
+        yield f'<text class="beside" x="{x + 12:.1f}" y="{below:.1f}">{_named(one.name)}</text>'
 
 
 def _dot(one: Seen, scale: float, kind: str, radius: float) -> str:
@@ -199,7 +200,11 @@ def _legend(plan: Plan) -> Iterator[str]:
         y += _ROW_PX
     for kind, radius, names in (("lidar", 6, plan.firsts), ("unused", 5, tuple(one.name for one in plan.unused))):
         if names:
-            said = f"LiDAR S_{LIDAR}" if kind == "lidar" else "LiDAR that is compared with nothing"
+            said = (
+                f"LiDAR S_{LIDAR}{' of the cameras' if plan.cameras and plan.together else ''}"
+                if kind == "lidar"
+                else "LiDAR that is compared with nothing"
+            )
             listed = ", ".join(map(one_line, names))
             yield f'<circle class="{kind}" cx="39" cy="{y + 6.5:g}" r="{radius}"/>'
             yield f'<text class="small" x="56" y="{y + 11}">{said}: {_cut(listed)}</text>'
