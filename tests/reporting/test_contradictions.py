@@ -20,7 +20,7 @@ RIG = rig_of(ROOF, BUMPER)
 def told(*places_m: Sequence[float], size_m: Sequence[float] = (1.8, 0.8, 0.1)) -> Contradiction:
     """Of S_1, by S_0, with the middle of a thing in each frame: ahead, to the left and up of the LiDAR."""
     rows = [
-        {"sensor": 1, "by": 0, "frame": frame, "centre_m": place, "size_m": size_m, "points": 80}
+        {"sensor": 1, "by": [0], "frame": frame, "centre_m": place, "size_m": size_m, "points": 80}
         for frame, place in enumerate(places_m)
     ]
     [one] = contradictions(rows, RIG, range(len(rows)), ())
@@ -46,12 +46,16 @@ def test_what_keeps_its_place_beside_the_vehicle_is_told_from_what_passes() -> N
 
 
 def test_only_frames_of_the_incident_and_attacked_sensors_count_those_of_most_frames_first() -> None:
-    def row(sensor: int, by: int, frame: int) -> dict[str, Any]:
+    def row(sensor: int, by: list[int], frame: int) -> dict[str, Any]:
         place = {"centre_m": (8.0, 0, 0), "size_m": (1, 1, 1), "points": 9}
         return {"sensor": sensor, "by": by, "frame": frame, **place}
 
-    rows = [row(0, 1, 1), row(1, 0, 1), row(1, 0, 2), row(1, 0, 9)]
-    assert [(one.sensor, one.by, one.frames) for one in contradictions(rows, RIG, {1, 2}, ())] == [(1, 0, 2), (0, 1, 1)]
+    rows = [row(0, [1], 1), row(1, [0, 1], 1), row(1, [0], 2), row(1, [0], 9)]
+    every = contradictions(rows, RIG, {1, 2}, ())
+    assert [(one.sensor, one.frames, one.others, one.by_past) for one in every] == [
+        (1, 2, {0: 2}, 1),
+        (0, 1, {1: 1}, 0),
+    ]
     assert [one.sensor for one in contradictions(rows, RIG, {1, 2}, (0,))] == [0]
 
 

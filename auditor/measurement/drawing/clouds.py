@@ -73,10 +73,10 @@ def seen_together(points: Mapping[int, Points], damaged: Mapping[int, Mask], rig
     away_m = np.concatenate([np.hypot(own[0], own[2]) for own in (marked if _any(damaged) else placed).values()])
     reach_m = _reach(away_m * _BEYOND) if _any(damaged) else _reach(away_m)
     above = _Above(reach_m, _RING_M if reach_m > _RINGS_CLOSER_M else _RING_M / 2)
-    above.axes()
     for sensor in sorted(placed, key=lambda one: -placed[one].shape[1]):  # the sparse ones on top of the dense
         right, _, forward = placed[sensor]
         above.dot(right, forward, _OF_LIDARS[sensor])
+    above.axes()
     for right, _, forward in marked.values():
         above.mark(right, forward, 4, rimmed=True)
     for sensor, (right, _, forward) in places_m.items():

@@ -68,11 +68,12 @@ def camera_rigs(store: Store, recording_id: str, rig: Rig) -> list[CameraRig]:
 def beside(
     store: Store, rig: Rig, others: Iterable[CameraRig], told: Sequence[Contradiction], from_ns: int, to_ns: int
 ) -> tuple[Beside, ...]:
-    """What each of some rigs with cameras says in these seconds of its LiDAR, where that is one of a contradiction."""
+    """What each of some rigs with cameras says in these seconds of its LiDAR, where that is one of the contested."""
     return tuple(
-        Beside(one.sensor, **_said(store, one, from_ns, to_ns), cameras=_showing(rig, one, told[0]))
+        Beside(one.sensor, **_said(store, one, from_ns, to_ns), cameras=_showing(rig, one, contested))
+        for contested in [one for one in told if one.others][:1]
         for one in others
-        if told and one.sensor in (told[0].sensor, told[0].by)
+        if one.sensor in (contested.sensor, *contested.others)
     )
 
 

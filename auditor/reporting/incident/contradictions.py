@@ -1,5 +1,6 @@
 """What LiDARs without cameras contradict of each other in an incident, and where: in words, from the stored regions."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,15 +16,15 @@ from auditor.store.store import Store
 _LARGEST_THINGS = """
     SELECT
         sensor,
-        view AS by,
         frame,
+        list(DISTINCT view) AS by,
         max_by(centre_m, points) AS centre_m,
         max_by(size_m, points) AS size_m,
         max(points) AS points
     FROM stored_regions
     WHERE measurement_id = '{}'
-    GROUP BY sensor, view, frame
-    ORDER BY sensor, view, frame
+    GROUP BY sensor, frame
+    ORDER BY sensor, frame
 """
 
 _STRAIGHT_M = 0.25
@@ -35,14 +36,16 @@ _MOVES_M = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Contradiction:
-    """Points of a LiDAR that another one, or its own last scan, says are not there: the largest thing of each frame.
+    """Points of a LiDAR that others, or its own last scan, say are not there: the largest thing of each frame.
 
-    `place_m` (F, 3) is its middle in so many frames: right, down and ahead of the LiDAR, in the axes of the vehicle.
-    `wide_m`, `tall_m` and `points` are the medians.
+    `others` are those others, each with the number of frames, `by_past` in how many its last scan does. `place_m` (F,
+    3) is its middle in so many frames: right, down and ahead of the LiDAR, in the axes of the vehicle. `wide_m`,
+    `tall_m` and `points` are the medians.
     """
 
     sensor: int
-    by: int
+    others: Mapping[int, int]
+    by_past: int
     place_m: Floats
     wide_m: float
     tall_m: float
@@ -76,7 +79,7 @@ class Contradiction:
 
 
 def largest_things(store: Store, measurement_id: str, rig: Rig) -> Sequence[Mapping[str, Any]]:
-    """By frame, LiDAR and who says so the largest thing that is not there; nothing of a rig with cameras."""
+    """By LiDAR and frame the largest thing that is not there, and who says so; nothing of a rig with cameras."""
     return [] if rig.cameras else rows_of(run_sql(store, _LARGEST_THINGS.format(measurement_id)))
 
 
@@ -84,18 +87,21 @@ def contradictions(
     things: Iterable[Mapping[str, Any]], rig: Rig, frames: Collection[int], attacked: Collection[int]
 ) -> tuple[Contradiction, ...]:
     """Those of the frames of an incident, those of most frames first; of the attacked sensors where some are named."""
-    found: dict[tuple[int, int], list[Mapping[str, Any]]] = {}
+    found: dict[int, list[Mapping[str, Any]]] = {}
     for row in things:
         if row["frame"] in frames and (not attacked or row["sensor"] in attacked):
-            found.setdefault((row["sensor"], row["by"]), []).append(row)
-    told = [_told(rig, *pair, rows) for pair, rows in found.items()]
+            found.setdefault(row["sensor"], []).append(row)
+    told = [_told(rig, sensor, rows) for sensor, rows in found.items()]
     return tuple(sorted(told, key=lambda one: -one.frames))
 
 
-def _told(rig: Rig, sensor: int, by: int, rows: list[Mapping[str, Any]]) -> Contradiction:
+def _told(rig: Rig, sensor: int, rows: list[Mapping[str, Any]]) -> Contradiction:
+    by = Counter(one for row in rows for one in sorted(row["by"]))
+    by_past = by.pop(sensor, 0)
     place_m = np.array([row["centre_m"] for row in rows]) @ rig.lidars[sensor].rig_SE3_lidar[:3, :3].T
     wide_m, tall_m, _ = np.median([row["size_m"] for row in rows], axis=0).tolist()
-    return Contradiction(sensor, by, place_m, wide_m, tall_m, round(np.median([row["points"] for row in rows])))
+    points = round(np.median([row["points"] for row in rows]))
+    return Contradiction(sensor, by, by_past, place_m, wide_m, tall_m, points)
 
 
 def _over(height_m: float) -> str:

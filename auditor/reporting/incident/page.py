@@ -167,9 +167,14 @@ class IncidentPart:
     beside: tuple[Beside, ...] = ()
 
     @property
+    def contested(self) -> Contradiction | None:
+        """What another LiDAR contradicts in most frames."""
+        return next((one for one in self.contradictions if one.others), None)
+
+    @property
     def contradictory(self) -> tuple[int, ...]:
         """The LiDARs that contradict each other."""
-        return tuple(sorted({sensor for one in self.contradictions for sensor in (one.sensor, one.by)}))
+        return tuple(sorted({sensor for one in self.contradictions for sensor in (one.sensor, *one.others)}))
 
     @property
     def duration_s(self) -> float:

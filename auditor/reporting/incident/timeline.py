@@ -173,7 +173,8 @@ class Timeline:
         return [curves[place] for place in sorted(np.argsort(-above, kind="stable")[:MOST_CHARTS].tolist())]
 
     def _belongs(self, frame: dict[str, Any], incident: IncidentPart) -> bool:
-        kind, attacked = ("finding", "finding_attacked") if self._robust else ("kind", "attacked")
+        whole = self._robust and incident.grade == "incident"  # frames of an alert are found each by itself
+        kind, attacked = ("finding", "finding_attacked") if whole else ("kind", "attacked")
         within = incident.first_frame <= frame["frame"] <= incident.last_frame
         return within and frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
 
