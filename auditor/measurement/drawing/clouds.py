@@ -195,7 +195,9 @@ def _frame(drawn: Image, thing: Framed, rig_SE3_lidar: Matrix, limits_deg: Seque
     least, most, highest, lowest = limits_deg
     right, down, forward = _in_rig(thing.points, rig_SE3_lidar)
     range_m = np.sqrt(right**2 + down**2 + forward**2)
-    column = _placed(np.degrees(np.arctan2(right, forward)), least, most, width)
+    azimuth = np.degrees(np.arctan2(right, forward))
+    middle = float(np.median(azimuth))  # what stands behind goes over one edge, and not through the whole picture
+    column = _placed(middle + (azimuth - middle + 180) % 360 - 180, least, most, width)
     row = _placed(np.degrees(np.arcsin(down / range_m)), -highest, -lowest, height)
     left, top = int(column.min()) - _FRAME_PX, max(int(row.min()) - _FRAME_PX, 0)
     cv2.rectangle(drawn, (left, top), (int(column.max()) + _FRAME_PX, int(row.max()) + _FRAME_PX), _WHITE, 2)

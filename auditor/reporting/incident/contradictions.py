@@ -22,7 +22,7 @@ _LARGEST_THINGS = """
         max_by(size_m, points) AS size_m,
         max(points) AS points
     FROM stored_regions
-    WHERE measurement_id = '{}'
+    WHERE measurement_id = '{}' AND centre_m IS NOT NULL
     GROUP BY sensor, frame
     ORDER BY sensor, frame
 """

@@ -10,7 +10,7 @@ from auditor.lab.attacks.spoofing import GhostCar
 from auditor.measurement import localise, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.drawing import damaged_cloud, draw_frame
-from auditor.measurement.drawing.clouds import seen_together
+from auditor.measurement.drawing.clouds import Framed, range_image, seen_together
 from auditor.model.arrays import Image
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Region
@@ -75,6 +75,15 @@ def test_the_pictures_have_both_clouds_the_ghost_in_red_and_its_place_in_the_oth
     for sensor in (0, 1):
         changed = np.argwhere((drawn[sensor, Content.RANGE] != plain[sensor, Content.RANGE]).any(axis=2))
         assert 300 < changed[changed[:, 0] < 256].mean(axis=0)[1] < 1140, "about the middle, which is ahead"
+
+
+def test_the_frame_around_what_stands_behind_is_at_one_edge(frames: list[Frame]) -> None:
+    cloud, place = frames[0].clouds[0].xyz_m, RIG.lidars[0].rig_SE3_lidar
+    behind = np.array([[-10, y, z] for y in (-0.5, 0.2, 0.5) for z in (-1, 0)], np.float32)
+    nothing = np.zeros(len(cloud), bool)
+    plain, drawn = (range_image(cloud, nothing, place, framed) for framed in ((), [Framed(1, behind)]))
+    columns = np.flatnonzero((plain != drawn).any(axis=(0, 2)))
+    assert columns.min() > 1000 or columns.max() < 440
 
 
 def test_the_lidars_colours_differ_in_their_greys() -> None:
