@@ -22,7 +22,7 @@ _WHITE = (255, 255, 255)
 _ABOVE_PX = 900
 _RING_M = 10.0
 _RINGS_CLOSER_M, _BEYOND = 20.0, 1.25
-_EDGE_PX, _FRAME_PX, _LARGER = 40, 8, 0.6
+_EDGE_PX, _FRAME_PX, _LINE_PX, _LARGER = 40, 8, 20, 0.6
 _REACHES_M = (10.0, 20.0, 40.0, 60.0, 80.0, 120.0)
 _SHOWN_SHARE = 0.95
 """Of the points: the view from above reaches as far as the smallest of its reaches that holds so many of them."""
@@ -79,8 +79,7 @@ def seen_together(points: Mapping[int, Points], damaged: Mapping[int, Mask], rig
     above.axes()
     for right, _, forward in marked.values():
         above.mark(right, forward, 4, rimmed=True)
-    for sensor, (right, _, forward) in places_m.items():
-        above.sensor(f"S_{sensor}", right, forward, _OF_LIDARS[sensor])
+    above.sensors(places_m)
     words = [f"red: points of S_{sensor} that are contradicted" for sensor in points if damaged[sensor].any()]
     above.say([f"from above, rings of {above.ring_m:.0f} m around S_0", *words], _LARGER)
     return above.drawn
@@ -130,13 +129,15 @@ class _Above:
             if (column := self.middle + round(ring * self._scale)) < _ABOVE_PX - _EDGE_PX:
                 _write(self.drawn, f"{ring:.0f} m", (column - 20, self.middle + 20), _WORDS, _LARGER)
 
-    def sensor(self, name: str, right: float, forward: float, colour: tuple[int, int, int]) -> None:
-        """Draw a sensor at its place."""
-        column, row, _ = self.pixels(np.array([right]), np.array([forward]))
-        place = int(column[0]), int(row[0])
-        cv2.circle(self.drawn, place, 7, colour, -1, cv2.LINE_AA)
-        cv2.circle(self.drawn, place, 7, _GROUND, 2, cv2.LINE_AA)
-        _write(self.drawn, name, (place[0] - 46, place[1] + 6), colour, _LARGER)
+    def sensors(self, places_m: Mapping[int, Matrix]) -> None:
+        """Draw LiDARs at their places; the name of one stands below that of one ahead of it."""
+        below = 0
+        for sensor, (right, _, forward) in sorted(places_m.items(), key=lambda one: -one[1][2]):
+            (column,), (row,), _ = self.pixels(np.array([right]), np.array([forward]))
+            cv2.circle(self.drawn, (int(column), int(row)), 7, _OF_LIDARS[sensor], -1, cv2.LINE_AA)
+            cv2.circle(self.drawn, (int(column), int(row)), 7, _GROUND, 2, cv2.LINE_AA)
+            below = max(int(row) + 6, below + _LINE_PX)
+            _write(self.drawn, f"S_{sensor}", (int(column) - 46, below), _OF_LIDARS[sensor], _LARGER)
 
     def say(self, lines: Sequence[str], size: float) -> None:
         """Write lines at the bottom."""
