@@ -252,6 +252,8 @@ def test_inspect_says_what_two_lidars_can_tell_and_writes_a_rig_file_that_a_scan
     assert (rig["kind"], [one["name"] for one in rig["sensors"]]) == ("2 LiDARs b=1.60m", ["roof", "rear"])
     assert "do not say which is attacked" in rig["capabilities"][1]
     assert SAID in " ".join(rig["reading"])
+    assert run(["inspect", str(path)]) == 3
+    assert "Messages, presence, and offset to the LiDAR S_1" in capfd.readouterr().out
     assert "compared with each other: S_0 roof, S_1 rear" in picture.read_text()
     assert scanned(path, RIG, frames, capfd, "--rig", str(file), *ALL_SEEN)[0] == 0
     assert (
