@@ -262,10 +262,12 @@ def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
 def _say_once(remarks: Remarks) -> None:
     """Each remark on one line, with the recordings that it holds for; their rig kind, where there are several."""
     several = len({kind for kind, _ in remarks}) > 1
+    said = Counter((name, remark) for (_, remark), names in remarks.items() for name in set(names))
     for (kind, remark), all_names in remarks.items():
         names = sorted(set(all_names))
         if len(names) == 1:
-            say(f"{names[0]}: {remark}")
+            of_rig = f" ({kind})" if said[names[0], remark] > 1 else ""
+            say(f"{names[0]}{of_rig}: {remark}")
         else:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 

@@ -92,16 +92,17 @@ def views_not_compared(
     seen = {one.lidar.topic for one in beside if one.cameras and one.lidar} if rig.others else set()
     lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in {*no_sensors, *seen}]
     if rig.others and min_view > 0 and lidars:
-        named = " and ".join(f"S_{one} {rig.name(one)}" for one in lidars)
-        whose = "each other's" if len(lidars) > 1 else "another LiDAR's"
+        *first, last = (f"S_{one} {rig.name(one)}" for one in lidars)
+        named = " and ".join([*filter(None, [", ".join(first)]), last])
+        whose, own, they = ("each other's", "their", "they see") if first else ("another LiDAR's", "its", "it sees")
         yield (
-            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by "
-            "their own past alone; no camera of this rig sees what they see"
+            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by {own} "
+            f"own past alone; no camera of this rig sees what {they}"
         )
     elif min_view > 0 and lidars:
         yield (
-            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees "
-            "(where one should, auditor inspect says which place is missing)"
+            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: it is compared with no "
+            "camera and no other LiDAR (where it should be, auditor inspect says which place is missing)"
         )
     for number, share in compared_shares(rig).items():
         if rig.by_time and share < min_view:

@@ -90,6 +90,15 @@ def test_what_holds_for_many_recordings_is_one_line_a_rig_kind(store, capfd):
     )
 
 
+def test_what_two_rigs_of_one_recording_have_is_said_with_the_kind_of_each(store, capfd):
+    kinds = [rig_of(3), rig_of(2)]
+    for rig in kinds:
+        add_measurement(store, rig, [make_measurement(rig, 0)], name="drive.mcap")
+    assert run(["judge", "--store", str(store.folder), "--method", "paper"]) == 3
+    said = capfd.readouterr().err
+    assert [f"drive.mcap ({rig.kind}): measured, but not judged" in said for rig in kinds] == [True, True]
+
+
 def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
     def measure_all(batch, advanced):
         for task in batch.tasks:
