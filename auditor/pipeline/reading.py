@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from auditor.model.checks import conflict_pairs
+from auditor.model.checks import lies_too_close
 from auditor.model.coverage import (
     TopicCoverage,
     coverage_line,
@@ -122,8 +122,7 @@ def views_not_compared(
 def checked_by_past(rig: Rig, beside: Sequence[Rig]) -> bool:
     """Whether cameras lie too close together to check their LiDAR, and each does it by its own past `beside` them."""
     lone = {one.camera(1).topic for one in beside if one.n == 1}
-    short = rig.lidar is not None and rig.n > 1 and not conflict_pairs(rig)
-    return short and all(camera.topic in lone for camera in rig.cameras)
+    return lies_too_close(rig) and all(camera.topic in lone for camera in rig.cameras)
 
 
 def _share_beside(topic: str, beside: Sequence[Rig]) -> float:

@@ -120,6 +120,11 @@ def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
     return tuple(pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair))
 
 
+def lies_too_close(rig: Rig) -> bool:
+    """Whether the cameras of a rig with a LiDAR lie too close together to check it."""
+    return rig.lidar is not None and rig.n > 1 and not conflict_pairs(rig)
+
+
 @lru_cache(maxsize=64)
 def sensor_checks_of(
     matched: Sequence[tuple[int, int]],

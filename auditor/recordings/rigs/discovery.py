@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.checks import conflict_pairs
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import LIDAR, Camera, Lidar, Rig
@@ -24,7 +23,14 @@ from auditor.recordings.rigs.files import chained_cameras, read_calibrations, re
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.lidar_choice import best_lidar
 from auditor.recordings.rigs.lidars import lidar_of, lidars_alone, on_vehicle
-from auditor.recordings.rigs.ordering import MAX_SQUINT, MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.rigs.ordering import (
+    MAX_SQUINT,
+    MIN_BASELINE_M,
+    Placed,
+    grouped,
+    grouped_alike,
+    place,
+)
 from auditor.recordings.rigs.reasons import AtOnePlace, Reason, TooFew
 from auditor.recordings.synchronisation.given_calibrations import completed
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
@@ -68,8 +74,8 @@ def search_rigs(survey: Survey) -> FoundRigs:
 
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
     attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
-    they are measured. Each camera that is in no such rig, or only with others too close to check the LiDAR, is one of
-    its own with the LiDAR: its own past stands in for a second camera. LiDARs that overlap are a rig, others one each.
+    they are measured. Each camera that is in no such rig is one of its own with the LiDAR: its own past stands in for a
+    second camera. LiDARs that overlap are a rig besides. Each that is in no rig is one alone, with its own past.
     """
     reasons: list[Reason] = []
     rigs: list[Rig] = []
@@ -79,7 +85,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
     why: list[Reason] = []
     for group in grouped(views, frames):
         rigs.extend(_rigs_of(group, survey, frames, why))
-    alone = list(_lone_rigs([*_in_no_rig(views, rigs, why), *_too_close(views, rigs)], survey, frames))
+    alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
     reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
     rigs.extend(alone)
     rigs.extend(lidars_alone(rigs, survey, frames))
@@ -110,22 +116,12 @@ def _rigs_of(group: Sequence[View], survey: Survey, frames: FrameTree, reasons: 
 
 
 def _in_no_rig(views: Sequence[View], rigs: Sequence[Rig], reasons: Sequence[Reason]) -> list[View]:
-    """A view of each camera that no rig has: neither by this topic nor by another of the same frame or place."""
+    """The views of cameras that no rig has: neither by this topic nor by another of the same frame or place."""
     topics = {camera.topic for rig in rigs for camera in rig.cameras}
     held = {view.frame_id for view in views if view.image.topic.name in topics and view.frame_id}
     doubled = {why.of for why in reasons if isinstance(why, AtOnePlace)}
-    outside: dict[str, View] = {}
-    for view in views:
-        if view.image.topic.name not in topics and view.frame_id not in held and not (rigs and view.name in doubled):
-            outside.setdefault(view.frame_id or view.image.topic.name, view)
-    return [*outside.values()]
-
-
-def _too_close(views: Sequence[View], rigs: Sequence[Rig]) -> list[View]:
-    """The views of cameras that check the LiDAR with no other one, as those do that lie too close together."""
-    checking = {camera.topic for rig in rigs if conflict_pairs(rig) for camera in rig.cameras}
-    others = {camera.topic for rig in rigs for camera in rig.cameras} - checking
-    return [view for view in views if view.image.topic.name in others]
+    outside = [view for view in views if view.image.topic.name not in topics and view.frame_id not in held]
+    return [view for view in outside if not (rigs and view.name in doubled)]
 
 
 def _of_others(reasons: Sequence[Reason], names: Collection[str]) -> Iterator[Reason]:
@@ -134,8 +130,11 @@ def _of_others(reasons: Sequence[Reason], names: Collection[str]) -> Iterator[Re
 
 
 def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
-    """A rig of each camera with the LiDAR."""
+    """A rig of each camera with the LiDAR; further topics of one camera are left out."""
+    of_cameras: dict[str, View] = {}
     for view in views:
+        of_cameras.setdefault(view.frame_id or view.image.topic.name, view)
+    for view in of_cameras.values():
         placed = place([view], frames, [], survey.conventions.positions)
         lidar = _lidar(placed, survey.clouds, frames, []) if placed else None
         if placed is not None and lidar is not None and _within_reach(placed, lidar):
@@ -145,7 +144,8 @@ def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iter
 
 def _within_reach(placed: Placed, lidar: Lidar) -> bool:
     """Whether a lone camera and a LiDAR may be on one vehicle."""
-    return bool(np.linalg.norm(lidar.rig_SE3_lidar[:3, 3] - placed.centres_m[0]) <= RIG_LIMITS.most_apart_m)
+    apart_m = float(np.linalg.norm(lidar.rig_SE3_lidar[:3, 3] - placed.centres_m[0]))
+    return apart_m <= RIG_LIMITS.most_apart_m
 
 
 def _rectified_rig(
