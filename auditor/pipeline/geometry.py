@@ -5,7 +5,7 @@ taken and said. Where none fits, no verdict is given. What the first frames, or 
 is said beside its verdicts.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,7 @@ from auditor.measurement import (
 )
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
-from auditor.model.checks import lies_too_close
+from auditor.model.checks import needs_pasts
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
@@ -151,7 +151,7 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     if found.sentences or found.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
         return None
     rigs, changes = rigs_unless_changed(recording, surveyed)
-    return with_pasts(rigs, lies_too_close), changes
+    return with_pasts(rigs), changes
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
@@ -160,24 +160,23 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
     """
     if rig_file is None:
-        return with_pasts(settled_rigs(recording, surveyed), lies_too_close)
+        return with_pasts(settled_rigs(recording, surveyed))
     given = _always_in_force(recording, surveyed, given_rig(rig_file, surveyed))
-    return with_pasts(RigsInForce((given,)), lies_too_close)
+    return with_pasts(RigsInForce((given,)))
 
 
-def with_pasts(found: RigsInForce, of: Callable[[Rig], bool]) -> RigsInForce:
-    """The rigs, and behind them each camera of some of them alone with the LiDAR: its own past stands in for others."""
-    return found._replace(
-        rigs=(
-            *found.rigs,
-            *(
-                replace(one, rig=Rig(one.rig.lidar, (replace(camera, number=1),)))
-                for one in found.rigs
-                if of(one.rig)
-                for camera in one.rig.cameras
-            ),
-        )
+def with_pasts(found: RigsInForce) -> RigsInForce:
+    """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR.
+
+    Its own past stands in for other cameras, and tells which sensor is attacked.
+    """
+    alone = (
+        replace(one, rig=Rig(one.rig.lidar, (replace(camera, number=1),)))
+        for one in found.rigs
+        if needs_pasts(one.rig)
+        for camera in one.rig.cameras
     )
+    return found._replace(rigs=(*found.rigs, *alone))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
@@ -199,7 +198,7 @@ def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> Rig
             rigs = rigs_in_force(recording, candidate)
         except RigError:
             continue
-        for one in with_pasts(rigs, lambda rig: rig.lidar is not None and rig.n > 1).rigs:
+        for one in with_pasts(rigs).rigs:
             if one.rig.rig_id == rig_id:
                 return one
     return None

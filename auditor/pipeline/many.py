@@ -24,7 +24,7 @@ from auditor.pipeline.judge import (
 )
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import checked_by_past, frames_not_audited, reading_of, views_not_compared
+from auditor.pipeline.reading import coverage_asked, frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all
@@ -277,7 +277,7 @@ class Judge:
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *([] if checked_by_past(rig, rigs) else frames_not_audited(stored, judgement, criteria.min_coverage)),
+            *frames_not_audited(stored, judgement, coverage_asked(rig, rigs, criteria.min_coverage)),
             *views_not_compared(rig, criteria.min_view, criteria.no_sensors, rigs),
             *conflicts_of(store, recording),
         )

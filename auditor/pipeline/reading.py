@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from auditor.model.checks import lies_too_close
+from auditor.model.checks import conflict_pairs, lies_too_close
 from auditor.model.coverage import (
     TopicCoverage,
     coverage_line,
@@ -123,6 +123,15 @@ def checked_by_past(rig: Rig, beside: Sequence[Rig]) -> bool:
     """Whether cameras lie too close together to check their LiDAR, and each does it by its own past `beside` them."""
     lone = {one.camera(1).topic for one in beside if one.n == 1}
     return lies_too_close(rig) and all(camera.topic in lone for camera in rig.cameras)
+
+
+def coverage_asked(rig: Rig, beside: Sequence[Rig], min_coverage: float) -> float:
+    """The share of a rig's frames that have to be audited: none where rigs `beside` it look at the same.
+
+    So it is of a camera's past that names what a pair finds, and of a pair that lies too close together.
+    """
+    again = rig.n == 1 and any(rig.topic(1) in map(one.topic, one.sensors) for one in beside if conflict_pairs(one))
+    return 0.0 if again or checked_by_past(rig, beside) else min_coverage
 
 
 def _share_beside(topic: str, beside: Sequence[Rig]) -> float:

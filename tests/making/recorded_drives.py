@@ -24,11 +24,11 @@ LIDAR_AT = motion(rotation_from_quaternion(0.5, -0.5, 0.5, -0.5), np.array([0.0,
 
 
 def make_rig(n: int = 3, *, lidar: bool = True) -> Rig:
-    """S_1..S_n 2 m apart, S_n at the origin, so that S_1 has the largest offset in P."""
+    """S_1..S_n 0.2 m apart, S_n at the origin, so that S_1 has the largest offset in P."""
     cameras = []
     for number in range(1, n + 1):
         projection = np.array([[50.0, 0, 32, 0], [0, 50, 24, 0], [0, 0, 1, 0]])
-        projection[0, 3] = -50.0 * 2 * (n - number)
+        projection[0, 3] = -50.0 * 0.2 * (n - number)
         cameras.append(Camera(number, f"cam{number}", f"/cam{number}/image_rect", WIDTH, HEIGHT, projection))
     return Rig(Lidar("top", "/top/points", LIDAR_AT) if lidar else None, tuple(cameras))
 

@@ -21,7 +21,7 @@ from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn, rigs_of
 from auditor.pipeline.known import FEW, is_as_now
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
-from auditor.pipeline.reading import checked_by_past, frames_not_audited
+from auditor.pipeline.reading import coverage_asked, frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Store, StoredJudgement, rows_of, run_sql
@@ -276,9 +276,9 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
     """
     measurement = store.measurement(verdict.measurement_id)
     recording = store.recording(measurement.recording_id)
-    by_past = checked_by_past(store.rig(measurement.rig_id), rigs_of(store, recording))
+    asked = coverage_asked(store.rig(measurement.rig_id), rigs_of(store, recording), criteria.min_coverage)
     return measurement.measured > 0 and not (
-        (not by_past and any(frames_not_audited(measurement, verdict, criteria.min_coverage)))
+        any(frames_not_audited(measurement, verdict, asked))
         or attacked_by_labels(store, measurement.measurement_id)
         or held_by(store, recording, among=recordings)
         or conflicts_of(store, recording)
