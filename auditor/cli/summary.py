@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
-_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", "looked at", *_COUNTS, "sensors", "r", "by")
+_RECORDING_COLUMNS = (
+    *("recording", "rig", *_WHERE_KNOWN, "frames", "audited", "looked at"),
+    *(*_COUNTS, "sensors", "r", "by"),
+)
 _EXPENDABLE = ("date", "r", "by", "vehicle", "looked at", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
@@ -294,6 +297,8 @@ def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "
 
 def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
+    if len({row["recording_id"] for row in rows}) == len(rows):  # each recording has one rig
+        unknown.add("rig")
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
     if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
@@ -318,6 +323,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
     rate = shown(row["r"])
     return {
         "recording": row["name"],
+        "rig": row["rig_name"],
         **{column: row[column] for column in (*_WHERE_KNOWN, *_COUNTS)},
         "frames": row["frames"],
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",

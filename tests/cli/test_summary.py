@@ -55,7 +55,7 @@ def test_mixed_verdicts_are_shown_as_such_and_suspects_too(store, capfd):
 def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(store, capfd):
     sets = [{"attacked": one, "frames": frames} for one, frames in (([2], 37), ([0, 2], 3), ([1], 2), ([0], 1))]
     row = dict.fromkeys(
-        ("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
+        ("name", "rig_name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
     )
     row |= {"audited_share": None, "looked_share": 0.9, "resolvable": None, "attacked_sets": sets[:2]}
     assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"

@@ -120,6 +120,16 @@ def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
     return tuple(pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair))
 
 
+def lies_too_close(rig: Rig) -> bool:
+    """Whether the cameras of a rig with a LiDAR lie too close together to check it."""
+    return rig.lidar is not None and rig.n > 1 and not conflict_pairs(rig)
+
+
+def needs_pasts(rig: Rig) -> bool:
+    """Whether a rig's cameras are to be compared with their own past as well: the rig alone names no sensor."""
+    return rig.lidar is not None and rig.n > 1 and (rig.max_attacked == 0 or lies_too_close(rig))
+
+
 @lru_cache(maxsize=64)
 def sensor_checks_of(
     matched: Sequence[tuple[int, int]],
