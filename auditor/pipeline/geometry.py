@@ -28,7 +28,7 @@ from auditor.measurement import (
 )
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
-from auditor.model.checks import needs_pasts
+from auditor.model.checks import pasts_of
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
@@ -166,16 +166,8 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
 
 
 def with_pasts(found: RigsInForce) -> RigsInForce:
-    """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR.
-
-    Its own past stands in for other cameras, and tells which sensor is attacked.
-    """
-    alone = (
-        replace(one, rig=Rig(one.rig.lidar, (replace(camera, number=1),)))
-        for one in found.rigs
-        if needs_pasts(one.rig)
-        for camera in one.rig.cameras
-    )
+    """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR."""
+    alone = (replace(one, rig=rig) for one in found.rigs for rig in pasts_of(one.rig))
     return found._replace(rigs=(*found.rigs, *alone))
 
 

@@ -1,6 +1,7 @@
 """Cameras too close together to check the LiDAR, as of a robot's stereo head: each does it by its own past as well."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +29,16 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     ]
     for name, frames in (("clean", clean), ("wall", walled)):
         write_mcap(folder / f"{name}.mcap", drive.rig, frames)
-    return {name: folder / f"{name}.mcap" for name in ("clean", "wall")}
+    wide = make_drive(2, FRAMES, n_cameras=2, width_px=620, height_px=188, positions_m=(0.54, 0.0))
+    write_mcap(
+        folder / "wide.mcap",
+        wide.rig,
+        (
+            replace(one, cloud=WALL.apply(one.cloud, wide.rig)) if one.number in ATTACKED and one.cloud else one
+            for one in wide.frames()
+        ),
+    )
+    return {name: folder / f"{name}.mcap" for name in ("clean", "wall", "wide")}
 
 
 def scan(path: Path, store: Path, *options: str) -> int:
@@ -46,6 +56,19 @@ def test_a_bogus_wall_names_the_lidar_by_each_camera_s_past(
     assert {" ".join(row[1:3]) for row in rows} >= {"2 cameras"}
     named = "SELECT i.kind, attacked, len(sensors) AS sensors FROM incidents AS i JOIN rigs USING (rig_id)"
     assert {(row["kind"], *row["attacked"], row["sensors"]) for row in ask(tmp_path, named)} >= {("attacked", 0, 2)}
+
+
+def test_a_wide_pair_detects_a_wall_and_the_past_of_its_cameras_names_the_lidar_on_its_page(
+    recordings: dict[str, Path], tmp_path: Path
+) -> None:
+    assert scan(recordings["wide"], tmp_path) == 1  # frames that a lone camera could not compare are no gap here
+    found = "SELECT incident_id, attacked, len(sensors) AS sensors FROM incidents JOIN rigs USING (rig_id)"
+    of_pair = [row["incident_id"] for row in ask(tmp_path, found) if (row["attacked"], row["sensors"]) == ([], 3)]
+    assert of_pair
+    assert run(["report", "--store", str(tmp_path)]) == 0
+    page = (tmp_path / "reports" / "incidents" / f"{of_pair[0]}.html").read_text()
+    words = re.sub("<[^>]*>", "", page)
+    assert re.search(r"Compared with the past of camera_\d, lidar was attacked in \d+ frames", words)
 
 
 def test_a_clean_drive_says_what_the_lidar_is_checked_by_and_is_complete_where_that_will_do(

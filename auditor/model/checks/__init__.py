@@ -4,6 +4,7 @@ Fault features separate faults from attacks; they are measured with every frame,
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import combinations, groupby
 from math import nan
@@ -125,9 +126,11 @@ def lies_too_close(rig: Rig) -> bool:
     return rig.lidar is not None and rig.n > 1 and not conflict_pairs(rig)
 
 
-def needs_pasts(rig: Rig) -> bool:
-    """Whether a rig's cameras are to be compared with their own past as well: the rig alone names no sensor."""
-    return rig.lidar is not None and rig.n > 1 and (rig.max_attacked == 0 or lies_too_close(rig))
+def pasts_of(rig: Rig) -> tuple[Rig, ...]:
+    """The cameras of a rig that names no sensor, each alone with the LiDAR: its own past tells which is attacked."""
+    if rig.lidar is None or rig.n < 2 or (rig.max_attacked > 0 and not lies_too_close(rig)):
+        return ()
+    return tuple(Rig(rig.lidar, (replace(camera, number=1),)) for camera in rig.cameras)
 
 
 @lru_cache(maxsize=64)

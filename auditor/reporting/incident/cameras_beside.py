@@ -1,8 +1,8 @@
-"""What cameras say of LiDARs that contradict each other: those that one of them is compared with, in the same seconds.
+"""What other rigs of a recording say in the seconds of an incident that names no sensor.
 
 A LiDAR may be in a rig with cameras and in one with other LiDARs. Their incidents are apart, each of its own rig. Where
 two LiDARs contradict each other, the verdicts of the rig with cameras say which of them it is, if its cameras look at
-the place.
+the place. Where a LiDAR and two cameras do, the past of each camera says it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,6 +27,24 @@ _VERDICTS = """
     FROM verdicts
     WHERE measurement_id = '{measurement}' AND stamp_ns BETWEEN {from_ns} AND {to_ns}
 """
+
+
+_NAMED = """
+    SELECT rig_id, attacked[1] AS sensor, count(*) AS frames
+    FROM verdicts
+    WHERE recording_id = '{recording}' AND measurement_id <> '{measurement}' AND len(attacked) = 1
+        AND stamp_ns BETWEEN {from_ns} AND {to_ns}
+    GROUP BY ALL ORDER BY frames DESC, rig_id
+"""
+
+
+@dataclass(frozen=True)
+class NamedByPast:
+    """A sensor that a camera's past names in so many frames."""
+
+    camera: str
+    sensor: str
+    frames: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +93,15 @@ def beside(
         for one in others
         if one.sensor in (contested.sensor, *contested.others)
     )
+
+
+def named_by_pasts(
+    store: Store, recording_id: str, measurement_id: str, from_ns: int, to_ns: int
+) -> tuple[NamedByPast, ...]:
+    """What cameras that are compared with their own past name in these seconds, by another measurement than this."""
+    asked = _NAMED.format(recording=recording_id, measurement=measurement_id, from_ns=from_ns, to_ns=to_ns)
+    rows = [(store.rig(row["rig_id"]), row["sensor"], row["frames"]) for row in rows_of(run_sql(store, asked))]
+    return tuple(NamedByPast(rig.name(1), rig.name(sensor), frames) for rig, sensor, frames in rows if rig.n == 1)
 
 
 def _said(store: Store, one: CameraRig, from_ns: int, to_ns: int) -> dict[str, int]:

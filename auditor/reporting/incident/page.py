@@ -12,7 +12,7 @@ from auditor.model.measurement import Solid
 from auditor.model.pictures import LIDAR_COLOURS
 from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
-from auditor.reporting.incident.cameras_beside import Beside
+from auditor.reporting.incident.cameras_beside import Beside, NamedByPast
 from auditor.reporting.incident.contradictions import Contradiction
 from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
@@ -139,7 +139,8 @@ class IncidentPart:
     by sensor and check, of the robust method. `states` and `reasons` are its e vectors and what the verdicts add, each
     with its number of frames. `figure` is None where the incident is listed but not drawn. `shown` are frames that
     show it at full resolution, `views` what measuring kept, where there are none of these. `contradictions` are what
-    LiDARs without cameras contradict of each other, and `beside` is what cameras say of one of them.
+    LiDARs without cameras contradict of each other, and `beside` is what cameras say of one of them. `named_by_pasts`
+    is what cameras that are compared with their own past name, where the incident names no sensor.
     """
 
     number: int
@@ -165,6 +166,7 @@ class IncidentPart:
     shown: tuple[ShownExample, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
     beside: tuple[Beside, ...] = ()
+    named_by_pasts: tuple[NamedByPast, ...] = ()
 
     @property
     def contested(self) -> Contradiction | None:
