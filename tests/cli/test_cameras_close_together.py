@@ -68,7 +68,7 @@ def test_a_wide_pair_detects_a_wall_and_the_past_of_its_cameras_names_the_lidar_
     assert run(["report", "--store", str(tmp_path)]) == 0
     page = (tmp_path / "reports" / "incidents" / f"{of_pair[0]}.html").read_text()
     words = re.sub("<[^>]*>", "", page)
-    assert re.search(r"Compared with the past of camera_\d, lidar was attacked in \d+ frames", words)
+    assert re.search(r"Compared with the past of camera_\d, lidar was attacked in \d+\sframes", words)
 
 
 def test_a_clean_drive_says_what_the_lidar_is_checked_by_and_is_complete_where_that_will_do(
