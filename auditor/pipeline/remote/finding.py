@@ -9,7 +9,7 @@ from auditor.errors import RecordingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import Found, find_recordings
-from auditor.recordings.formats.part_names import DB3, common_name, file_kind, part_name
+from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.store import RecordingRecord
 

@@ -23,8 +23,7 @@ from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
 from auditor.recordings.recording import METADATA_TOPIC, Definition, Topic, label_to_dict
-from auditor.recordings.writers.atomic import whole_file, whole_folder
-from auditor.recordings.writers.mcap_file import Compression, mcap_file
+from auditor.recordings.writers.mcap_file import Compression, mcap_file, whole_file, whole_folder
 from auditor.recordings.writers.messages import Form, MessageMaker
 
 RIG_FRAME = "rig"

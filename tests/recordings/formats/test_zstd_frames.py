@@ -11,8 +11,7 @@ import pytest
 import zstandard
 
 from auditor.recordings import open_recording
-from auditor.recordings.formats.unpacking import BadChunkError, unpack, unpack_file, unpack_message
-from auditor.recordings.formats.zstd_frames import FrameWalk
+from auditor.recordings.formats.unpacking import BadChunkError, FrameWalk, unpack, unpack_file, unpack_message
 from auditor.safety.budget import CHUNKS, Spending
 from tests.making.forms import CONTAINERS
 from tests.making.recorded_drives import make_frames, make_rig

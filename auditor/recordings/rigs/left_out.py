@@ -1,6 +1,10 @@
-"""Cuts the cameras of a rig to as many as can be compared: pairs grow with the square of cameras, triples faster."""
+"""What is left out of a rig, and why: a sentence for people, and what decisions need of it.
+
+Of many cameras those stay that can be compared: pairs grow with the square of cameras, triples faster.
+"""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from typing import TypeVar
 
@@ -11,7 +15,37 @@ from auditor.model.optics.geometry import Matrix
 from auditor.model.parameters import COMMON_VIEW, PAIR_DEPTH
 from auditor.model.rig import Camera
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.reasons import Reason
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A sentence that says why; `of` is the name or topic of the one sensor that is left out for it, if it is one.
+
+    `others` are names of sensors that it is a reason for as well: those of a group, or the one that `of` does not fit.
+    """
+
+    text: str
+    of: str = ""
+    others: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+    def tells_of(self, *names: str) -> bool:
+        """Whether it is a reason for the sensor that has one of these names."""
+        return not {self.of, *self.others}.isdisjoint(names)
+
+
+class TooFew(Reason):
+    """Cameras that look the same way are too few for a rig."""
+
+
+class AtOnePlace(Reason):
+    """A camera is at the place of another: they may be two topics of one."""
+
+    def __init__(self, name: str, other: str) -> None:
+        super().__init__(f"{name} lies where {other} lies", name, (other,))
+
 
 _MOST_NAMED = 100
 _DIGITS = 9  # what differs by rounding alone overlaps alike

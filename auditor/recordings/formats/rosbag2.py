@@ -11,11 +11,9 @@ from pathlib import Path
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
-from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FileRead
-from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
-from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
-from auditor.recordings.formats.topics import Names, Span, span_over
+from auditor.recordings.formats.found import DamageLog, Names, Span, span_over
+from auditor.recordings.formats.sqlite_pages import ENDING, LEAF, BadPageError, Pages, Row, read_journal
 from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name

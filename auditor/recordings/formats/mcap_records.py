@@ -12,9 +12,8 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from typing import IO, NamedTuple
 
-from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.forward_stream import CutError, ForwardStream
-from auditor.recordings.formats.topics import Span, span_over
+from auditor.recordings.formats.files import CutError, ForwardStream
+from auditor.recordings.formats.found import DamageLog, Span, span_over
 from auditor.recordings.formats.unpacking import BadChunkError, allow, unpack, unpack_beginning
 from auditor.safety.budget import MAX_BYTES, Spending
 

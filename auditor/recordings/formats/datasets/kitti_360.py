@@ -12,14 +12,16 @@ import numpy as np
 from auditor.errors import RecordingError
 from auditor.model.optics.geometry import invert, motion
 from auditor.recordings.content import Contents
-from auditor.recordings.formats.folders import Stream
-from auditor.recordings.formats.kitti.calibration import Calibration, read_matrices, read_small_text
-from auditor.recordings.formats.kitti.raw import (
+from auditor.recordings.formats.datasets.kitti_raw import (
     SCAN_TOPIC,
+    Calibration,
     KittiRecording,
     files_by_stamp,
     picture_topic,
+    read_matrices,
+    read_small_text,
 )
+from auditor.recordings.formats.folders import Stream
 
 _CAMERAS = ("00", "01")
 

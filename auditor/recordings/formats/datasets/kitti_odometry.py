@@ -12,15 +12,18 @@ from auditor.errors import DecodingError, RecordingError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.picture_heads import inspect_picture
-from auditor.recordings.formats.folders import Stream
-from auditor.recordings.formats.kitti.calibration import CAMERAS, Calibration, read_matrices, read_small_text
-from auditor.recordings.formats.kitti.raw import (
+from auditor.recordings.formats.datasets.kitti_raw import (
+    CAMERAS,
     PERIOD_NS,
     SCAN_TOPIC,
+    Calibration,
     KittiRecording,
     numbered_files,
     picture_topic,
+    read_matrices,
+    read_small_text,
 )
+from auditor.recordings.formats.folders import Stream
 
 _CALIBRATION_FILE = "calib.txt"
 _TIMES_FILE = "times.txt"
