@@ -14,7 +14,7 @@ from auditor.measurement.drawing import blur_around, damaged_cloud, draw_frame, 
 from auditor.model.frames import Frame
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture
-from auditor.pipeline.pictures.at_hand import frames_at_hand, recording_at_hand, stream_of
+from auditor.pipeline.pictures import frames_at_hand, recording_at_hand, stream_of
 from auditor.recordings import FrameStream, Location, Recording, survey
 from auditor.recordings.writers.convert import write_clip
 from auditor.reporting.incident.examples import Example

@@ -47,7 +47,7 @@ def own_store(context: click.Context, store: "Path | Address") -> "Path | Addres
     if not isinstance(store, Path):
         return store
     if context.get_parameter_source("store") is ParameterSource.DEFAULT and store.exists():
-        from auditor.store.marker import MARKER, refuse_foreign  # noqa: PLC0415 - keeps --help quick
+        from auditor.store.folder import MARKER, refuse_foreign  # noqa: PLC0415 - keeps --help quick
 
         if (store / MARKER).exists():
             refuse_foreign(store)

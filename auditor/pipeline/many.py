@@ -22,20 +22,18 @@ from auditor.pipeline.judge import (
     refuse_earlier_counting,
     rigs_in_turn,
 )
-from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import FEW, MOST_KNOWN, KnownFiles, Measured, MeasureTask, is_as_now
 from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
-from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.finding import find_all, shard_of
 from auditor.pipeline.remote.measuring import measure_here, measure_on_cluster
-from auditor.pipeline.remote.shards import shard_of
 from auditor.pipeline.remote.spool import Spool, spool_of
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
-from auditor.store.log.mirrored import is_mirror
+from auditor.store.log.chains import is_mirror
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 

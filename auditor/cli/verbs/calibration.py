@@ -304,7 +304,7 @@ def export(calibration: str, out: Path, store: Path) -> None:
 
 def _named(store: "Store", beginning: str) -> str:
     """The id of the one calibration that begins so."""
-    from auditor.pipeline.calibrations.names import calibration_called  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.asking import calibration_called  # noqa: PLC0415 - keeps --help quick
 
     return calibration_called(store, beginning)
 

@@ -114,7 +114,7 @@ def _unlimited(_: object) -> "Limits":
 def _picture(kept: "Store", found: Sequence[str], jobs: int) -> None:
     """Keep pictures of what was found in these measurements."""
     from auditor.model.pictures import Pictures  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
+    from auditor.pipeline.pictures import picture_incidents  # noqa: PLC0415
 
     for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, _unlimited, jobs):
         if pictured.remark:

@@ -19,8 +19,8 @@ from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn
-from auditor.pipeline.known import FEW, is_as_now
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
+from auditor.pipeline.measured import FEW, is_as_now
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all

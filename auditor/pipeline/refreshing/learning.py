@@ -28,9 +28,8 @@ from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, 
 from auditor.pipeline.refreshing.pool import Group
 from auditor.store import Store, make_calibration
 from auditor.store.calibrations import OutdatedCalibrationError
-from auditor.store.versions.decisions import Decided, Decision, Interval, Rise
+from auditor.store.versions.decisions import Decided, Decision, Interval, Rise, read_quarantine
 from auditor.store.versions.history import History, histories
-from auditor.store.versions.quarantine import read_quarantine
 from auditor.store.versions.records import UsedRecording, lost_line, lost_versions, read_version
 
 

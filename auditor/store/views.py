@@ -11,11 +11,10 @@ from pathlib import Path
 
 from auditor import __version__
 from auditor.store.connection import DECLARED, LARGE, connected, in_order, macros_of
-from auditor.store.marker import MARKER
+from auditor.store.folder import MARKER
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED
 from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TABLES, TableSchema, table_schema
-from auditor.store.sql_files import macros, views
-from auditor.store.views.comments import comments, literal
+from auditor.store.sql_files import comments, literal, macros, views
 
 _HEAD = f"""\
 -- The views of a store of auditor {__version__}, schema version {SCHEMA_VERSION}, for DuckDB without auditor.
