@@ -17,12 +17,19 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.algorithm2 import FEWEST_SENSORS, sensors_where
-from auditor.identification.causes.aerosols import name_beside_aerosols
-from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
-from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
+from auditor.identification.causes import Nearby, bounds_nearby, name_beside_aerosols, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents.events import held_of, with_lasting
+from auditor.identification.faults import fault_hypotheses, is_finding, weigh, z_of
+from auditor.identification.incidents.events import (
+    LastingEvent,
+    held_of,
+    lasting_events,
+    seconds_of,
+    series_of,
+    thresholds_of,
+    windows_of,
+    with_lasting,
+)
 from auditor.identification.incidents.sequential import (
     Event,
     Evidence,
@@ -37,15 +44,8 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
-from auditor.identification.incidents.stretches import (
-    LastingEvent,
-    lasting_events,
-    seconds_of,
-    series_of,
-    thresholds_of,
-    windows_of,
-)
 from auditor.identification.naming import attack_scores, sensor_scores
+from auditor.identification.paper import FEWEST_SENSORS, sensors_where
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS

@@ -9,20 +9,25 @@ from functools import lru_cache, partial
 
 from auditor import __version__
 from auditor.errors import ThresholdsError
-from auditor.identification.algorithm2 import NOT_MEASURED, sensors_where
-from auditor.identification.causes.faults import fault_scores
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.drive_level import for_drive
+from auditor.identification.faults import fault_scores
 from auditor.identification.incidents.series import FrameSeries, Portion
-from auditor.identification.marks import for_sparser_lidar, halvings_of_points, marks_of
-from auditor.identification.matcher_priors import FittedOn, fitted_on, has_prior
+from auditor.identification.paper import NOT_MEASURED, sensors_where
 from auditor.identification.paper import judge_frames as judge_by_paper
-from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
+from auditor.identification.parameters import (
+    SCORE_LIMITS,
+    FittedOn,
+    fitted_on,
+    has_prior,
+    judging_digest,
+    judging_settings,
+)
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import judge_portions
-from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
+from auditor.identification.transfer import calibration_for, closeness, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.model.calibration import (
     PRIOR,
     Calibration,

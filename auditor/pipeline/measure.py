@@ -12,9 +12,9 @@ from time import perf_counter
 
 from auditor import __version__
 from auditor.errors import RigError
-from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
+from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,

@@ -9,10 +9,9 @@ from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
-from auditor.identification.matcher_priors import fitted_on
-from auditor.identification.parameters import judging_digest
-from auditor.identification.sub_rigs import calibration_for
+from auditor.identification.parameters import fitted_on, judging_digest
 from auditor.identification.thresholds import check_calibration
+from auditor.identification.transfer import calibration_for
 from auditor.measurement.checks.found import measuring_digest
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration

@@ -2,7 +2,7 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import Identification, codeword, identify
+from auditor.identification.paper import Identification, codeword, identify
 from auditor.model.rig import triples_of
 from tests.identification.definitions import allowed_attack_sets, explaining_sets
 

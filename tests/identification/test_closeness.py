@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.thresholds import check_calibration
+from auditor.identification.transfer import calibration_for, closeness
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig

@@ -6,9 +6,9 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.causes.faults import ObservedFeatures, fault_scores, faults_of
-from auditor.identification.marks import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
+from auditor.identification.faults import ObservedFeatures, fault_scores, faults_of
 from auditor.identification.scores import TONES, thresholds_from
+from auditor.identification.transfer import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
 from auditor.model.checks import COLUMNS, Check, rig_sensor_checks
 from auditor.model.measurement import BRIGHTNESS, Procedure

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.order_statistics import Largest
+from auditor.identification.thresholds import Largest
 
 SEEDS = range(20)
 

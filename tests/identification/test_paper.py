@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import ThresholdsError
-from auditor.identification.algorithm2 import codeword, without
-from auditor.identification.paper import judge, judge_frames
+from auditor.identification.paper import codeword, judge, judge_frames, without
 from auditor.model.calibration import Thresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple, triples_of

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from auditor.model.checks import Check
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Pose
 from auditor.model.pictures import Pictures
-from auditor.model.poses import Pose
 from auditor.model.verdict import Evidence, Finding, Verdict, VerdictKind
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.measure import measure_recording

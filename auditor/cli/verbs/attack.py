@@ -11,8 +11,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from auditor.cli import options
+from auditor.cli.options import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.cli.output import answer
-from auditor.cli.values import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:

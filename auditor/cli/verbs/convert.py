@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.values import PATH
+from auditor.cli.options import PATH
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf

@@ -14,8 +14,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, print_rows, progress, say
-from auditor.cli.values import PATH
 from auditor.model.verdict import Method
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH, PLACE
 from auditor.cli.output import answer, say
-from auditor.cli.values import PATH, PLACE
 
 if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings

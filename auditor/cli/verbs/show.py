@@ -8,8 +8,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, print_rows, say
-from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.model.frames import Frame

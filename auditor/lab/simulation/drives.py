@@ -31,9 +31,8 @@ from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
 from auditor.lab.simulation.vehicles import CameraFlaws, Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.arrays import Floats32, Image
-from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.frames import CameraImage, Frame, PointCloud, Pose, Presence, SensorState
 from auditor.model.optics.geometry import Matrix, compose, invert, motion
-from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 
 _PREVIEW = 6  # every so many pixels decide about the exposure

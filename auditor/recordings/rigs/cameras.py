@@ -8,7 +8,7 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, camera_centre, motion
-from auditor.model.optics.lenses import FISHEYE, NO_LENS, Lens, of_camera
+from auditor.model.optics.sensors import FISHEYE, NO_LENS, Lens, of_camera
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.rigs.calibrations import (
     Axes,

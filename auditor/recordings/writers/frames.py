@@ -16,9 +16,8 @@ from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Pose
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas

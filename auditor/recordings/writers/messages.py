@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.model.frames import Pose
 from auditor.model.optics.geometry import Matrix, quaternion_from_rotation
-from auditor.model.optics.lenses import NO_LENS, POLYNOMIAL, Lens
-from auditor.model.poses import Pose
+from auditor.model.optics.sensors import NO_LENS, POLYNOMIAL, Lens
 from auditor.recordings import schemas
 from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, TIMESTAMP, Field, Kind
 from auditor.recordings.decoding.pictures import encode_picture

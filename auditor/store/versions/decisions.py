@@ -9,7 +9,7 @@ from pathlib import Path
 from shlex import join
 from typing import NamedTuple
 
-from auditor.model.conditions import ConditionRate
+from auditor.model.calibration import ConditionRate
 from auditor.model.text import one_line
 from auditor.store.records import to_utc
 from auditor.store.store import Store

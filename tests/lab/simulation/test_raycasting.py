@@ -12,7 +12,7 @@ from auditor.lab.simulation.sensors import camera_rays
 from auditor.lab.simulation.surfaces import Piece, gather
 from auditor.lab.simulation.textures import SIZE, Atlas, Tile, level_of, make_atlas
 from auditor.model.optics.geometry import motion
-from auditor.model.optics.lenses import Lens
+from auditor.model.optics.sensors import Lens
 from auditor.model.rig import Camera
 
 FOCAL = 100.0

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from auditor.identification.drift.parameters import DRIFT
 from auditor.identification.parameters import FAULT_SCORES
+from auditor.identification.refresh_parameters import DRIFT
 from auditor.model.arrays import Floats, Integers
 
 _OF_A_DEVIATION = 0.6744897501960817

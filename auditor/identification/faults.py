@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.identification.causes.aerosols import of_aerosol
-from auditor.identification.causes.light_causes import ENOUGH, Seen, by_tone, of_lens
+from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_lens
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
