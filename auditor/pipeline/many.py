@@ -249,17 +249,19 @@ class Judge:
 
         LiDARs alone that a person declares to be no sensors leave nothing unaudited, whatever is found of them.
         """
-        judged, rig = self._judge(measurement), self._rig(measurement)
+        stored = self._store.measurement(measurement)
+        rig = self._store.rig(stored.rig_id)
+        judged = self._judge(stored, rig)
         declared = not rig.cameras and {*map(rig.topic, rig.sensors)} <= {*self._settings.criteria.no_sensors}
         return replace(judged, complete=True, gaps=()) if declared else judged
 
-    def _judge(self, measurement: str) -> Judged:
+    def _judge(self, stored: StoredMeasurement, rig: Rig) -> Judged:
         store, criteria = self._store, self._settings.criteria
-        stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, rig = recording.name, store.rig(stored.rig_id)
+        measurement, name = stored.measurement_id, recording.name
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
-        told = (*reading.remarks, *self._missing(recording, stored))
+        lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
+        told = (*reading.remarks, *filter(None, [lacking]))
         try:
             refuse_earlier_counting(store, measurement)
             fitting = self._fitting(measurement)
@@ -276,7 +278,9 @@ class Judge:
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
             *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(rig, criteria.min_view, criteria.no_sensors, self._rigs(recording)),
+            *views_not_compared(
+                rig, criteria.min_view, criteria.no_sensors, map(self._rig, measured_of(store, recording))
+            ),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
@@ -341,16 +345,6 @@ class Judge:
         if current is None or criteria.strict or not self._settings.only_stale:
             return None
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
-
-    def _rigs(self, recording: RecordingRecord) -> Iterator[Rig]:
-        """The rigs that a recording was measured with."""
-        yield from map(self._rig, measured_of(self._store, recording))
-
-    def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
-        """What the rig lacks beside its vehicle's usual one."""
-        rig = self._store.rig(measurement.rig_id)
-        lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
-        return (lacking,) if lacking else ()
 
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
