@@ -1,4 +1,21 @@
-"""Casts rays of sensors at a scene: the first piece that each ray meets, the place on it, and the distance."""A grid of H x W rays in the rig frame.
+"""Casts rays of sensors at a scene: the first piece that each ray meets, the place on it, and the distance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.simulation.surfaces import Surfaces
+from auditor.lab.simulation.textures import Atlas, level_of
+from auditor.model.arrays import Floats32, Indices, Mask
+from auditor.model.optics.geometry import Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """A grid of H x W rays in the rig frame.
 
     `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
     the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
