@@ -120,8 +120,7 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     held = _flags(len(raised), (place for one in found for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    attacked = {place: verdicts[place].attacked for place in np.flatnonzero(raised).tolist()}
-    loose = alerts(raised, attacked, accusing, audited, strong, held, float(thresholds.r))
+    loose = alerts(raised & ~held, verdicts, accusing, audited, strong, float(thresholds.r))
     others = [held_of(one, verdicts, evidence) for one in loose]
     for number, event in enumerate(sorted([*found, *others], key=lambda one: one.first), 1):
         for place, frame in event.frames.items():
