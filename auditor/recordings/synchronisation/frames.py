@@ -1,7 +1,7 @@
 """Frames from messages: the data of all sensors, brought together by the stamps of their headers.
 
 Where a stamp cannot be the time of capture, the time of recording less the sensor's usual delay stands in for it, see
-`stamps`: a frame's stamp orders the frames also then.
+`clocks`: a frame's stamp orders the frames also then.
 
 Every sensor has a constant offset to the leftmost camera, learnt from the recording's beginning. A frame opens with the
 oldest message not yet used; the leftmost camera that is present gives its time, and every sensor's nearest message

@@ -1,4 +1,4 @@
-"""What a judgement says of its calibration: whether its recording, its LiDAR and its machine are those of others."""
+"""A calibration for other rigs: which is closest, and what a judgement by it says of vehicle, LiDAR and machine."""
 
 from dataclasses import replace
 from decimal import Decimal
@@ -8,7 +8,16 @@ import pytest
 
 from auditor.identification.faults import ObservedFeatures, fault_scores, faults_of
 from auditor.identification.scores import TONES, thresholds_from
-from auditor.identification.transfer import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
+from auditor.identification.thresholds import check_calibration
+from auditor.identification.transfer import (
+    OPENCV,
+    OPENCV_CPU,
+    calibration_for,
+    closeness,
+    for_sparser_lidar,
+    halvings_of_points,
+    marks_of,
+)
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
 from auditor.model.checks import COLUMNS, Check, rig_sensor_checks
 from auditor.model.measurement import BRIGHTNESS, Procedure
@@ -137,3 +146,43 @@ def test_the_faults_of_a_rig_are_those_that_scores_are_made_of(sensors):
 def test_counts_of_another_opencv_or_cpu_are_told(versions, says):
     learnt = calibration(clean("a"), clean("c"), clean("old", versions={}))
     assert marks(learnt, versions=versions).measured_otherwise == says
+
+
+PART = plane_rig((0.74, 0.4, 0.0))
+
+
+def larger(rig: Rig, by: float = 1.03) -> Rig:
+    """The rig with images and focal lengths that are larger by a factor."""
+    cameras = tuple(
+        replace(camera, width_px=round(by * camera.width_px), projection=np.diag([by, by, 1]) @ camera.projection)
+        for camera in rig.cameras
+    )
+    return Rig(rig.lidar, cameras)
+
+
+def calibrated_on(rig: Rig) -> Calibration:
+    return Calibration("c", rig.kind, PROCEDURE, ())
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "rank", "similarity"),
+    [
+        (PART, (False, 0), Similarity.SAME),
+        (RIG, (False, 1), Similarity.SAME),
+        (larger(PART), (True, 0), Similarity.SIMILAR),
+        (larger(RIG), (True, 1), Similarity.SIMILAR),
+    ],
+    ids=["same", "part", "similar", "similar part"],
+)
+def test_the_same_vehicle_is_closer_than_a_similar_one_also_with_more_sensors(calibrated, rank, similarity) -> None:
+    calibration = calibrated_on(calibrated)
+    assert closeness(calibration, PART) == rank
+    held = calibration_for(calibration, PART)
+    assert (held is calibration) is (rank[1] == 0)
+    assert check_calibration(held, rig_kind=PART.kind, procedure=PROCEDURE) is similarity
+
+
+def test_other_rigs_are_not_close() -> None:
+    for other in (larger(PART, 1.1), larger(RIG, 1.1), plane_rig((0.4, 0.0))):
+        assert closeness(calibrated_on(other), PART) is None
+        assert calibration_for(calibrated_on(other), PART) is None
