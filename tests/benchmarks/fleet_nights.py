@@ -33,7 +33,7 @@ from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.refresh_parameters import INFLUENCE
-from auditor.identification.refreshing import gate
+from auditor.identification.refreshing import influence
 from auditor.identification.refreshing.drives import Drive, Folds, Shown, shown_by
 from auditor.identification.refreshing.gate import difference_of, share_of
 from auditor.identification.robust import findings_alone
@@ -192,7 +192,7 @@ def nights_of(
     bank: Bank, fleet: Fleet, nights: int, attacker: Attacker | None, known: dict[tuple[str, ...], Learnt]
 ) -> Outcome:
     """Refresh a fleet for some nights."""
-    gate.INFLUENCE = replace(INFLUENCE, most_drives=MOST)  # type: ignore[attr-defined]
+    influence.INFLUENCE = replace(INFLUENCE, most_drives=MOST)  # type: ignore[attr-defined]
     learning.system_of = lambda _rig: fleet.system  # type: ignore[attr-defined, assignment]
     choosing.shown_by_others = Again().shown_by_others  # type: ignore[attr-defined]
     choosing.thresholds_of = learning.thresholds_of = _thresholds  # type: ignore[attr-defined, assignment]

@@ -177,9 +177,8 @@ def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(
     audit = audit_of(refreshed)
     store, before = Store.open(audit.store), in_force(audit)
     add_drive(store, "v0d6.mcap", seed=61, vehicle="car0", day=6, raised=0.05)
-    with monkeypatch.context() as patch:
-        patch.setattr(gate, "GATE", replace(gate.GATE, most_step=-10.0))
-        answer = audit("refresh")
+    monkeypatch.setattr(gate, "GATE", replace(gate.GATE, most_step=-10.0))
+    answer = audit("refresh")
     kind = kind_of(answer)
     assert (answer.code, kind["decided"]) == (1, "held")
     assert "a threshold rises" in kind["reasons"][0]

@@ -14,17 +14,15 @@ from auditor.identification.refreshing.drives import Drive, Folds, Shown, Source
 from auditor.identification.refreshing.gate import (
     Compared,
     compared,
-    crowded,
     difference_of,
     doubtful,
     doubts,
-    influential,
-    limited,
     planted_found,
     rates_by_condition,
     share_of,
     worse,
 )
+from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.robust import findings_alone, judge_frames
 from auditor.model.calibration import Calibration, CleanFrames

@@ -7,7 +7,7 @@ from decimal import Decimal
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
-from auditor.identification.refreshing.gate import crowded, influential, limited
+from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames

@@ -9,7 +9,7 @@ from math import asin, cos, degrees, pi, radians, sin
 
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Source
-from auditor.identification.refreshing.gate import Cell
+from auditor.identification.refreshing.influence import Cell
 from auditor.model.calibration import CleanFrames
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
