@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from auditor.model.measurement import Counts, Coverage, Measurement, Statistic
     from auditor.model.rig import LIDAR, Camera, Lidar, Rig, Triple
     from auditor.model.verdict import AttackLabel, Method, Verdict, VerdictKind
-    from auditor.pipeline.asking import query
+    from auditor.pipeline.asking import OpenedStore, open_store, query
     from auditor.pipeline.library import (
         Calibrated,
         Scanned,
@@ -58,7 +58,6 @@ if TYPE_CHECKING:
         synchronise,
     )
     from auditor.pipeline.many import Judged
-    from auditor.pipeline.opened import OpenedStore, open_store
     from auditor.recordings import Damage, FrameStream, Reader, Recording, Topic
     from auditor.reporting import render_incident_report
     from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
@@ -133,10 +132,9 @@ _HOMES = {
     "model.measurement": "Counts Coverage Measurement Statistic",
     "model.rig": "LIDAR Camera Lidar Rig Triple",
     "model.verdict": "AttackLabel Method Verdict VerdictKind",
-    "pipeline.asking": "query",
+    "pipeline.asking": "OpenedStore open_store query",
     "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
     "pipeline.many": "Judged",
-    "pipeline.opened": "OpenedStore open_store",
     "recordings": "Damage FrameStream Reader Recording Topic",
     "reporting": "render_incident_report",
     "store": "Store StoredJudgement StoredMeasurement rows_of",

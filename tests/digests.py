@@ -9,8 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from auditor.identification.matcher_priors import FittedOn
-from auditor.identification.parameters import judging_digest
+from auditor.identification.parameters import FittedOn, judging_digest
 from auditor.measurement.checks.found import measuring_digest
 from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.model.rig_kind import ComparedTo

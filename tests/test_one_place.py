@@ -64,7 +64,7 @@ MEASURED = '''
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import parameter
+from auditor.model.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ USED = """
 import json
 from auditor.cli import run
 from auditor.measurement.checks.found import MEASURING
-from auditor.model.parameter import list_parameters
+from auditor.model.parameters import list_parameters
 from auditor.identification.parameters import JUDGING
 from auditor.store import Store, run_sql
 

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from auditor.identification.matcher_priors import PSMNET_PRIORS
 from auditor.identification.parameters import (
     CAUSE_PRIORS,
     CHECK_PRIORS,
     JUDGING,
+    PSMNET_PRIORS,
     STANDS_OUT,
     judging_settings,
 )
@@ -23,7 +23,7 @@ from auditor.measurement.checks.found import MEASURING
 from auditor.measurement.parameters import DISPARITY_ERROR, SGBM, TEXTURE
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
-from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.model.parameters import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
 from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
@@ -45,9 +45,7 @@ PARAMETER_FILES = (
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/evidence_parameters.py",
-    "identification/matcher_priors.py",
     "identification/refresh_parameters.py",
-    "identification/drift/parameters.py",
 )
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
@@ -65,7 +63,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "identification/prior.py": ((1e-5,), "a rate that no clean frames reach"),
     "identification/refreshing/drives.py": ((5,), "groups that judge each other"),
     "identification/likelihood.py": ((6,), "sensors that sets of several are made of"),
-    "identification/causes/faults.py": (
+    "identification/faults.py": (
         (0.2, 0.01),
         "the score from which on causes are listed; a logarithm that is finite",
     ),
@@ -74,7 +72,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/disparity/lidar.py": ((7,), "points of which one is asked"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
-    "identification/algorithm2.py": (
+    "identification/paper.py": (
         (
             4,
             3,
@@ -95,9 +93,9 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (10, 9, 3, 5, 1e6, 0.5),
         "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
     ),
-    "identification/causes/light_causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
+    "identification/causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
     "identification/incidents/sequential.py": ((3600, 0.01), "seconds in an hour; a rate that no clean drives reach"),
-    "identification/incidents/stretches.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
+    "identification/incidents/events.py": ((512, 3600, 0.5), "windows at once; seconds in an hour; the most frames"),
     "identification/cross_validation.py": (
         (
             1.959963984540054,
@@ -109,8 +107,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "the 95 % quantile and Wilson's formula; nanoseconds; thresholds that are made of others, which judge no scan",
     ),
-    "identification/paper.py": ((3,), "N - 3"),
-    "identification/drift/series.py": (
+    "identification/drift.py": (
         (0.6744897501960817, 4, 5, 3, 0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
         "the median of |x| of a normal distribution; the bias of a correlation of few values; parts and quantiles",
     ),
@@ -123,7 +120,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (10**9, 65_536, 0.2),
         "nanoseconds; how much is held in memory; stretches that overlap",
     ),
-    "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
+    "identification/transfer.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
     "measurement/checks/false_ranges.py": ((12, 0.5), "the variance of what is spread evenly; the median"),
@@ -167,9 +164,9 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "the smallest Sobel kernel and the sum of its weights",
     ),
-    "measurement/disparity/row_warp.py": ((8,), "sizes of images kept in memory"),
+    "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
-    "measurement/fault_features/frozen_data.py": ((255,), "white"),
+    "measurement/fault_features/collect.py": ((255,), "white"),
     "measurement/fault_features/row_alignment.py": (
         (3, 10, 0.05, 15),
         "an axis; where the search for a corner ends; points of which a share says something",
@@ -187,7 +184,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "dimensions",
     ),
-    "model/optics/lenses.py": (
+    "model/optics/sensors.py": (
         (
             4000,
             4,
@@ -196,14 +193,14 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
             12,
             60,
             1e-09,
+            16,
         ),
-        "coefficients of the models; the inversion's rounds, accuracy and reach",
+        "coefficients of the models; the inversion's rounds, accuracy and reach; bits of a pixel",
     ),
     "model/measurement.py": (
         (*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION, 7, 4),
         "versions; how sums and regions are stored",
     ),
-    "model/parameter.py": ((12,), "characters of a digest"),
     "model/pictures.py": ((5, 9, 10), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
         (0.99, 0.5, 4096, 16),
@@ -211,7 +208,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": ((3, 4), "dimensions, and N - 3"),
-    "model/optics/sensors.py": ((8, 16), "bits of a pixel"),
 }
 """By module the numbers that are definitions, not choices."""
 
@@ -328,12 +324,12 @@ def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
         ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *ACCOUNTING)),
         ("measurement", (*MEASURING, *WARNING)),
-        ("identification", (*JUDGING, STANDS_OUT)),
+        ("identification", (*JUDGING, STANDS_OUT, PSMNET_PRIORS)),
     ):
         classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
         assert set(classes) <= {type(group).__name__ for group in listed}
     shared = re.findall(r"^class (\w+):", (PACKAGE / "model" / "parameters.py").read_text(), re.MULTILINE)
-    assert set(shared) <= {type(group).__name__ for group in (*MEASURING, *JUDGING)}
+    assert set(shared) <= {Parameter.__name__, *(type(group).__name__ for group in (*MEASURING, *JUDGING))}
 
 
 def test_documents_that_sources_name_are_there() -> None:

@@ -15,9 +15,9 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture
 from auditor.model.rig import LIDAR
-from auditor.pipeline.pictures.at_hand import frames_at_hand, recording_at_hand, stream_of
+from auditor.pipeline.pictures import frames_at_hand, recording_at_hand, stream_of
 from auditor.recordings import FrameStream, Location, Recording, survey
-from auditor.recordings.writers.clip import write_clip
+from auditor.recordings.writers.convert import write_clip
 from auditor.reporting.incident.examples import Example
 
 CLIP = "clip.mcap"

@@ -10,7 +10,7 @@ from typing import Any
 
 from auditor.model.rig import Rig
 from auditor.store import Store, rows_of, run_sql
-from auditor.store.log.provenance import user
+from auditor.store.log.entry import user
 
 LEFT_OUT = "[left out]"
 

@@ -20,7 +20,7 @@ from auditor.model.pictures import FramePicture
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_IMAGE, POINT_CLOUD
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import McapFile, mcap_file
-from auditor.recordings.writers.protobuf import FLOAT32, descriptors, protobuf
+from auditor.recordings.writers.messages import FLOAT32, descriptors, protobuf
 from auditor.reporting.incident.incident import Incident
 
 SIDECAR = "findings.mcap"

@@ -14,9 +14,9 @@ import click
 from auditor import __version__
 from auditor.cli.exit_codes import Exit
 from auditor.cli.log_lines import FORMATS, Level, is_json, tell, write_as
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, say
 from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
-from auditor.cli.values import PATH
 from auditor.errors import AuditorError
 
 _GO_ON = "finished recordings are kept, run the same command again to go on"

@@ -117,7 +117,7 @@ def json_line(refresh: "Refresh") -> str:
 
 
 def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
-    from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.versions.decisions import next_steps  # noqa: PLC0415 - keeps --help quick
 
     return {
         "kind": one.kind,

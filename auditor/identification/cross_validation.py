@@ -13,12 +13,11 @@ from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.incidents.series import FrameSeries
-from auditor.identification.order_statistics import Largest, Ordered
 from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.identification.thresholds import BELOW_EVERY_ERROR, checked, threshold_rank
+from auditor.identification.thresholds import BELOW_EVERY_ERROR, Largest, Ordered, checked, threshold_rank
 from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic

@@ -23,6 +23,7 @@ from auditor.identification.statistics import quantile_of, stretch_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
 from auditor.model.checks import SensorCheck
+from auditor.model.checks.kind import Of
 
 _OF_MEDIAN = pi / 2
 """Times the variance of a mean, that of a median of what is normally distributed."""
@@ -116,7 +117,7 @@ def group_of(check: SensorCheck, offsets: Mapping[SensorCheck, float]) -> float 
 @cache
 def _others_of(check: SensorCheck) -> tuple[SensorCheck, ...]:
     """The same check of each other camera of its group."""
-    if check.check.kind.of.sensor == "LiDAR":
+    if check.check.kind.of is not Of.CAMERAS:
         return ()
     group = {check.sensor, *check.others}
     return tuple(SensorCheck(check.check, other, tuple(sorted(group - {other}))) for other in check.others)

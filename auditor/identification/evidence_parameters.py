@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/method.md)"
 _TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/method.md)"

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.algorithm2 import FEWEST_COMPARED
 from auditor.identification.evidence_parameters import INCIDENTS, LIKELIHOOD, OWN_AT, REST_AT
+from auditor.identification.paper import FEWEST_COMPARED
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System

@@ -11,7 +11,15 @@ from math import inf, isnan, log10
 
 import numpy as np
 
-from auditor.identification.algorithm2 import (
+from auditor.identification.likelihood import (
+    AttackSet,
+    attack_sets,
+    log_likelihood_ratios,
+    of_sensor,
+    posteriors,
+    suspects_of,
+)
+from auditor.identification.paper import (
     ABOVE,
     FEWEST_COMPARED,
     FEWEST_SENSORS,
@@ -20,14 +28,6 @@ from auditor.identification.algorithm2 import (
     NOT_MEASURED,
     identify,
     listed,
-)
-from auditor.identification.likelihood import (
-    AttackSet,
-    attack_sets,
-    log_likelihood_ratios,
-    of_sensor,
-    posteriors,
-    suspects_of,
 )
 from auditor.identification.parameters import NAMING
 from auditor.identification.systems import System, measured_triples

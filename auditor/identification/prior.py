@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.matcher_priors import OTHERS, FittedOn
-from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL
+from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL, OTHERS, FittedOn
 from auditor.identification.statistics import median_of
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Expected

@@ -4,7 +4,7 @@
 2. The scores of a frame name the attacked sensors (`naming`).
 3. Faults and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
-5. Stretches of a second are judged as frames are: what is weak and lasts makes an incident as well (`stretches`).
+5. Stretches of a second are judged as frames are: what is weak and lasts makes an incident as well (`events`).
 6. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.
 
 Where the calibration changes within a recording, each rig has measurements of its own: they are judged as portions of
@@ -17,12 +17,19 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.algorithm2 import FEWEST_SENSORS, sensors_where
-from auditor.identification.causes.aerosols import name_beside_aerosols
-from auditor.identification.causes.faults import fault_hypotheses, is_finding, weigh, z_of
-from auditor.identification.causes.light_causes import Nearby, bounds_nearby, seen_of
+from auditor.identification.causes import Nearby, bounds_nearby, name_beside_aerosols, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents.events import held_of, with_lasting
+from auditor.identification.faults import fault_hypotheses, is_finding, weigh, z_of
+from auditor.identification.incidents.events import (
+    LastingEvent,
+    held_of,
+    lasting_events,
+    seconds_of,
+    series_of,
+    thresholds_of,
+    windows_of,
+    with_lasting,
+)
 from auditor.identification.incidents.sequential import (
     Event,
     Evidence,
@@ -37,15 +44,8 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
-from auditor.identification.incidents.stretches import (
-    LastingEvent,
-    lasting_events,
-    seconds_of,
-    series_of,
-    thresholds_of,
-    windows_of,
-)
 from auditor.identification.naming import attack_scores, sensor_scores
+from auditor.identification.paper import FEWEST_SENSORS, sensors_where
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import NANOSECONDS
@@ -120,8 +120,7 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     held = _flags(len(raised), (place for one in found for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    attacked = {place: verdicts[place].attacked for place in np.flatnonzero(raised).tolist()}
-    loose = alerts(raised, attacked, accusing, audited, strong, held, float(thresholds.r))
+    loose = alerts(raised & ~held, verdicts, accusing, audited, strong, float(thresholds.r))
     others = [held_of(one, verdicts, evidence) for one in loose]
     for number, event in enumerate(sorted([*found, *others], key=lambda one: one.first), 1):
         for place, frame in event.frames.items():

@@ -12,11 +12,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from auditor.identification.causes.faults import FAULTS, TONES, faults_of
+from auditor.identification.faults import FAULTS, TONES, faults_of
 from auditor.identification.incidents.sequential import incident_limit
-from auditor.identification.matcher_priors import FittedOn
-from auditor.identification.order_statistics import Largest, Ordered
-from auditor.identification.parameters import FAULT_SCALE, SCORE_LIMITS, STANDS_OUT
+from auditor.identification.parameters import FAULT_SCALE, SCORE_LIMITS, STANDS_OUT, FittedOn
 from auditor.identification.prior import (
     Drives,
     DriveValues,
@@ -28,7 +26,7 @@ from auditor.identification.prior import (
     prior_of_cause,
     prior_of_check,
 )
-from auditor.identification.thresholds import checked
+from auditor.identification.thresholds import Largest, Ordered, checked
 from auditor.model.arrays import Flags, Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import SensorCheck

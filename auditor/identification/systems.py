@@ -5,7 +5,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from auditor.identification.matcher_priors import FittedOn
+from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
 from auditor.model.checks import ADDED_LATER, CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of

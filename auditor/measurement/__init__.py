@@ -3,8 +3,7 @@
 import cv2
 
 from auditor.measurement.fault_features.calibration_check import CalibrationCheck
-from auditor.measurement.fault_features.collect import FaultFeatures
-from auditor.measurement.fault_features.frozen_data import RepeatedData
+from auditor.measurement.fault_features.collect import FaultFeatures, RepeatedData
 from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise

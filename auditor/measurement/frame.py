@@ -19,7 +19,7 @@ from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps
 from auditor.measurement.drawn_pixels import DrawnPixels
 from auditor.measurement.fault_features.added_light import saturated_by_light
-from auditor.measurement.fault_features.frozen_data import fingerprints
+from auditor.measurement.fault_features.collect import fingerprints
 from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.several_lidars import SeveralLidars

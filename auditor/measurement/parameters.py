@@ -15,8 +15,7 @@ from auditor.measurement.point_parameters import (
     ROUGH_RANGES,
 )
 from auditor.measurement.time_parameters import EGO_MOTION, PARALLAX_CONFLICT, STILL_LIGHT
-from auditor.model.parameter import BY_HAND, parameter
-from auditor.model.parameters import COMMON_VIEW, PAIR_DEPTH, RIG_GEOMETRY
+from auditor.model.parameters import BY_HAND, COMMON_VIEW, PAIR_DEPTH, RIG_GEOMETRY, parameter
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"

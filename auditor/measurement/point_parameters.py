@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"

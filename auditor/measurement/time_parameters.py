@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04, each camera alone: chosen on them (docs/decisions.md)"
 

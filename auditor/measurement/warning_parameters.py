@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _DECISIONS = "docs/decisions.md"
 _WARNINGS = "docs/decisions.md, a rig that does not fit: clean frames and false geometry (benchmark of commit 2f670669)"

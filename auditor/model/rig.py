@@ -13,8 +13,7 @@ import numpy as np
 from auditor.errors import RigError
 from auditor.model.fields import Fields
 from auditor.model.optics.geometry import Matrix, beside_line_m
-from auditor.model.optics.lenses import PINHOLE, Lens
-from auditor.model.optics.sensors import LIDAR, MOST_BITS, PIXEL_BITS, Camera, Lidar, Sweep
+from auditor.model.optics.sensors import LIDAR, MOST_BITS, PINHOLE, PIXEL_BITS, Camera, Lens, Lidar, Sweep
 from auditor.model.parameters import PAIR_DEPTH, RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
 

@@ -1,17 +1,33 @@
-"""Questions to a store as `import auditor` and the command line ask them; what reads and measures is not imported."""
+"""Questions to a store as `import auditor` and the command line ask them, and its calibrations by name.
 
+What reads and measures is not imported.
+"""
+
+import re
 import shlex
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from auditor.errors import QueryError
+from auditor.errors import QueryError, SettingError, ThresholdsError
 from auditor.resources import is_address
-from auditor.store import StoreFolder, run_query
+from auditor.store import (
+    Connection,
+    StoreFolder,
+    list_queries,
+    list_views,
+    plain_connection,
+    run_query,
+)
 from auditor.store import query as find_query
 from auditor.store.export import Table
 
 if TYPE_CHECKING:
+    import pandas
+    import polars
+
+    from auditor.model.calibration import Calibration
     from auditor.store import Store
 
 PathLike = str | Path
@@ -77,10 +93,109 @@ def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]
             remedy=f"ask for recording={later.recording_id[:12]}",
         )
     if calibration is not None and not store.calibrations_called(str(calibration)):
-        from auditor.pipeline.calibrations.names import listing_calibrations  # noqa: PLC0415 - heavy
-
         raise QueryError(
             f"no calibration has an id that begins with {calibration!r}",
             where=f"query {query}",
             remedy=listing_calibrations(store.folder),
         )
+
+
+def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
+    """The calibration of a name: a file, or an id of the store in a folder or the beginning of one; None of None.
+
+    Raises ThresholdsError where there is none, also where there is no store yet.
+    """
+    from auditor.store import Store, read_calibration  # noqa: PLC0415 - heavy
+
+    if name is None:
+        return None
+    if Path(name).is_file():
+        return read_calibration(Path(name))
+    if not Store.is_at(folder):
+        raise _no_calibration(name, folder, known=False)
+    store = Store.open(folder)
+    return store.calibration(calibration_called(store, name))
+
+
+def calibration_called(store: "Store", beginning: str) -> str:
+    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
+    matching = store.calibrations_called(beginning)
+    if len(matching) != 1:
+        raise _no_calibration(beginning, store.folder, known=bool(store.ids("calibrations")), several=bool(matching))
+    return matching[0]
+
+
+def _no_calibration(name: str, folder: Path, *, known: bool, several: bool = False) -> ThresholdsError:
+    what = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
+    remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
+    return ThresholdsError(what, where=name or "--calibration", remedy=remedy)
+
+
+def listing_calibrations(folder: Path) -> str:
+    """A command that lists the calibrations of a store."""
+    return f"auditor calibration list --store {shlex.quote(str(folder))} lists them"
+
+
+def open_store(path: str | Path) -> "OpenedStore":
+    """Open a store to ask it questions; one at an address such as s3://bucket/audit is asked as it is now.
+
+    Raises StoreError where there is none, or one of another version.
+    """
+    return OpenedStore(opened(path))
+
+
+@dataclass(frozen=True)
+class OpenedStore:
+    """One store that answers as it is at each call: also after a new scan or judgement.
+
+    `question` is the name of a query, with its parameters as keywords; the name of a view, for all of its rows; or one
+    SELECT statement over the views.
+    """
+
+    store: StoreFolder
+
+    def query(self, question: str, /, **parameters: object) -> Table:
+        """The answer as a `pyarrow.Table`.
+
+        Raises QueryError where there is no such query or view, a parameter does not fit or names nothing in the store,
+        or the SQL is not allowed, and StoreError.
+        """
+        if question in {known.name for known in list_queries()}:
+            return query(self.store, question, sql=None, **parameters)
+        if parameters:
+            raise QueryError("only a query has parameters", where=question, remedy="auditor query lists the queries")
+        if question in {view.name for view in list_views()}:
+            return query(self.store, sql=f"FROM {question}")  # our own name
+        if re.fullmatch(r"\w+", question):
+            raise QueryError("there is no such query or view", where=question, remedy="auditor query lists them")
+        return query(self.store, sql=question)
+
+    def df(self, question: str, /, **parameters: object) -> "pandas.DataFrame":
+        """The answer as a pandas DataFrame. Raises as `query` does, and SettingError without pandas."""
+        try:
+            return self.query(question, **parameters).to_pandas()
+        except ModuleNotFoundError as error:
+            raise _not_installed(error) from error
+
+    def pl(self, question: str, /, **parameters: object) -> "polars.DataFrame":
+        """The answer as a polars DataFrame. Raises as `query` does, and SettingError without polars."""
+        try:
+            import polars  # noqa: PLC0415 - not everybody has it
+
+            return polars.DataFrame(polars.from_arrow(self.query(question, **parameters)))
+        except ModuleNotFoundError as error:
+            raise _not_installed(error) from error
+
+    def connection(self) -> Connection:
+        """A connection of the package duckdb, with all views of the store as it is now. Raises StoreError.
+
+        What views and columns mean stands in `duckdb_views()` and `duckdb_columns()`. The store can be read and
+        not written; tables of one's own live in the connection's memory.
+        """
+        return plain_connection(self.store)
+
+
+def _not_installed(error: ModuleNotFoundError) -> SettingError:
+    return SettingError(
+        f"the package {error.name} is not installed", where="open_store", remedy=f"pip install {error.name}"
+    )

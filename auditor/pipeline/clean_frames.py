@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.identification.causes.faults import ObservedFeatures, fault_scores, frozen
-from auditor.identification.marks import MACHINE
+from auditor.identification.faults import ObservedFeatures, fault_scores, frozen
 from auditor.identification.statistics import sensor_statistics
+from auditor.identification.transfer import MACHINE
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import COLUMNS, SHARE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState

@@ -9,20 +9,25 @@ from functools import lru_cache, partial
 
 from auditor import __version__
 from auditor.errors import ThresholdsError
-from auditor.identification.algorithm2 import NOT_MEASURED, sensors_where
-from auditor.identification.causes.faults import fault_scores
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.drive_level import for_drive
+from auditor.identification.faults import fault_scores
 from auditor.identification.incidents.series import FrameSeries, Portion
-from auditor.identification.marks import for_sparser_lidar, halvings_of_points, marks_of
-from auditor.identification.matcher_priors import FittedOn, fitted_on, has_prior
+from auditor.identification.paper import NOT_MEASURED, sensors_where
 from auditor.identification.paper import judge_frames as judge_by_paper
-from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
+from auditor.identification.parameters import (
+    SCORE_LIMITS,
+    FittedOn,
+    fitted_on,
+    has_prior,
+    judging_digest,
+    judging_settings,
+)
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import judge_portions
-from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
+from auditor.identification.transfer import calibration_for, closeness, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.model.calibration import (
     PRIOR,
     Calibration,
@@ -46,6 +51,7 @@ from auditor.store import (
     RecordingRecord,
     Store,
     StoredJudgement,
+    StoredMeasurement,
 )
 
 Rows = list[tuple[int, int, Verdict]]
@@ -137,7 +143,7 @@ def judge_measurement(
     else:
         theta = thresholds_at(fitted.calibration, criteria.statistic, criteria.r, transferred=fitted.transferred)
         thresholds, judged = theta, partial(_judge_paper, store, measurement, rig, theta)
-    reason = store.measurement(measurement).withheld
+    reason = fitted.stored.withheld
     rows = _withheld(rig, fitted.frames, reason) if reason else judged()
     if criteria.strict:
         _refuse_unresolvable(fitted.calibration, criteria, thresholds)
@@ -146,7 +152,7 @@ def judge_measurement(
         measurement,
         criteria.method,
         thresholds,
-        todays_rules(fitted_on(store.measurement(measurement).procedure)),
+        todays_rules(fitted_on(fitted.stored.procedure)),
         _after(before),
         criteria.recount,
         absent_sensors=part.absent if part else (),
@@ -183,7 +189,7 @@ def _robust(
 class _Fitted:
     """A measurement with its rig and statistics, what a calibration has of its sensors, and what marks that one."""
 
-    measurement: str
+    stored: StoredMeasurement
     rig: Rig
     frames: FrameStatistics
     calibration: Calibration
@@ -206,19 +212,19 @@ def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Cri
     frames = frame_statistics(store, measurement, recount=criteria.recount)
     halvings = halvings_of_points(own.clean, rig, frames.returns)
     marks = marks_of(own, similarity, stored.recording_id, halvings, stored.versions)
-    return _Fitted(measurement, rig, frames, own, halvings, marks)
+    return _Fitted(stored, rig, frames, own, halvings, marks)
 
 
 def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:
     """What the robust method judges of a measurement."""
     rig, frames = fitted.rig, fitted.frames
-    system = system_of(rig, fitted_on(store.measurement(fitted.measurement).procedure))
+    system = system_of(rig, fitted_on(fitted.stored.procedure))
     rate, transferred = criteria.incidents_per_hour, fitted.transferred
     thresholds = _robust(fitted.calibration, system, criteria.r, rate, transferred=transferred)
     if fitted.marks.other_lidar:
         thresholds = for_sparser_lidar(thresholds, fitted.halvings)
     thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
-    features = observed_features(store, fitted.measurement)
+    features = observed_features(store, fitted.stored.measurement_id)
     series = FrameSeries.of_recording(
         frames.stamps_ns,
         frames.statistics,

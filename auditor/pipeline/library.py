@@ -32,11 +32,10 @@ from auditor.model.settings import (
     unknown_setting,
 )
 from auditor.model.verdict import Method, Statistic
-from auditor.pipeline.asking import PathLike
+from auditor.pipeline.asking import PathLike, named_calibration
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import by_kind, make
-from auditor.pipeline.calibrations.names import named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, measure_all

@@ -22,20 +22,18 @@ from auditor.pipeline.judge import (
     rigs_in_turn,
     rigs_of,
 )
-from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import FEW, MOST_KNOWN, KnownFiles, Measured, MeasureTask, is_as_now
 from auditor.pipeline.reading import coverage_asked, frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
-from auditor.pipeline.remote.finding import find_all
+from auditor.pipeline.remote.finding import find_all, shard_of
 from auditor.pipeline.remote.measuring import measure_here, measure_on_cluster
-from auditor.pipeline.remote.shards import shard_of
 from auditor.pipeline.remote.spool import Spool, spool_of
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of
 from auditor.recordings import Location, Origin, check_rig_file, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
-from auditor.store.log.mirrored import is_mirror
+from auditor.store.log.chains import is_mirror
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 
@@ -251,17 +249,19 @@ class Judge:
 
         LiDARs alone that a person declares to be no sensors leave nothing unaudited, whatever is found of them.
         """
-        judged, rig = self._judge(measurement), self._rig(measurement)
+        stored = self._store.measurement(measurement)
+        rig = self._store.rig(stored.rig_id)
+        judged = self._judge(stored, rig)
         declared = not rig.cameras and {*map(rig.topic, rig.sensors)} <= {*self._settings.criteria.no_sensors}
         return replace(judged, complete=True, gaps=()) if declared else judged
 
-    def _judge(self, measurement: str) -> Judged:
+    def _judge(self, stored: StoredMeasurement, rig: Rig) -> Judged:
         store, criteria = self._store, self._settings.criteria
-        stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, rig, rigs = recording.name, store.rig(stored.rig_id), rigs_of(store, recording)
+        measurement, name, rigs = stored.measurement_id, recording.name, rigs_of(store, recording)
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
-        told = (*reading.remarks, *self._missing(recording, stored))
+        lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
+        told = (*reading.remarks, *filter(None, [lacking]))
         try:
             refuse_earlier_counting(store, measurement)
             fitting = self._fitting(measurement)
@@ -343,12 +343,6 @@ class Judge:
         if current is None or criteria.strict or not self._settings.only_stale:
             return None
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
-
-    def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
-        """What the rig lacks beside its vehicle's usual one."""
-        rig = self._store.rig(measurement.rig_id)
-        lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
-        return (lacking,) if lacking else ()
 
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:

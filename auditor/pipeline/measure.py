@@ -12,9 +12,9 @@ from time import perf_counter
 
 from auditor import __version__
 from auditor.errors import RigError
-from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
+from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
@@ -33,7 +33,6 @@ from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.pipeline.geometry import doubts_of, rigs_through, rigs_to_begin_with
-from auditor.pipeline.known import sighted, stamp_of
 from auditor.pipeline.measured import (
     CellsKept,
     Measured,
@@ -42,6 +41,8 @@ from auditor.pipeline.measured import (
     measured_of,
     procedure_by,
     procedures_by,
+    sighted,
+    stamp_of,
 )
 from auditor.recordings import (
     Changes,

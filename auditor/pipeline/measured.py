@@ -1,17 +1,32 @@
-"""A recording to be measured, what becomes of it, and how this auditor measures."""
+"""A recording to be measured, what becomes of it, and what is known already: files read before, verdicts that hold."""
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
+from auditor.identification.parameters import fitted_on, judging_digest
+from auditor.identification.thresholds import check_calibration
+from auditor.identification.transfer import calibration_for
 from auditor.measurement.checks.found import measuring_digest
-from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
+from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
+from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.pictures import Cells, Pictures, Sampling
-from auditor.model.rig_kind import ComparedTo
+from auditor.model.rig_kind import ComparedTo, Similarity
+from auditor.model.settings import Criteria
+from auditor.model.text import storable
+from auditor.model.verdict import Method
+from auditor.pipeline.remote.finding import parts_of, together
 from auditor.recordings import Location, Origin, located
+from auditor.recordings.location import StoredObject
 from auditor.recordings.parameters import synchronising_digest
-from auditor.store import StoredMeasurement
+from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement, StoredMeasurement
+from auditor.store.records import content_id, judgement_id
 
 _UNKNOWN = Origin()
 
@@ -112,3 +127,139 @@ class CellsKept:
     def of(self, stamp_ns: int, *, unusual: bool) -> bool:
         """Whether the next frame's are; `unusual` says that a statistic of it is unusually large."""
         return self._sampling.takes(stamp_ns) or unusual or self._cells is Cells.ALL
+
+
+FEW = 50
+"""So many measurements are read one by one, and more of them all at once."""
+
+MOST_KNOWN = 50
+"""So many recordings of one batch are each shown, though they may be known; of more only those that are new."""
+
+
+def stamp_of(where: Path | Location, procedures: Sequence[Procedure], rig: Path | None) -> str | None:
+    """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""
+    with suppress(OSError):
+        rig_file = hashlib.sha256(rig.read_bytes()).hexdigest() if rig is not None else None
+        return content_id("files", located(where).identity, [list(vars(one).values()) for one in procedures], rig_file)
+    return None
+
+
+def sighted(
+    before: Sequence[Sighting], name: str, place: str, stamp: str | None, measured: Sequence[str]
+) -> tuple[Sighting, ...]:
+    """The names and places that a content was read under, after it was read under these, in order."""
+    now = [one for one in before if (one.name, one.path) == (name, place)]
+    seen = now[0] if now else Sighting(name, place, datetime.now(UTC))
+    read = replace(seen, stamp=stamp, measurements=tuple(measured))
+    return (*(read if one == seen else one for one in before), *([] if now else [read]))
+
+
+class KnownFiles:
+    """The files of some tasks for one store, of which it knows some."""
+
+    def __init__(self, tasks: Sequence[MeasureTask], store: Store | None, *, read_again: bool) -> None:
+        self._seen: dict[str, list[tuple[RecordingRecord, Sighting]]] = {}
+        """By path; what lies on an object store by its stamp, which has its addresses in it."""
+        if store is None or read_again:
+            return
+        self._store = store
+        self._procedures = procedures_by(find_matcher(tasks[0].matcher, tasks[0].network))
+        if len(tasks) > FEW:
+            self._store.measurements()  # at once: that takes far less than one by one
+        for record in self._store.recordings():
+            for one in record.sightings:
+                for known in (one.path, *([one.stamp] if one.stamp else ())):
+                    self._seen.setdefault(known, []).append((record, one))
+
+    def found(self, task: MeasureTask) -> Iterator[tuple[MeasureTask, Measured | None]]:
+        """The recordings that a task is, as far as the store knows, and what it has of each: objects that by their
+        names may be parts of a drive are one task, until copies of them are looked into.
+
+        What is not known may go on with the recording before it, or with the one behind it: these are read with it.
+        """
+        known, remote = self.measured(task), task.location.remote
+        parts = parts_of(remote) if self._seen and known is None and remote is not None else ()
+        pieces = list(self._pieces(task, parts))
+        is_known = [True, *(one is not None for _, one in pieces), True]
+        stays = [all(is_known[place : place + 3]) for place in range(len(pieces))]
+        if not any(stays):
+            yield task, known
+            return
+        for alone, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
+            those = [piece for _, piece in run]
+            if alone:
+                yield from ((_of(task, some), one) for some, one in those)
+            else:
+                yield _of(task, [part for some, _ in those for part in some]), None
+
+    def _pieces(
+        self, task: MeasureTask, parts: Sequence[StoredObject]
+    ) -> Iterator[tuple[Sequence[StoredObject], Measured | None]]:
+        """Parts, in their order: those that are known as one recording together, as many as there are, else each."""
+        first = 0
+        while first < len(parts):
+            runs = (parts[first:end] for end in range(len(parts), first, -1))
+            known = ((run, one) for run in runs if (one := self.measured(_of(task, run))) is not None)
+            piece = next(known, (parts[first : first + 1], None))
+            yield piece
+            first += len(piece[0])
+
+    def measured(self, task: MeasureTask) -> Measured | None:
+        """What the store has of a recording whose files are as they were when it read them; None where they are not."""
+        if not self._seen:
+            return None
+        location = task.location
+        if location.remote is not None:
+            stamp = stamp_of(location, self._procedures, task.rig)
+            seen: Sequence[tuple[RecordingRecord, Sighting]] = self._seen.get(stamp or "", ())
+        else:
+            seen = self._seen.get(storable(location.place), ())
+            stamp = stamp_of(location, self._procedures, task.rig) if seen else None
+        for record, one in seen:
+            if one.stamp is None or one.stamp != stamp or _tells_more(task.declared(), record):
+                continue
+            if one.measurements and all(map(self._store.has_measurement, one.measurements)):
+                known = [self._store.measurement(measurement) for measurement in one.measurements]
+                return measured_of(location.path if location.remote is None else location, record.recording_id, known)
+        return None
+
+
+def _of(task: MeasureTask, parts: Sequence[StoredObject]) -> MeasureTask:
+    """The task of some of its objects."""
+    return replace(task, recording=together(parts))
+
+
+def _tells_more(origin: Origin, record: RecordingRecord) -> bool:
+    """Whether an origin that is given is another than the store's."""
+    known = Origin(record.vehicle, record.date, record.drive)
+    return origin.over(known) != known
+
+
+def is_as_now(
+    judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria, beside: Sequence[str] = ()
+) -> bool:
+    """Whether judging its measurement by a calibration, `beside` others of its recording, would give this again.
+
+    Raises ThresholdsError where the calibration does not fit.
+    """
+    stored = store.measurement(judgement.measurement_id)
+    rig = store.rig(stored.rig_id)
+    similarity = check_calibration(
+        calibration_for(calibration, rig) or calibration,
+        rig_kind=rig.kind,
+        procedure=stored.procedure,
+        transfer=criteria.transfer,
+    )
+    robust = criteria.method is Method.ROBUST
+    now = judgement_id(
+        judgement.measurement_id,
+        calibration.calibration_id,
+        criteria.method,
+        repr(criteria.incidents_per_hour) if robust else criteria.statistic.value,
+        criteria.r,
+        judging_digest(fitted_on(stored.procedure)),
+        transferred=similarity is not Similarity.SAME,
+        recounted=criteria.recount,
+        judged_with=tuple(beside),
+    )
+    return now == judgement.judgement_id

@@ -11,7 +11,7 @@ import numpy.ma  # noqa: F401
 from auditor.measurement.checks.found import measuring_digest
 from auditor.model.rig_kind import ComparedTo
 from auditor.pipeline.measure import library_versions  # with all that it imports
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 from auditor.resources import plug_ins
 from auditor.store import leave_pandas_out, table_of
 from auditor.store.schema import TABLES, table_schema

@@ -1,12 +1,11 @@
 """READ: the messages of a recording, its rigs, and its frames in order of time."""
 
-from auditor.recordings.location import Location, located
+from auditor.recordings.location import Location, Origin, located, read_path
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
-from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
+from auditor.recordings.rigs.calibrations import Positions, ZeroLens
 from auditor.recordings.rigs.cameras import read_by, zero_lenses
 from auditor.recordings.rigs.changes import Changes
-from auditor.recordings.rigs.conventions import Positions, ZeroLens
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
@@ -22,9 +21,15 @@ from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_fo
 from auditor.recordings.rigs.ordering import Contradictions, contradictions
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
-from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, PoseMessages, read_poses
-from auditor.recordings.synchronisation.shared_read import FarAheadError, Listener, in_turn, share_a_read
+from auditor.recordings.synchronisation.streams import (
+    FarAheadError,
+    Health,
+    Listener,
+    check_health,
+    in_turn,
+    share_a_read,
+)
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap

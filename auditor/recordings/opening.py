@@ -11,13 +11,13 @@ from pathlib import Path
 from auditor.errors import RecordingError
 from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
 from auditor.recordings.formats.datasets.dgp import DgpReader
+from auditor.recordings.formats.datasets.kitti_360 import Kitti360Reader
+from auditor.recordings.formats.datasets.kitti_odometry import KittiOdometryReader
+from auditor.recordings.formats.datasets.kitti_raw import KittiReader
 from auditor.recordings.formats.datasets.nuscenes import NuscenesReader
 from auditor.recordings.formats.datasets.pandaset import PandaSetReader
-from auditor.recordings.formats.kitti.kitti_360 import Kitti360Reader
-from auditor.recordings.formats.kitti.odometry import KittiOdometryReader
-from auditor.recordings.formats.kitti.raw import KittiReader
-from auditor.recordings.formats.mcap.recording import McapReader
-from auditor.recordings.formats.part_names import DB3, file_kind
+from auditor.recordings.formats.files import DB3, file_kind
+from auditor.recordings.formats.mcap import McapReader
 from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, open_streams
 from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located

@@ -5,7 +5,7 @@ A changed value of SYNCHRONISING needs new COUNTING_VERSIONS. RIG_FINDING needs 
 
 from dataclasses import dataclass
 
-from auditor.model.parameter import BY_HAND, digest, parameter
+from auditor.model.parameters import BY_HAND, digest, parameter
 
 _WORK = "bounds the memory and the work; no experiment recorded"
 

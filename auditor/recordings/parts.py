@@ -13,13 +13,11 @@ from pathlib import Path
 from auditor.errors import DecodingError, RecordingError
 from auditor.recordings.content import UnprovenFile
 from auditor.recordings.decoding import CameraInfo, Decoders
-from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import FileRead
-from auditor.recordings.formats.mcap.reader import McapRead
-from auditor.recordings.formats.part_names import BAG, DB3, MCAP, common_name, file_kind, part_name
+from auditor.recordings.formats.files import BAG, DB3, MCAP, FileRead, common_name, file_kind, part_name
+from auditor.recordings.formats.found import DamageLog, Names, Span, span_over
+from auditor.recordings.formats.mcap import McapRead
 from auditor.recordings.formats.rosbag1 import BagRead
-from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
-from auditor.recordings.formats.topics import Names, Span, span_over
+from auditor.recordings.formats.rosbag2 import Db3Read, journal_of
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS

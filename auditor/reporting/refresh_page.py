@@ -7,9 +7,8 @@ from pathlib import Path
 from auditor import __version__
 from auditor.reporting.templates import fill
 from auditor.store.store import Store
-from auditor.store.versions.decisions import Decided, Refresh
+from auditor.store.versions.decisions import Decided, Refresh, next_steps
 from auditor.store.versions.drift import FleetDrift, SensorDrift
-from auditor.store.versions.next_steps import next_steps
 
 _OF_ONE = {
     Decided.REFUSED: "Refused: the version in force stays.",

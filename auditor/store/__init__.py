@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from auditor.store.sandbox.limits import SqlLimits
     from auditor.store.sandbox.process import run_sandboxed
     from auditor.store.store import Store
-    from auditor.store.views.script import views_script
+    from auditor.store.views import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
@@ -105,7 +105,7 @@ _HOMES = {
     "sandbox.limits": "SqlLimits",
     "sandbox.process": "run_sandboxed",
     "store": "Store",
-    "views.script": "views_script",
+    "views": "views_script",
 }
 """The module of each name."""
 

@@ -20,14 +20,12 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import StoreError
-from auditor.store.folder import StoreFolder
-from auditor.store.marker import MARKER
+from auditor.store.folder import MARKER, StoreFolder
 from auditor.store.packs.index import Files
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES, TableSchema, table_schema
-from auditor.store.sql_files import macros, views
-from auditor.store.views.comments import comments
+from auditor.store.sql_files import comments, macros, views
 
 SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
@@ -43,8 +41,8 @@ DECLARED = {
     "min_valid_px": ("()", "model.measurement", "MIN_VALID_PX"),
     "kind_tolerance_share": ("()", "model.parameters", "RIG_KIND_TOLERANCE.share"),
     "kind_tolerance_m": ("()", "model.parameters", "RIG_KIND_TOLERANCE.baseline_m"),
-    "declared_checks": ("()", "store.views.checks", "DECLARED_CHECKS"),
-    "evidence_template": ("(check_name, by_two)", "store.views.checks", "EVIDENCE_TEMPLATE"),
+    "declared_checks": ("()", "store.sql_files", "DECLARED_CHECKS"),
+    "evidence_template": ("(check_name, by_two)", "store.sql_files", "EVIDENCE_TEMPLATE"),
 }
 """Macros of what Python declares: their parameters, the module and the name, which is imported when it is needed."""
 LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}

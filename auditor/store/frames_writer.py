@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from auditor.errors import StoreError
-from auditor.model.frames import Skipped
+from auditor.model.frames import FramePose, Skipped
 from auditor.model.measurement import Measurement
-from auditor.model.poses import FramePose
 from auditor.model.rig import Rig
 from auditor.store.files import Written
 from auditor.store.measurement_tables import cell_rows, fault_feature_rows, measured_row, region_rows, skipped_row

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from auditor.model.pictures import Content, FramePicture
 from auditor.store.files import Written, checked_id, write_whole
-from auditor.store.log.outputs import Output
+from auditor.store.log.entry import Output
 from auditor.store.log.runs import Run
 
 _MASK = re.compile(r"(\d+)_S(\d+)\.png")

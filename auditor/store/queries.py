@@ -23,8 +23,7 @@ from auditor.store.connection import (
 from auditor.store.folder import StoreFolder
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
-from auditor.store.sql_files import Parameter, SqlFile, Value, bind, queries, views
-from auditor.store.views.comments import described_column
+from auditor.store.sql_files import Parameter, SqlFile, Value, bind, described_column, queries, views
 
 _BATCH_ROWS = 100_000
 _REMEDY = "auditor query lists the views"

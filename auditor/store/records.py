@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from auditor.errors import StoreError
 from auditor.model.calibration import NO_MARKS, Marks, RobustThresholds, Thresholds
 from auditor.model.coverage import TopicCoverage
-from auditor.model.frames import TopicBalance
+from auditor.model.frames import PoseTopic, TopicBalance
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.poses import PoseTopic
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
 

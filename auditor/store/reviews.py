@@ -14,7 +14,7 @@ from typing import Any
 from auditor.errors import StoreError
 from auditor.store.export import rows_of
 from auditor.store.log import Kind, logged
-from auditor.store.log.provenance import user
+from auditor.store.log.entry import user
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store

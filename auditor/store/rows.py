@@ -9,9 +9,8 @@ from typing import Any
 from auditor.model.calibration import Marks, Thresholds
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
-from auditor.model.frames import TopicBalance
+from auditor.model.frames import FramePose, TopicBalance
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.poses import FramePose
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import FINDINGS, Alternative, AttackLabel, Evidence, FaultHypothesis, Verdict, VerdictKind

@@ -1,5 +1,7 @@
 """SQL files that describe themselves: a comment at their head has what they answer, from what, and in which columns.
 
+From it come the comments on views and columns. The rows of the view `checks` come from what is declared of checks.
+
 -- One sentence.
 --
 -- param gap_s DOUBLE = 0.5: What it is.          (without a default it has to be given)
@@ -8,16 +10,21 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from pathlib import Path
 
+import duckdb
+
 from auditor.errors import QueryError, StoreError
+from auditor.model.checks import Check
+from auditor.model.checks.kinds import FORMER
 from auditor.model.text import storable
 from auditor.resources import resource_folder
+from auditor.store.schema import TABLES, Column, table_schema
 
 _PARAMETER = re.compile(r"param (?P<name>\w+) (?P<type>[A-Z]+(?:\[\])?)(?: = (?P<default>.+?))?: (?P<sentence>.+)")
 
@@ -242,3 +249,84 @@ _MEANING = {
     "RATE": "a number between 0 and 1",
     "RATE[]": "a list of numbers between 0 and 1",
 }
+
+
+def comments(connection: duckdb.DuckDBPyConnection) -> str:
+    """The statements that comment on the views of a connection, the stored tables behind them, and their columns."""
+    found = connection.execute(
+        "SELECT table_name, table_name IN (SELECT view_name FROM duckdb_views()), column_name, data_type"
+        " FROM duckdb_columns() WHERE NOT internal ORDER BY table_name, column_index"
+    ).fetchall()
+    statements = {}
+    for table, is_view, name, kind in found:
+        if described := _described(table, name, kind):
+            statements[f"{'VIEW' if is_view else 'TABLE'} {table}"] = described[0]
+            statements[f'COLUMN {table}."{name}"'] = described[1]
+    return "\n".join(f"COMMENT ON {what} IS {literal(words)};" for what, words in statements.items())
+
+
+def _described(table: str, name: str, kind: str) -> tuple[str, str] | None:
+    """The sentences of a view or stored table and of a column of it; None of what is neither."""
+    if table in views():
+        return views()[table].text, described_column(views()[table], name, kind).in_words
+    schema = table.removeprefix("stored_")
+    if schema != table and schema in TABLES:
+        sentences = {column.name: column.in_words for column in _stored(schema)}
+        return table_schema(schema).sentence, sentences[name]
+    return None
+
+
+def described_column(file: SqlFile, name: str, kind: str) -> Column:
+    """A column of a view or query: as its own head explains it, or as the one table does that it can come from.
+
+    Tables that its SQL names go before all others.
+    """
+    if name in file.columns:
+        return Column(name, kind, file.columns[name])
+    own = [column for column in _stored(file.name) if column.name == name]
+    there = {table: [one for one in _stored(table) if (one.name, one.type) == (name, kind)] for table in TABLES}
+    words = set(re.findall(r"\w+", file.sql))
+    named = [column for table, columns in there.items() if {table, f"stored_{table}"} & words for column in columns]
+    others = [column for columns in there.values() for column in columns]
+    for known in (own, named, others):
+        if len(known) == 1 or (known and name.endswith("_id")):
+            return known[0]
+    return Column(name, kind, "")
+
+
+def literal(text: str) -> str:
+    """A text as a literal of SQL."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _stored(table: str) -> tuple[Column, ...]:
+    return table_schema(table).columns if table in TABLES else ()
+
+
+def _declared(check: Check) -> str:
+    kind = check.kind
+    texts = {
+        "check_name": check.value,
+        "label": kind.words.label,
+        "sensor": kind.of.sensor,
+        "others": kind.of.by,
+        "says": kind.words.says,
+        "counted": kind.counted.value,
+    }
+    fields = [f"{name}: {literal(text)}" for name, text in texts.items()]
+    return "{" + ", ".join([*fields, f"position: {[*Check].index(check) + 1}"]) + "}"
+
+
+def _evidence_cases() -> Iterator[str]:
+    for check in Check:
+        words = check.kind.words
+        alone, two = (literal(text) for text in (words.evidence, words.evidence_by_two or words.evidence))
+        yield f"WHEN '{check}' THEN CASE WHEN by_two THEN {two} ELSE {alone} END"
+    yield from (f"WHEN '{name}' THEN CASE WHEN by_two THEN {literal(text)} END" for name, text in FORMER.items())
+
+
+DECLARED_CHECKS = f"[{', '.join(map(_declared, Check))}]"
+"""A list of all checks."""
+
+EVIDENCE_TEMPLATE = f"CASE check_name {' '.join(_evidence_cases())} END"
+"""The evidence of a check_name, of one sensor {i} or by_two {i} and {k}; NULL of another name."""

@@ -17,9 +17,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from unittest import mock
 
-from auditor.identification import drive_level, prior, robust
+from auditor.identification import causes, drive_level, faults, prior, robust
 from auditor.identification import parameters as judging
-from auditor.identification.causes import faults, light_causes
 from auditor.identification.evidence_parameters import ALERTS, DRIVE_LEVEL, INCIDENTS, LIKELIHOOD, OWN_AT
 from auditor.identification.evidence_parameters import THROWN_LIGHT as LIT
 from auditor.model.arrays import Floats
@@ -142,7 +141,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("alerts", numbers(ALERTS, share=INF, chance=1e-300))
     yield Rule("alerts by share", numbers(ALERTS, share=INF))
     yield Rule("light of one colour or in rows", numbers(light, least_thrown=INF))
-    yield Rule("how long light lasts", replaced(light_causes.Seen, "_of_time", property(lambda self: 0.0)))
+    yield Rule("how long light lasts", replaced(causes.Seen, "_of_time", property(lambda self: 0.0)))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
     for name in ("removed", "inconsistent", "darker", "saturated"):
         yield Rule(f"light on a lens: {name}", flat(f"of_{name}"))

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.drift.parameters import LEAST_DEVIATIONS
-from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
 from auditor.identification.prior import log_odds
+from auditor.identification.refresh_parameters import LEAST_DEVIATIONS
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.rig import Rig
 from tests.benchmarks.turned_frames import AXES, DRIVES, STEPS, TURNED, TurnedFrame, kept_frames

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.cross_validation import thresholds_of
-from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
-from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
 from auditor.identification.prior import log_odds
+from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.refreshing.drives import shown_by
 from auditor.model.arrays import Floats
 from auditor.model.checks import COLUMNS

@@ -42,8 +42,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.pipeline.pictures.at_hand import location_of
-from auditor.pipeline.pictures.incident_pictures import Frames, PictureTask, picture_frames
+from auditor.pipeline.pictures import Frames, PictureTask, location_of, picture_frames
 from auditor.recordings import write_mcap
 from auditor.store import Store, rows_of, run_sql
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_rig

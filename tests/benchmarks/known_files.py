@@ -22,8 +22,7 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.pipeline.known import stamp_of
-from auditor.pipeline.measured import procedures_by
+from auditor.pipeline.measured import procedures_by, stamp_of
 from auditor.recordings import write_mcap
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store import Sighting, Store

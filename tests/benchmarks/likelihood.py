@@ -28,7 +28,6 @@ import numpy as np
 import torch
 
 from auditor.identification import evidence_parameters, likelihood, parameters
-from auditor.identification.algorithm2 import FEWEST_COMPARED
 from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.likelihood import (
     AttackSet,
@@ -39,6 +38,7 @@ from auditor.identification.likelihood import (
     posteriors,
 )
 from auditor.identification.naming import attack_scores
+from auditor.identification.paper import FEWEST_COMPARED
 from auditor.identification.prior import effective_size
 from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System

@@ -25,7 +25,7 @@ import numpy as np
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
-from auditor.identification.matcher_priors import FittedOn, fitted_on
+from auditor.identification.parameters import FittedOn, fitted_on
 from auditor.identification.robust import judge_frames
 from auditor.identification.thresholds import threshold
 from auditor.lab.attacks.paper import Facula, draw_wall

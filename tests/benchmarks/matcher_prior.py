@@ -31,9 +31,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification import matcher_priors
-from auditor.identification.matcher_priors import FittedOn
-from auditor.identification.parameters import HIERARCHY
+from auditor.identification import parameters
+from auditor.identification.parameters import HIERARCHY, FittedOn
 from auditor.identification.prior import Prior, expected, log_odds, prior_of_check
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.experiments import Attacks
@@ -54,7 +53,7 @@ MOVED = ("conflict", "inconsistency_of_one", "inconsistency_of_two", "inconsiste
 WIDENED = ("light_of_two",)
 BY_HAND = dict.fromkeys(("false_ranges", "scattered_ranges"), (-3.88, 0.65, 0.15, 1.7))
 """The priors that are not SGBM's: of light those by which it raises clean frames."""
-SHIPS = dict(matcher_priors.OTHERS[FittedOn.PSMNET])
+SHIPS = dict(parameters.OTHERS[FittedOn.PSMNET])
 STREET_FRAMES = (0, 5)
 
 
@@ -229,7 +228,7 @@ def _told(values: Iterable[float]) -> str:
 @contextmanager
 def shipping(priors: Priors) -> Iterator[None]:
     """The network's priors are these meanwhile."""
-    before = dict(matcher_priors.OTHERS[FittedOn.PSMNET])
+    before = dict(parameters.OTHERS[FittedOn.PSMNET])
     _put(priors)
     try:
         yield
@@ -238,7 +237,7 @@ def shipping(priors: Priors) -> Iterator[None]:
 
 
 def _put(priors: Mapping[str, tuple[float, float, float, float]]) -> None:
-    known = matcher_priors.OTHERS[FittedOn.PSMNET]
+    known = parameters.OTHERS[FittedOn.PSMNET]
     assert isinstance(known, dict)
     known.clear()
     known.update(priors)

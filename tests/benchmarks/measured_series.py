@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.identification.drive_level import for_drive
+from auditor.identification.faults import ObservedFeatures, fault_scores
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from

@@ -49,6 +49,19 @@ class Subject:
 
 
 IDENTIFICATION = ("identification", "golden/test_golden.py")
+JUDGING = (
+    "cross_validation",
+    "drive_level",
+    "evidence_parameters",
+    "likelihood",
+    "naming",
+    "paper",
+    "refresh_parameters",
+    "robust",
+    "scores",
+    "systems",
+    "transfer",
+)
 CHECKS = ("measurement/checks", "golden/test_golden.py")
 SUBJECTS = (
     Subject(
@@ -102,7 +115,7 @@ SUBJECTS = (
         ("model", *IDENTIFICATION, *CHECKS, "measurement"),
     ),
     Subject("prior", ("identification/prior.py",), ("identification/test_prior.py", *IDENTIFICATION)),
-    Subject("identification", ("identification/*.py",), IDENTIFICATION),
+    Subject("identification", tuple(f"identification/{name}.py" for name in JUDGING), IDENTIFICATION),
 )
 
 

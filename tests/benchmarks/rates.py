@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.identification.drive_level import for_drive
+from auditor.identification.faults import ObservedFeatures, fault_scores
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import judge_frames

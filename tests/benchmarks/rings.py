@@ -31,7 +31,7 @@ from auditor.model.rig import Rig
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import open_recording, search_rigs, survey
-from auditor.recordings.synchronisation import shared_read
+from auditor.recordings.synchronisation import streams
 from tests.making.audits import ask
 from tests.making.published_recordings import write_published
 from tests.making.published_rigs import PUBLISHED_RIGS, PublishedRig
@@ -126,14 +126,14 @@ def lit(folder: Path, rig: PublishedRig, seed: int) -> None:
 def cost(folder: Path, rig: PublishedRig, seed: int) -> None:
     """The CPU time of measuring a drive in one read and in a read for each camera, in turn, and their ratio."""
     path = write_published(folder / "ring.mcap", rig, *seen(make_ring_drive(rig, seed, COST_FRAMES), COST_FRAMES))
-    whole = shared_read.MOST_WAITING_BYTES
+    whole = streams.MOST_WAITING_BYTES
     spent: dict[str, list[float]] = {"warm": [], "one read": [], "a read each": []}
     for round_, how in enumerate(("warm", *("one read", "a read each") * 3)):
-        shared_read.MOST_WAITING_BYTES = 0 if how == "a read each" else whole
+        streams.MOST_WAITING_BYTES = 0 if how == "a read each" else whole
         began = process_time()
         measure_recording(MeasureTask(path, folder / f"store {round_}"), lambda _, __: None)
         spent[how].append(process_time() - began)
-    shared_read.FRAME_WINDOW = whole
+    streams.FRAME_WINDOW = whole
     one, each = median(spent["one read"]), median(spent["a read each"])
     print(
         f"{len(rig.cameras)} cameras, {COST_FRAMES} frames: {one:.2f} and {each:.2f} CPU s, a ratio of {one / each:.2f}"

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from auditor.identification.causes.light_causes import Seen, seen_of
+from auditor.identification.causes import Seen, seen_of
 from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT
 from auditor.identification.naming import name_attacked

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from auditor.errors import RecordingError
 from auditor.recordings import Topic, open_recording, survey
 from auditor.recordings.rigs.discovery import find_rigs
-from auditor.recordings.writers.clip import write_clip
+from auditor.recordings.writers.convert import write_clip
 from auditor.recordings.writers.mcap_file import mcap_file
 from tests.making.case_stores import AttackedStore
 from tests.making.small_drives import PERIOD_NS, START_NS, write_drive

@@ -11,8 +11,7 @@ from auditor.cli import run
 from auditor.measurement.drawing import damaged_cloud
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import limits_by_size
-from auditor.pipeline.pictures.at_hand import frames_at_hand
-from auditor.pipeline.pictures.incident_pictures import MOST_INCIDENTS, picture_incidents
+from auditor.pipeline.pictures import MOST_INCIDENTS, frames_at_hand, picture_incidents
 from auditor.reporting import render_incident_page, render_incident_report
 from auditor.store import Store
 from auditor.store.maintenance.removal import remove_measurement
@@ -164,7 +163,7 @@ def test_the_weakest_of_very_many_incidents_get_none_and_that_is_said(
     attacked: AttackedStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert MOST_INCIDENTS == 100
-    monkeypatch.setattr("auditor.pipeline.pictures.incident_pictures.MOST_INCIDENTS", 0)
+    monkeypatch.setattr("auditor.pipeline.pictures.MOST_INCIDENTS", 0)
     known = attacked.row(0)["measurement_id"]
     [done] = picture_incidents(attacked.store, [known], Pictures.ALL, limits_by_size())
     assert "the weakest, get no pictures" in done.remark

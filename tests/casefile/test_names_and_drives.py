@@ -9,7 +9,7 @@ import pytest
 from auditor.casefile.write import CaseSettings, write_case
 from auditor.model.pictures import Pictures
 from auditor.pipeline.many import limits_by_size
-from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.pictures import picture_incidents
 from auditor.reporting import render_fleet_report
 from auditor.store.reviews import ReviewVerdict, in_words, incident_called, incidents_named, review_incident
 from tests.making.case_stores import ATTACKED, FRAMES, NAMES, AttackedStore, judge_by_hand

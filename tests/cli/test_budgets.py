@@ -11,7 +11,7 @@ from auditor.pipeline import many
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.workers import MEMORY_MB, SILENT_S, Limits, run_within
 from auditor.recordings import open_recording
-from auditor.recordings.formats.topics import MAX_TOPICS
+from auditor.recordings.formats.found import MAX_TOPICS
 from tests.making.many_cameras import Placing, write_many_cameras
 from tests.making.recorded_drives import mcap_file
 from tests.making.small_drives import write_drive

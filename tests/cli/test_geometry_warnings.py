@@ -10,7 +10,7 @@ from auditor.cli import run
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.lab.simulation.vehicles import rotation
 from auditor.model.optics.geometry import motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import write_mcap, write_rig
 from tests.making.perturbed_rigs import perturbed

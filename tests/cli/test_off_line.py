@@ -11,7 +11,7 @@ from auditor.cli import run
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.model.frames import Frame
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import LIDAR
 from auditor.recordings import write_mcap
 from tests.making.perturbed_rigs import perturbed

@@ -7,13 +7,11 @@ import json
 import pytest
 
 from auditor.cli import run
-from auditor.identification.drift.parameters import DRIFTING
-from auditor.identification.matcher_priors import PSMNET_PRIORS
-from auditor.identification.parameters import JUDGING
-from auditor.identification.refresh_parameters import REFRESHING
+from auditor.identification.parameters import JUDGING, PSMNET_PRIORS
+from auditor.identification.refresh_parameters import DRIFTING, REFRESHING
 from auditor.measurement.checks.found import MEASURING
 from auditor.measurement.warning_parameters import WARNING
-from auditor.model.parameter import list_parameters
+from auditor.model.parameters import list_parameters
 from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
 
 GROUPS = (

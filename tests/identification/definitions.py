@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 
-from auditor.identification.algorithm2 import disagreements
+from auditor.identification.paper import disagreements
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
-from auditor.identification.drift.series import RAISED_FROM, DailyLevels, SeriesName, drifts
+from auditor.identification.drift import RAISED_FROM, DailyLevels, SeriesName, drifts
+from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.model.checks import Check
 
 DAYS, NOISE = 40, 0.05

@@ -4,14 +4,14 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.causes.faults import (
+from auditor.identification.causes import Nearby, Seen, bounds_nearby, of_lens, seen_of
+from auditor.identification.faults import (
     ObservedFeatures,
     fault_hypotheses,
     fault_scores,
     faults_of,
     weigh,
 )
-from auditor.identification.causes.light_causes import Nearby, Seen, bounds_nearby, of_lens, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale

@@ -1,6 +1,6 @@
 import numpy as np
 
-from auditor.identification.causes.faults import frozen
+from auditor.identification.faults import frozen
 from auditor.model.measurement import NO_FINGERPRINT
 
 

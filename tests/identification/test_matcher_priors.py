@@ -7,14 +7,22 @@ import numpy as np
 import pytest
 
 from auditor.identification import parameters
-from auditor.identification.matcher_priors import OTHERS, PSMNET_PRIORS, SHIPPED, FittedOn, fitted_on, has_prior
-from auditor.identification.parameters import judging_digest, judging_settings
+from auditor.identification.parameters import (
+    OTHERS,
+    PSMNET_PRIORS,
+    SHIPPED,
+    FittedOn,
+    fitted_on,
+    has_prior,
+    judging_digest,
+    judging_settings,
+)
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.scores import CleanDrives
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.measurement import procedure_of
-from auditor.model.parameter import list_parameters
+from auditor.model.parameters import list_parameters
 from auditor.model.rig_kind import ComparedTo
 
 

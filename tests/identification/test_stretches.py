@@ -5,9 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.identification.incidents.events import HeldEvent, HeldFrame, with_lasting
+from auditor.identification.incidents.events import (
+    HeldEvent,
+    HeldFrame,
+    LastingEvent,
+    lasting_events,
+    of_stretch,
+    series_of,
+    windows_of,
+    with_lasting,
+)
 from auditor.identification.incidents.series import FrameSeries
-from auditor.identification.incidents.stretches import LastingEvent, lasting_events, of_stretch, series_of, windows_of
 from auditor.model.calibration import Expected
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Verdict, VerdictKind

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from auditor.model.checks import Check
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Pose
 from auditor.model.pictures import Pictures
-from auditor.model.poses import Pose
 from auditor.model.verdict import Evidence, Finding, Verdict, VerdictKind
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.pipeline.pictures.incident_pictures import picture_incidents
+from auditor.pipeline.pictures import picture_incidents
 from auditor.recordings import open_recording, survey, synchronise, write_mcap
 from auditor.recordings.rigs.discovery import find_rigs
 from auditor.store import JudgementRecord, Store, rows_of, run_sql

@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
-from auditor.identification.algorithm2 import disagreements, identify
 from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.paper import disagreements, identify
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.identification.systems import System

@@ -8,7 +8,7 @@ from pathlib import Path
 import zstandard
 
 from auditor.recordings import write_db3
-from auditor.recordings.formats.rosbag2.sqlite_wal import _sums
+from auditor.recordings.formats.sqlite_pages import _sums
 from tests.making.hostile_files import FRAMES, HOSTILE, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
 
 TABLE = "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.optics.lenses import NO_LENS, POLYNOMIAL, Lens
+from auditor.model.optics.sensors import NO_LENS, POLYNOMIAL, Lens
 from auditor.recordings import schemas
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import mcap_file

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auditor.identification.algorithm2 import identify
+from auditor.identification.paper import identify
 from auditor.lab.attacks.paper import draw_facula, draw_wall
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.experiments import Attack, Attacks

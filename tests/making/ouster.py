@@ -7,7 +7,7 @@ import numpy as np
 
 from auditor.model.frames import Message
 from auditor.recordings import schemas
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 
 BEAMS, COLUMNS, PER_PACKET = 16, 512, 16
 PACKETS = COLUMNS // PER_PACKET

@@ -3,7 +3,7 @@
 import numpy as np
 
 from auditor.lab.simulation.vehicles import rotation
-from auditor.model.optics.lenses import Lens
+from auditor.model.optics.sensors import Lens
 from auditor.model.rig import Camera, Rig
 
 

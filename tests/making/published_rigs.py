@@ -12,7 +12,7 @@ import numpy as np
 
 from auditor.lab.simulation.vehicles import rotation
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.optics.lenses import FISHEYE, NO_LENS, Lens
+from auditor.model.optics.sensors import FISHEYE, NO_LENS, Lens
 from auditor.model.rig import Camera, Lidar, Rig
 
 PlaceM = tuple[float, float, float]

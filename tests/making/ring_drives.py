@@ -8,11 +8,9 @@ import numpy as np
 
 from auditor.errors import SettingError
 from auditor.lab.simulation.drives import PERIOD_NS, SyntheticDrive, make_drive
-from auditor.lab.simulation.raycasting import cast, placed
-from auditor.lab.simulation.rays import Rays
-from auditor.lab.simulation.sensors import camera_rays, echoes, expose
+from auditor.lab.simulation.raycasting import Rays, cast, placed
 from auditor.lab.simulation.shading import radiance
-from auditor.lab.simulation.vehicles import rotation
+from auditor.lab.simulation.vehicles import camera_rays, echoes, expose, rotation
 from auditor.model.arrays import Floats32, Image, Points
 from auditor.model.optics.geometry import Matrix, compose, invert, motion
 from auditor.model.rig import Camera

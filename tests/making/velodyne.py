@@ -6,7 +6,7 @@ import numpy as np
 
 from auditor.model.frames import Message
 from auditor.recordings import schemas
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 
 
 def header(store: object, frame_id: str, *, ros1: bool) -> object:

@@ -11,7 +11,7 @@ from auditor.measurement import CalibrationCheck, FaultFeatures, measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Rig
 
 Case = Callable[[Rig, Frame], tuple[Rig, Frame]]

@@ -19,7 +19,7 @@ from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, Presence, SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.optics.common_view import common_view
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import LIDAR, Rig
 from tests.making.matchers import WholeRange
 from tests.making.perturbed_rigs import perturbed

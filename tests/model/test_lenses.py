@@ -4,7 +4,7 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import angle_between, intrinsics_and_rotation, rotation_from_quaternion
-from auditor.model.optics.lenses import FISHEYE, NO_LENS, PINHOLE, Lens, of_camera
+from auditor.model.optics.sensors import FISHEYE, NO_LENS, PINHOLE, Lens, of_camera
 
 COEFFICIENTS = {
     "plumb_bob": (-0.31, 0.09, 0.0012, -0.0007, -0.01),

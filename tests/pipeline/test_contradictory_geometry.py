@@ -14,7 +14,7 @@ from auditor.errors import RigError, ThresholdsError
 from auditor.lab.simulation.drives import make_drive
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.geometry import rigs_through

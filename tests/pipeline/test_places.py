@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.model.poses import Pose
+from auditor.model.frames import Pose
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from auditor.identification.marks import OPENCV, OPENCV_CPU
+from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, CleanFrames, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria

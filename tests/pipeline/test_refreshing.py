@@ -10,8 +10,7 @@ import pytest
 from auditor.identification.refreshing.drives import Drive, Shown, Source
 from auditor.model.calibration import CleanFrames
 from auditor.pipeline.refreshing.choosing import Choice, Chosen
-from auditor.store.versions.decisions import Decided, Decision
-from auditor.store.versions.next_steps import next_steps
+from auditor.store.versions.decisions import Decided, Decision, next_steps
 from auditor.store.versions.records import UsedRecording
 
 DAY = date(2026, 3, 1)

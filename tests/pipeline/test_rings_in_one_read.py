@@ -10,7 +10,7 @@ import pytest
 
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.recordings.synchronisation import shared_read
+from auditor.recordings.synchronisation import streams
 from tests.making.counted_reads import count_reads
 from tests.making.published_recordings import road_points, write_published
 from tests.making.published_rigs import PUBLISHED_RIGS
@@ -51,7 +51,7 @@ def kept(store: Path) -> Mapping[str, Any]:
 
 def apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """From now on no message may wait for a stream that is behind."""
-    monkeypatch.setattr(shared_read, "MOST_WAITING_BYTES", 0)
+    monkeypatch.setattr(streams, "MOST_WAITING_BYTES", 0)
 
 
 def test_six_cameras_take_one_read_and_give_what_six_reads_do(

@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.sub_rigs import calibration_for
+from auditor.identification.transfer import calibration_for
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import Statistic

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from auditor.measurement.checks.found import measuring_digest
-from auditor.model import parameter
+from auditor.model import parameters
 from auditor.model.rig_kind import ComparedTo
 from auditor.pipeline.measure import library_versions
 from auditor.pipeline.workers import Limits, run_within
 from auditor.store.schema import TABLES, table_schema
 
-MADE = (table_schema, library_versions, parameter._canonical_json)
+MADE = (table_schema, library_versions, parameters._canonical_json)
 
 
 def made_anew(_: Path) -> list[int]:

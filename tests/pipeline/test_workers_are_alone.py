@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from auditor.pipeline.workers import Limits, Progress, run_all
-from auditor.safety.network import give_up_network
+from auditor.safety.bootstrap import give_up_network
 
 
 def interfaces(item: str, progress: Progress) -> list[str]:
@@ -33,7 +33,7 @@ def test_a_worker_has_no_network_where_the_system_allows() -> None:
 
 _AS_NOBODY = """
 import os, socket
-from auditor.safety.network import give_up_network
+from auditor.safety.bootstrap import give_up_network
 if os.getuid() == 0:
     os.setgroups([]); os.setgid(65534); os.setuid(65534)
 before = (os.getuid(), os.getgid())

@@ -10,7 +10,7 @@ import pytest
 from auditor.errors import QueryError, StoreError
 from auditor.store import Store
 from auditor.store.connection import asking, with_views
-from auditor.store.marker import MARKER
+from auditor.store.folder import MARKER
 from auditor.store.queries import run_queries, run_sql
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 

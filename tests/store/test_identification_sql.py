@@ -6,8 +6,8 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import codeword, disagreements, identify
 from auditor.identification.cross_validation import wilson
+from auditor.identification.paper import codeword, disagreements, identify
 from auditor.identification.thresholds import resolvable, threshold
 from auditor.model.rig import triples_of
 from auditor.store.connection import connected

@@ -12,9 +12,8 @@ import pytest
 from auditor.cli import run
 from auditor.errors import QueryError
 from auditor.model.coverage import TopicCoverage, TopicState
-from auditor.model.frames import Presence, SensorState
+from auditor.model.frames import FramePose, Pose, Presence, SensorState
 from auditor.model.measurement import Coverage, Region
-from auditor.model.poses import FramePose, Pose
 from auditor.model.verdict import AttackLabel
 from auditor.store.queries import query, run_query
 from auditor.store.records import GivenLabel, RecordingRecord

@@ -14,7 +14,8 @@ from auditor.errors import StoreError
 from auditor.model.checks import COLUMNS
 from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.pipeline import judge
-from auditor.store import Store, marker
+from auditor.store import Store
+from auditor.store.folder import UPGRADED, UPGRADED_FROM
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.verify import verify
 from auditor.store.queries import run_sql
@@ -22,7 +23,7 @@ from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import read_rows
 from tests.store.kept import answers, unpack
 
-BEFORE = marker.UPGRADED_FROM[-1]
+BEFORE = UPGRADED_FROM[-1]
 RENAMED = {"single_frame": "alert"}
 """Columns of version 11, by what they are called now."""
 
@@ -50,7 +51,7 @@ def of_what_was_told(found, told):
 
 def content(folder):
     """What is in a folder, but for what an upgrade that was killed left there."""
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and marker.UPGRADED not in path.parts)
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and UPGRADED not in path.parts)
     return {path: path.read_bytes() for path in files}
 
 
@@ -59,14 +60,14 @@ def test_a_store_of_this_version_answers_as_when_it_was_kept(tmp_path):
     assert answers(folder) == told
 
 
-@pytest.mark.parametrize("version", marker.UPGRADED_FROM)
+@pytest.mark.parametrize("version", UPGRADED_FROM)
 def test_an_upgraded_store_answers_of_what_was_told(tmp_path, version):
     folder, told = unpack(version, tmp_path)
     assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=6)
     assert of_what_was_told(answers(folder), told) == told
     store = Store.open(folder)
     assert all(store.pictured_frames(known) for known in store.ids("measurements"))
-    assert not (folder / marker.UPGRADED).exists()
+    assert not (folder / UPGRADED).exists()
 
 
 def test_an_upgrade_keeps_the_history_of_the_calibrations(old):
@@ -92,7 +93,7 @@ def test_an_upgraded_store_that_was_counted_earlier_is_read_whole_and_refused_by
     assert verify(store).problems == ()
 
 
-@pytest.mark.parametrize("version", marker.UPGRADED_FROM)
+@pytest.mark.parametrize("version", UPGRADED_FROM)
 def test_what_was_looked_at_is_filled_in_and_what_casts_no_doubt_becomes_a_remark(tmp_path, version):
     folder, _ = unpack(version, tmp_path)
     thinned = "the points of the LiDAR /top lie so far apart, as where only some were recorded, that lost returns and"
@@ -164,7 +165,7 @@ def test_the_command_says_what_it_did_and_does_nothing_twice(old, capsys):
     assert content(folder) == upgraded
 
 
-@pytest.mark.parametrize("version", [1, min(marker.UPGRADED_FROM) - 1, SCHEMA_VERSION + 1])
+@pytest.mark.parametrize("version", [1, min(UPGRADED_FROM) - 1, SCHEMA_VERSION + 1])
 def test_other_versions_are_neither_opened_nor_upgraded(tmp_path, version):
     (tmp_path / "store.json").write_text(json.dumps({"format": "auditor store", "schema_version": version}))
     remedy = "measure again" if version < SCHEMA_VERSION else "use the auditor that wrote it"
@@ -199,7 +200,7 @@ def test_an_upgrade_that_is_killed_while_it_replaces_files_is_completed_by_whoev
     old, monkeypatch, function, killed_at
 ):
     folder, told = old
-    owner = Path if function == "rename" else marker.shutil
+    owner = Path if function == "rename" else shutil
     original, done = getattr(owner, function), []
 
     def killed(path, *given, **named):
@@ -214,4 +215,4 @@ def test_an_upgrade_that_is_killed_while_it_replaces_files_is_completed_by_whoev
         upgrade.upgrade(folder)
     monkeypatch.undo()
     assert of_what_was_told(answers(folder), told) == told
-    assert not (folder / marker.UPGRADED).exists()
+    assert not (folder / UPGRADED).exists()

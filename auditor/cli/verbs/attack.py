@@ -11,8 +11,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from auditor.cli import options
+from auditor.cli.options import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.cli.output import answer
-from auditor.cli.values import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def command(
     The ground truth travels inside the copy and comes into the store with it.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.workers import run_within  # noqa: PLC0415 - keeps --help quick
-    from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
+    from auditor.recordings.writers.mcap_file import no_remains  # noqa: PLC0415
 
     given = {one.name: wanted.pop(one.name) for _, one in _options()}
     told = _Wanted(**wanted, options={name: value for name, value in given.items() if value is not None})

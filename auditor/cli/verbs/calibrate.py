@@ -13,8 +13,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH, PLACE
 from auditor.cli.output import format_option, say
-from auditor.cli.values import PATH, PLACE
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH
 from auditor.cli.output import (
     answer,
     check_in_words,
@@ -20,7 +21,6 @@ from auditor.cli.output import (
     shown,
     write_bytes,
 )
-from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -304,7 +304,7 @@ def export(calibration: str, out: Path, store: Path) -> None:
 
 def _named(store: "Store", beginning: str) -> str:
     """The id of the one calibration that begins so."""
-    from auditor.pipeline.calibrations.names import calibration_called  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.asking import calibration_called  # noqa: PLC0415 - keeps --help quick
 
     return calibration_called(store, beginning)
 

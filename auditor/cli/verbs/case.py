@@ -7,8 +7,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.logged import reading, refuse_altered
+from auditor.cli.options import PATH, FiniteRange, LocalPath
 from auditor.cli.output import answer, say
-from auditor.cli.values import PATH, FiniteRange, LocalPath
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.values import PATH
+from auditor.cli.options import PATH
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
@@ -26,7 +26,7 @@ def command(source: Path, target: Path, limits: "LimitsOf") -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output import answer, say  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
-    from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
+    from auditor.recordings.writers.mcap_file import no_remains  # noqa: PLC0415
 
     with no_remains(target):
         left_out = run_within(limits(source), _convert, source, target)

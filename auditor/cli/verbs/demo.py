@@ -14,8 +14,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, print_rows, progress, say
-from auditor.cli.values import PATH
 from auditor.model.verdict import Method
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _unlimited(_: object) -> "Limits":
 def _picture(kept: "Store", found: Sequence[str], jobs: int) -> None:
     """Keep pictures of what was found in these measurements."""
     from auditor.model.pictures import Pictures  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
+    from auditor.pipeline.pictures import picture_incidents  # noqa: PLC0415
 
     for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, _unlimited, jobs):
         if pictured.remark:

@@ -8,8 +8,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading
+from auditor.cli.options import PATH
 from auditor.cli.output import emit, format_option, print_rows, say
-from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.store import Store

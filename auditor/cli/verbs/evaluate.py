@@ -9,8 +9,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH
 from auditor.cli.output import emit, format_option, progress, say
-from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auditor.cli import options
-from auditor.cli.values import PATH
+from auditor.cli.options import PATH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

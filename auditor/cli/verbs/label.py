@@ -8,8 +8,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.logged import logged
+from auditor.cli.options import SENSOR
 from auditor.cli.output import print_rows, say
-from auditor.cli.values import SENSOR
 
 if TYPE_CHECKING:
     from auditor.store import Store

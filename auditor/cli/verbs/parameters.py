@@ -34,13 +34,11 @@ def command(form: str) -> None:
 
 def _rows() -> Iterator[dict[str, object]]:
     """One row a parameter, those of a group one after the other."""
-    from auditor.identification.drift.parameters import DRIFTING  # noqa: PLC0415
-    from auditor.identification.matcher_priors import PSMNET_PRIORS  # noqa: PLC0415
-    from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
-    from auditor.identification.refresh_parameters import REFRESHING  # noqa: PLC0415
+    from auditor.identification.parameters import JUDGING, PSMNET_PRIORS  # noqa: PLC0415 - NumPy is heavy
+    from auditor.identification.refresh_parameters import DRIFTING, REFRESHING  # noqa: PLC0415
     from auditor.measurement.checks.found import MEASURING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
-    from auditor.model.parameter import list_parameters  # noqa: PLC0415
+    from auditor.model.parameters import list_parameters  # noqa: PLC0415
     from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
 
     parts = (

@@ -11,8 +11,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import reading, tell_altered
+from auditor.cli.options import FiniteRange
 from auditor.cli.output import answer, emit, format_option, say
-from auditor.cli.values import FiniteRange
 from auditor.errors import QueryError
 
 if TYPE_CHECKING:

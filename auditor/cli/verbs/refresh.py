@@ -10,8 +10,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.logged import logged
+from auditor.cli.options import PATH, PLACE
 from auditor.cli.output import answer, say
-from auditor.cli.values import PATH, PLACE
 
 if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
@@ -61,7 +61,7 @@ def command(
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.refresh_answers import exit_code, json_line, left_out_lines, planned_lines  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
-    from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
+    from auditor.store.versions.decisions import next_steps  # noqa: PLC0415
 
     if clean and not sources:
         raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")

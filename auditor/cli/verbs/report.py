@@ -8,8 +8,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading, refuse_altered
+from auditor.cli.options import PATH
 from auditor.cli.output import answer
-from auditor.cli.values import PATH
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:

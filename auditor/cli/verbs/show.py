@@ -8,13 +8,13 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, print_rows, say
-from auditor.cli.values import PATH
 
 if TYPE_CHECKING:
     from auditor.model.frames import Frame
     from auditor.pipeline.many import LimitsOf
-    from auditor.pipeline.pictures.shown import ShownFrame
+    from auditor.pipeline.pictures import ShownFrame
 
 _COLUMNS = ("sensor", "name", "topic", "state", "skew_ms", "data", "damaged")
 
@@ -41,7 +41,7 @@ def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: 
     from auditor.casefile.folder import new_folder, write_file  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.model.frames import Skipped  # noqa: PLC0415
-    from auditor.pipeline.pictures.shown import show_frame  # noqa: PLC0415
+    from auditor.pipeline.pictures import show_frame  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import Location  # noqa: PLC0415
     from auditor.reporting.sketch import sketch, track_of  # noqa: PLC0415

@@ -8,8 +8,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading
+from auditor.cli.options import PATH
 from auditor.cli.output import emit, format_option, say, shown
-from auditor.cli.values import PATH
 
 _store = options.store_argument_or_option(PATH, own=False)
 

@@ -10,8 +10,8 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, print_rows, progress, say
-from auditor.cli.values import PATH
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:

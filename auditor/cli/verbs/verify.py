@@ -8,8 +8,8 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
+from auditor.cli.options import LocalPath
 from auditor.cli.output import say, shown
-from auditor.cli.values import LocalPath
 
 if TYPE_CHECKING:
     from auditor.store.log.signatures import PublicKey

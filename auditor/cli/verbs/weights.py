@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 
 from auditor.cli.exit_codes import Exit
+from auditor.cli.options import PATH
 from auditor.cli.output import answer, shown
-from auditor.cli.values import PATH
 
 
 @click.group("weights", short_help="Inspect PSMNet checkpoints, convert them safely.")

@@ -1,13 +1,210 @@
-"""Events: the frames that belong together, and what each of them is held for."""
+"""Events: the frames that belong together, and what each of them is held for; and whole stretches of a recording.
+
+A stretch is judged as frames are: what is constant for a second counts, however weak it is. It is a window of
+successive frames, and each value of it is the median of theirs. Medians of clean stretches differ far less than frames
+do, and rare frames do not move them. So the same scores, the same naming and the same causes read a stretch as they
+read a frame, with smaller deviations and a limit of its own.
+"""
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
+from math import sqrt
 
-from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.incidents.sequential import Event, Evidence
-from auditor.identification.incidents.stretches import LastingEvent
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
+from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, Event, Evidence, periods_of, places_of
+from auditor.identification.incidents.series import FrameSeries
+from auditor.identification.prior import joint_limit, prior_of_check
+from auditor.identification.statistics import NANOSECONDS, measured_medians
+from auditor.model.arrays import Floats, Integers
+from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.checks import SensorCheck
 from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
+
+_AT_ONCE = 512
+"""Windows whose values are in memory at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """W windows over F frames: the first frame of each and the one after its last, both (W,)."""
+
+    first: Integers
+    end: Integers
+
+    @property
+    def middle(self) -> Integers:
+        """(W,) the frame in the middle of each."""
+        return (self.first + self.end) // 2
+
+
+@dataclass(frozen=True)
+class LastingEvent:
+    """The frames (their places) in which the same sensors were held for attacked over whole stretches.
+
+    `strength` is by how much z the strongest stretch exceeded the limit, `half` is half of the frames of a stretch.
+    """
+
+    frames: tuple[int, ...]
+    kind: VerdictKind
+    attacked: tuple[int, ...]
+    strength: float
+    half: int
+
+
+def windows_of(stamps_ns: Integers, runs: Integers) -> Windows:
+    """All windows of a stretch's length within the runs (F,) of frames with such stamps (F,).
+
+    A window has the frames of `seconds`, a few at least. A run of fewer frames has none, and one that is shorter than a
+    window is one.
+    """
+    firsts, ends = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    periods_s = periods_of(stamps_ns, runs)
+    for run in places_of(runs):
+        if len(run) < STRETCHES.fewest_frames:
+            continue
+        period_s = max(float(periods_s[run.start]), 1 / NANOSECONDS)
+        frames = min(max(round(STRETCHES.seconds / period_s), STRETCHES.fewest_frames), len(run))
+        first = np.arange(run.start, run.stop - frames + 1)
+        firsts.append(first)
+        ends.append(first + frames)
+    return Windows(np.concatenate(firsts), np.concatenate(ends))
+
+
+def series_of(series: FrameSeries, windows: Windows) -> FrameSeries:
+    """The windows of a series as a series: each value is the median of its frames, and each flag that of most."""
+    middle, known = windows.middle, [*series.fault_scores.values(), *series.brightness.values()]
+    medians = iter(
+        _of_windows(np.array(known, dtype=np.float64).reshape(len(known), len(series.stamps_ns)).T, windows).T
+    )
+    return FrameSeries(
+        series.stamps_ns[middle],
+        series.runs[middle],
+        _of_windows(series.statistics, windows),
+        _of_windows(series.present.astype(np.float64), windows) > 0.5,
+        _of_windows(series.frozen.astype(np.float64), windows) > 0.5,
+        {cause: next(medians) for cause in series.fault_scores},
+        {key: next(medians) for key in series.brightness},
+        periods_s=None if series.periods_s is None else series.periods_s[middle],
+    )
+
+
+def _of_windows(values: Floats, windows: Windows) -> Floats:
+    """(W, C) the medians of columns (F, C); NaN where fewer than half of a window's values were measured."""
+    medians = np.full((len(windows.first), values.shape[1]), np.nan)
+    lengths = windows.end - windows.first
+    for length in sorted({*lengths.tolist()}):
+        view = sliding_window_view(values, length, axis=0)
+        places = np.flatnonzero(lengths == length)
+        for at in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
+            middle, measured = measured_medians(view[windows.first[at]])
+            medians[at] = np.where(2 * measured > length, middle, np.nan)
+    return medians
+
+
+def thresholds_of(thresholds: RobustThresholds, checks: int, seconds: float) -> RobustThresholds:
+    """What is expected of windows of so many seconds, and the limit that one of so many checks exceeds too rarely.
+
+    That is as often as false incidents are allowed.
+    """
+    per_hour = INCIDENTS.per_hour if thresholds.incidents_per_hour is None else thresholds.incidents_per_hour
+    rate = max(per_hour, FEWEST_PER_HOUR) * seconds / 3600
+    expected = {check: of_stretch(check, usual) for check, usual in thresholds.expected.items()}
+    return replace(thresholds, limit=joint_limit(rate, checks), expected=expected)
+
+
+def of_stretch(check: SensorCheck, usual: Expected) -> Expected:
+    """What is expected of the median of a stretch, by what is expected of a frame.
+
+    The deviation between drives is that of frames; the one within drives is a share of theirs, and the tail is its own.
+    """
+    between = max(usual.deviation**2 - usual.within**2, 0.0)
+    deviation = sqrt(between + (STRETCHES.within * usual.within) ** 2)
+    return replace(usual, deviation=STRETCHES.tail * deviation / prior_of_check(check).tail)
+
+
+def lasting_events(
+    windows: Windows, runs: Integers, beyond: Floats, verdicts: Mapping[int, Verdict]
+) -> list[LastingEvent]:
+    """The events of windows that are findings, in the order of time.
+
+    `beyond` (W,) is by how much z each window exceeds the limit, and `verdicts` are those that say attacked or
+    unidentified, by place. Of windows that overlap at least half have to: where a fault explains most of them, one that
+    it does not quite explain is no attack. An event goes from the middle of its first window to that of its last, or to
+    the end of the run where there the windows end. Where windows that follow one another name other sensors, they are
+    events of their own.
+    """
+    found: list[LastingEvent] = []
+    for group in _close_by(windows, np.flatnonzero(beyond > 0).tolist()):
+        accusing = [place for place in group if place in verdicts]
+        if 2 * len(accusing) >= len(group):
+            found += _of_group(windows, runs, accusing, beyond, verdicts)
+    return found
+
+
+def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
+    """The places of windows in groups whose windows overlap."""
+    group: list[int] = []
+    for place in places:
+        if group and windows.first[place] >= windows.end[group[-1]]:
+            yield group
+            group = []
+        group.append(place)
+    if group:
+        yield group
+
+
+def _of_group(
+    windows: Windows, runs: Integers, group: Sequence[int], beyond: Floats, verdicts: Mapping[int, Verdict]
+) -> Iterator[LastingEvent]:
+    names = _most_named([verdicts[place].attacked for place in group])
+    for attacked, members in groupby(zip(names, group, strict=True), key=lambda pair: pair[0]):
+        places = [place for _, place in members]
+        kind = VerdictKind.ATTACKED if attacked else VerdictKind.UNIDENTIFIED
+        strength = float(beyond[places].max())
+        half = int(windows.end[places[0]] - windows.first[places[0]]) // 2
+        yield LastingEvent(_frames(windows, runs, places[0], places[-1]), kind, attacked, strength, half)
+
+
+def _most_named(attacked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """The sensors that each of successive windows is held for.
+
+    They are those that most windows name, unless a large share names sensors that are none of them: then each window
+    is held for what it names, and one that names none for what the window before names.
+    """
+    named = [one for one in attacked if one]
+    if not named:
+        return [()] * len(attacked)
+    likeliest = max(dict.fromkeys(named), key=named.count)
+    others = sum(set(one).isdisjoint(likeliest) for one in named)
+    if others <= INCIDENTS.contested_share * len(named):
+        return [likeliest] * len(attacked)
+    names, before = [], named[0]
+    for one in attacked:
+        before = one or before
+        names.append(before)
+    return names
+
+
+def _frames(windows: Windows, runs: Integers, first: int, last: int) -> tuple[int, ...]:
+    """The frames from the middle of a window to that of another; to the run's ends where no windows lie beyond."""
+    middle, begin, end = windows.middle, int(windows.first[first]), int(windows.end[last])
+    begins = begin == 0 or runs[begin] != runs[begin - 1]
+    ends = end == len(runs) or runs[end] != runs[end - 1]
+    return tuple(range(begin if begins else int(middle[first]), end if ends else int(middle[last]) + 1))
+
+
+def seconds_of(windows: Windows, stamps_ns: Integers) -> float:
+    """The time that a usual window lasts, in seconds; 0 without any."""
+    if not len(windows.first):
+        return 0.0
+    lasts = stamps_ns[windows.end - 1] - stamps_ns[windows.first]
+    return float(np.median(lasts)) / NANOSECONDS
+
 
 HeldFor = tuple[VerdictKind, tuple[int, ...]]
 """What a frame is held for: the kind, and the attacked sensors."""

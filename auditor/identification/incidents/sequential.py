@@ -27,6 +27,7 @@ from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Flags, Floats, Integers
+from auditor.model.verdict import Verdict
 
 _S_PER_HOUR = 3600
 
@@ -173,23 +174,16 @@ def strong_frames(evidence: Evidence, raised: Flags, per_hour: float | None) -> 
 
 
 def alerts(
-    findings: Flags,
-    attacked: Mapping[int, tuple[int, ...]],
-    accusing: Flags,
-    audited: Flags,
-    strong: Flags,
-    held: Flags,
-    r: float,
+    loose: Flags, verdicts: Mapping[int, Verdict], accusing: Flags, audited: Flags, strong: Flags, r: float
 ) -> list[Event]:
     """The alerts among F frames that are judged at r, in the order of time; all flags are (F,).
 
-    `findings` are findings by themselves, and `attacked` says by their places which sensors they name; `accusing` are
-    those that say attacked or unidentified, `audited` those with a verdict. The `strong` ones are told by themselves,
-    and incidents hold those that are `held`.
+    `loose` are findings by themselves that no incident holds, and `verdicts` those on them, by place; `accusing` are
+    frames that say attacked or unidentified, `audited` those with a verdict. The `strong` ones are told by themselves.
     """
-    loose = findings & ~held
     share = max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited)
-    often = _often(np.flatnonzero(loose).tolist(), attacked, max(share, FEWEST_FINDINGS))
+    named = {place: verdicts[place].attacked for place in np.flatnonzero(loose).tolist()}
+    often = _often(named, max(share, FEWEST_FINDINGS))
     groups = [often] if often else []
     left = loose.copy()
     left[list(often)] = False
@@ -199,13 +193,13 @@ def alerts(
     return [Event(group, alert=True) for group in sorted(groups)]
 
 
-def _often(loose: Sequence[int], attacked: Mapping[int, tuple[int, ...]], fewest: float) -> tuple[int, ...]:
+def _often(attacked: Mapping[int, tuple[int, ...]], fewest: float) -> tuple[int, ...]:
     """The findings that name a sensor or nobody, where these are the `fewest` at least.
 
     Those of several sensors do not add up: findings of one make no alert of another one's.
     """
-    sensors: set[int | None] = {sensor for place in loose for sensor in attacked[place]}
-    of_each = ([place for place in loose if not attacked[place] or one in attacked[place]] for one in sensors or {None})
+    sensors: set[int | None] = {sensor for named in attacked.values() for sensor in named}
+    of_each = ([place for place, named in attacked.items() if not named or one in named] for one in sensors or {None})
     return tuple(sorted({place for places in of_each if len(places) >= fewest for place in places}))
 
 

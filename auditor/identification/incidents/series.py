@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auditor.identification.causes.faults import frozen, repeated
+from auditor.identification.faults import frozen, repeated
 from auditor.identification.incidents.sequential import periods_of
 from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System

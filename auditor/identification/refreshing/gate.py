@@ -16,9 +16,8 @@ from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
 from auditor.identification.refreshing.drives import Shown
 from auditor.identification.systems import System
-from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.calibration import CleanFrames, ConditionRate, RobustThresholds
 from auditor.model.checks import SensorCheck
-from auditor.model.conditions import ConditionRate
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
 

@@ -18,8 +18,13 @@ from auditor.measurement.disparity.matchers.interface import for_pair, takes_pai
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.fault_features.added_light import saturated_by_light
-from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
-from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
+from auditor.measurement.fault_features.collect import (
+    FeatureInputs,
+    fault_features_of,
+    feature_inputs,
+    fingerprint_of_image,
+    fingerprint_of_points,
+)
 from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, matched

@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.causes.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
+from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.incidents.sequential import QUIET_FRAMES
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES

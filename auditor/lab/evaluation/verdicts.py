@@ -8,10 +8,10 @@ import numpy as np
 
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.drive_level import for_drive
-from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
-from auditor.identification.matcher_priors import fitted_on
+from auditor.identification.parameters import fitted_on
 from auditor.identification.robust import judge_frames
 from auditor.identification.systems import System
+from auditor.identification.transfer import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.lab.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.lab.evaluation.experiments import scenario_1
 from auditor.model.calibration import CleanFrames, RobustThresholds

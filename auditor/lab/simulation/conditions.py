@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from auditor.errors import SettingError
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 Range = tuple[float, float]
 Spectrum = tuple[float, float, float, float]

@@ -8,9 +8,7 @@ import numpy as np
 
 from auditor.errors import SettingError
 from auditor.lab.simulation.conditions import CAMERAS, FLARE, condition_named
-from auditor.lab.simulation.daylight import Day, draw_day, emissions, overgrown, street_lamps, watered
-from auditor.lab.simulation.raycasting import cast, placed
-from auditor.lab.simulation.rays import Hits, Rays
+from auditor.lab.simulation.raycasting import Hits, Rays, cast, placed
 from auditor.lab.simulation.responses import (
     CameraKind,
     ExposureChange,
@@ -22,18 +20,27 @@ from auditor.lab.simulation.responses import (
     kinds_of,
 )
 from auditor.lab.simulation.scene_objects import Vehicle3D, seen_share, vehicles_among
-from auditor.lab.simulation.sensors import camera_rays, echoes, expose, lidar_directions, lidar_rays
-from auditor.lab.simulation.shading import Light, radiance
+from auditor.lab.simulation.shading import Day, Light, draw_day, emissions, overgrown, radiance, street_lamps, watered
 from auditor.lab.simulation.spectra import Channels, channels, reflectances, spectral_radiance
 from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.streets import street, style_named, traffic
 from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
-from auditor.lab.simulation.vehicles import CameraFlaws, Vehicle, make_rig, make_vehicle, rotation
+from auditor.lab.simulation.vehicles import (
+    CameraFlaws,
+    Vehicle,
+    camera_rays,
+    echoes,
+    expose,
+    lidar_directions,
+    lidar_rays,
+    make_rig,
+    make_vehicle,
+    rotation,
+)
 from auditor.model.arrays import Floats32, Image
-from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.frames import CameraImage, Frame, PointCloud, Pose, Presence, SensorState
 from auditor.model.optics.geometry import Matrix, compose, invert, motion
-from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 
 _PREVIEW = 6  # every so many pixels decide about the exposure

@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 
 from auditor.lab.simulation.conditions import CAMERAS, EXPOSURE, KINDS, Range
-from auditor.lab.simulation.sensors import blurred, vignette
 from auditor.lab.simulation.stray_light import Lens, SunSeen, draw_lens, with_stray_light
-from auditor.lab.simulation.vehicles import CameraFlaws
+from auditor.lab.simulation.vehicles import CameraFlaws, blurred, vignette
 from auditor.model.arrays import Floats, Floats32, Image
 
 CameraKind = Literal["grey", "colour"]

@@ -8,8 +8,7 @@ from typing import ParamSpec
 
 import numpy as np
 
-from auditor.lab.simulation.raycasting import cast
-from auditor.lab.simulation.rays import Hits, Rays
+from auditor.lab.simulation.raycasting import Hits, Rays, cast
 from auditor.lab.simulation.surfaces import Piece, Surfaces, Vector
 from auditor.lab.simulation.textures import Atlas, Tile
 from auditor.model.arrays import Indices

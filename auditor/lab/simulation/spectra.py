@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.lab.simulation.conditions import ILLUMINANTS, MATERIALS, Range, Spectrum
-from auditor.lab.simulation.daylight import Day, lamp_light
-from auditor.lab.simulation.rays import Hits, Rays
-from auditor.lab.simulation.shading import Lit, Scene, parts, sky
+from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.shading import Day, Lit, Scene, lamp_light, parts, sky
 from auditor.lab.simulation.surfaces import Piece, Surfaces
 from auditor.lab.simulation.textures import LAYERS, Atlas, Tile
 from auditor.model.arrays import Floats, Floats32

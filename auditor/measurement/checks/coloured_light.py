@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.tone_curve import tone_curve
 from auditor.model.arrays import Floats32, Image, Mask
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _COLOURED = "frames of the three real drives under lasers of one colour (docs/attacks.md): chosen on them"
 

@@ -29,7 +29,7 @@ from auditor.measurement.checks.free_space_conflict import (
 from auditor.measurement.checks.scattered_returns import scattered, share_in_view
 from auditor.model.arrays import Floats32, Image, Indices, Mask, Points
 from auditor.model.optics.geometry import Matrix
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 from auditor.model.rig import Rig
 
 _CHOSEN = "KITTI's scans split in two, and streets 46000 to 46259, clean and attacked (docs/decisions.md)"

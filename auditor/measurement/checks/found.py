@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from auditor.measurement.parameters import OF_ANY_RIG, OF_PAIRS, OF_THE_PAST
 from auditor.model.checks import Check
 from auditor.model.checks.kind import Of
-from auditor.model.parameter import digest
+from auditor.model.parameters import digest
 from auditor.model.rig_kind import ComparedTo
 
 if TYPE_CHECKING:

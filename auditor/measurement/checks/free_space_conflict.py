@@ -15,7 +15,7 @@ import numpy as np
 from auditor.measurement.checks.scattered_returns import scattered, share_in_view
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
 from auditor.model.frames import PointCloud
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 from auditor.model.rig import Rig
 
 _CHOSEN = "three real drives and streets 42000 to 43023, clean and attacked: chosen on them (docs/decisions.md)"

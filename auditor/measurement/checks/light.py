@@ -17,7 +17,7 @@ from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.photometric_consistency import consistency_of
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.tone_curve import Classes, chroma_classes, predict, saturation_level
-from auditor.measurement.disparity.row_warp import warp
+from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 

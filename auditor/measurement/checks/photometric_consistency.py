@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.seen import Seen
+from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.disparity.lidar import RangeMask
-from auditor.measurement.disparity.row_warp import warp
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.model.arrays import Floats32, Image, Indices, Mask

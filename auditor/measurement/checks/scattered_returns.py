@@ -12,7 +12,7 @@ import numpy as np
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.arrays import Floats32, Indices, Mask, Points
 from auditor.model.frames import PointCloud
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 from auditor.model.rig import Rig
 
 _PLUMES = "dust, exhaust, walls and ghosts in KITTI drives 0009, 0001 and 04 (docs/decisions.md)"

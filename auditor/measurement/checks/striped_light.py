@@ -16,7 +16,7 @@ import numpy as np
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
-from auditor.model.parameter import BY_HAND, parameter
+from auditor.model.parameters import BY_HAND, parameter
 
 _LIT = "two frames of three real drives and of 14 streets, with faults and lights (docs/decisions.md): chosen on them"
 

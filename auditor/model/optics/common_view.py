@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, compose, motion
-from auditor.model.optics.lenses import NO_LENS
+from auditor.model.optics.sensors import NO_LENS
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 

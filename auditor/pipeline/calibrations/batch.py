@@ -19,8 +19,8 @@ from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn, rigs_of
-from auditor.pipeline.known import FEW, is_as_now
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
+from auditor.pipeline.measured import FEW, is_as_now
 from auditor.pipeline.reading import coverage_asked, frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all
@@ -49,28 +49,11 @@ _EARLIER = "earlier recordings of its rig kind were judged by the prior alone: a
 def judge_batch(
     store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int | None = 1
 ) -> Iterator[Judged]:
-    """Judge measurements of a store; those that no calibration fits are judged by each other where they are enough.
+    """Judge measurements of a store, in the order given; those that no calibration fits judge each other if enough.
 
-    Parameters
-    ----------
-    store : Store
-        Holds the measurements, and keeps the calibrations and judgements that are made.
-    measurements : sequence of str
-        The ids of a batch's measurements.
-    settings : JudgeSettings
-        A named calibration, the paper's method and `strict` leave each measurement judged on its own.
-    jobs : int or None
-        Processes at a time; None stands for as many as there are cores. The passes follow one another.
-
-    Returns
-    -------
-    iterator of Judged
-        What became of each measurement, in the order given.
-
-    Raises
-    ------
-    StoreError
-        Where the store does not have a measurement.
+    A named calibration, the paper's method and `strict` leave each measurement judged on its own. `jobs` are processes
+    at a time, None as many as there are cores; the passes follow one another. Raises StoreError where the store does
+    not have a measurement.
     """
     alone = settings.calibration is not None or settings.criteria.method is not Method.ROBUST
     if alone or settings.criteria.strict:
@@ -144,26 +127,11 @@ def _whole(store: Store, measurement: str) -> str:
 def calibrations_of_others(
     store: Store, measurements: Sequence[str], teachers: Sequence[str], criteria: Criteria, jobs: int = 1
 ) -> dict[str, Calibration]:
-    """Make the calibrations by which recordings of one rig kind and procedure judge each other.
+    """The calibrations by which recordings of one rig kind and procedure judge each other, by measurement.
 
-    Parameters
-    ----------
-    store : Store
-        Holds the measurements.
-    measurements : sequence of str
-        The ids of those that are to be judged.
-    teachers : sequence of str
-        Those of them, and others, whose recordings are provisionally clean.
-    criteria : Criteria
-        Its r and `recount` are those of the calibrations.
-    jobs : int
-        Processes that read many measurements.
-
-    Returns
-    -------
-    dict of str to Calibration
-        By measurement a calibration of the other groups, or of all where it is not in a group; none where fewer than
-        FEWEST_CLEAN recordings are clean, and where what the others measured gives no calibration that fits.
+    `teachers` are those of the measurements, and others, whose recordings are provisionally clean. A calibration is of
+    the other groups of them, or of all where its measurement is in none. There is none where fewer than FEWEST_CLEAN
+    recordings are clean, and where what the others measured gives no calibration that fits.
     """
     drives = drives_of(store, {*measurements, *teachers})
     clean_drives = list(dict.fromkeys(drives[teacher] for teacher in teachers))

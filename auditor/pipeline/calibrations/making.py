@@ -25,7 +25,7 @@ from auditor.identification.cross_validation import (
     judge_by_others,
     judge_by_thetas,
 )
-from auditor.identification.matcher_priors import fitted_on
+from auditor.identification.parameters import fitted_on
 from auditor.identification.scores import CleanDrives, DriveSums, largest_asked_for
 from auditor.identification.systems import System
 from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames, RobustThresholds, read_later

@@ -12,12 +12,10 @@ import numpy as np
 from auditor import __version__
 from auditor.errors import AuditorError, SettingError, ThresholdsError
 from auditor.identification.cross_validation import LeftOut, clean_hours, thresholds_of
-from auditor.identification.matcher_priors import fitted_on
-from auditor.identification.parameters import judging_digest
+from auditor.identification.parameters import fitted_on, judging_digest
 from auditor.identification.refreshing.gate import Step, steps
 from auditor.identification.systems import System
-from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.conditions import ConditionRate
+from auditor.model.calibration import Calibration, CleanFrames, ConditionRate
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.model.settings import Criteria

@@ -13,7 +13,7 @@ from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.pipeline.calibrations.versions import GIVEN, taken
 from auditor.pipeline.refreshing.pool import Group, Log
-from auditor.store.versions.quarantine import Quarantined
+from auditor.store.versions.decisions import Quarantined
 from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"

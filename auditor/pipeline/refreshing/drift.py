@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
-from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
+from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.pipeline.calibrations.versions import latest_day
 from auditor.store import Store, run_sql
 from auditor.store.versions.drift import FleetDrift, LevelChange, SensorDrift

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
-from auditor.identification.matcher_priors import fitted_on, has_prior
+from auditor.identification.parameters import fitted_on, has_prior
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.drives import Shown
@@ -20,17 +20,16 @@ from auditor.identification.refreshing.gate import (
     rates_by_condition,
     worse,
 )
-from auditor.identification.sub_rigs import closeness
 from auditor.identification.systems import System
+from auditor.identification.transfer import closeness
 from auditor.model.calibration import Calibration
 from auditor.pipeline.judge import system_of
 from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, considered
 from auditor.pipeline.refreshing.pool import Group
 from auditor.store import Store, make_calibration
 from auditor.store.calibrations import OutdatedCalibrationError
-from auditor.store.versions.decisions import Decided, Decision, Interval, Rise
+from auditor.store.versions.decisions import Decided, Decision, Interval, Rise, read_quarantine
 from auditor.store.versions.history import History, histories
-from auditor.store.versions.quarantine import read_quarantine
 from auditor.store.versions.records import UsedRecording, lost_line, lost_versions, read_version
 
 

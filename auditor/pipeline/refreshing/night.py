@@ -19,9 +19,17 @@ from auditor.pipeline.remote.spool import Spool, named_as_given
 from auditor.recordings import Location, open_recording, survey
 from auditor.store import Store
 from auditor.store.reviews import false_alarms
-from auditor.store.versions.decisions import Decided, Decision, Failure, Finding, Planned, Refresh
+from auditor.store.versions.decisions import (
+    Decided,
+    Decision,
+    Failure,
+    Finding,
+    Planned,
+    Quarantined,
+    Refresh,
+    write_quarantine,
+)
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force
-from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
 
 

@@ -1,15 +1,16 @@
-"""Addresses -> recordings: which objects of a bucket are recordings, by their names alone."""
+"""Addresses -> recordings: which objects of a bucket are recordings, by their names alone, and shards of them."""
 
+import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from auditor.errors import RecordingError
+from auditor.errors import RecordingError, SettingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import Found, find_recordings
-from auditor.recordings.formats.part_names import DB3, common_name, file_kind, part_name
+from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.store import RecordingRecord
 
@@ -173,3 +174,29 @@ def _address_of_all(files: Sequence[StoredObject]) -> str:
         return first
     folder = first.rpartition("/")[0]
     return f"{folder}/{common_name([Path(file.address) for file in files])}"
+
+
+_SHARD = re.compile(r"(\d{1,6})/(\d{1,6})")
+_BYTES = 8
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `number` of `count`, which are counted from 0: a recording belongs to one of them, by its place alone."""
+
+    number: int
+    count: int
+
+    def has(self, place: str) -> bool:
+        """Whether the recording at a path or an address belongs to it."""
+        digest = hashlib.sha256(place.encode("utf-8", "surrogateescape")).digest()
+        return int.from_bytes(digest[:_BYTES]) % self.count == self.number
+
+
+def shard_of(text: str) -> Shard:
+    """The shard that a text such as 0/8 means. Raises SettingError."""
+    found = _SHARD.fullmatch(text)
+    shard = Shard(int(found[1]), int(found[2])) if found else Shard(0, 0)
+    if shard.number >= shard.count:
+        raise SettingError(f"{text!r} is no shard", where="--shard", remedy="of eight they are 0/8, 1/8, ... 7/8")
+    return shard

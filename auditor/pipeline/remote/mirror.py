@@ -19,14 +19,19 @@ from threading import Event
 from auditor.errors import AuditorError, SettingError, StoreError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import NoObjectError, copy_object, put_object, remove_object
-from auditor.pipeline.remote.slots import BASE, HASHED, USED, free_slot, read_base, read_hashed
 from auditor.pipeline.remote.snapshots import (
+    BASE,
+    HASHED,
+    USED,
     File,
     Files,
     Merged,
     Snapshot,
+    free_slot,
     merged,
     object_at,
+    read_base,
+    read_hashed,
     read_snapshot,
     replace_snapshot,
     under,
@@ -35,8 +40,7 @@ from auditor.recordings.location import StoredObject
 from auditor.store import RecordingRecord, Store
 from auditor.store.files import is_part, make_folder, write_whole
 from auditor.store.log import LOG, hash_file, logged
-from auditor.store.log.chains import log_lock
-from auditor.store.log.mirrored import foreign_chains, is_mirror, note_foreign
+from auditor.store.log.chains import foreign_chains, is_mirror, log_lock, note_foreign
 from auditor.store.maintenance.relations import relate
 from auditor.store.rows import stored_recording
 from auditor.store.tables import read_rows

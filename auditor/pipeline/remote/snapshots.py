@@ -5,16 +5,22 @@
 
 A store is what its snapshot says. It is replaced in one moment, and only by who has seen the one before: so files of
 several tables appear together or not at all, and of two writers the slower one puts its changes on those of the other.
+Mirrors lie in slots, folders of the user's cache, each one process's alone while it uses it.
 """
 
+import fcntl
+import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from itertools import count
+from pathlib import Path, PurePosixPath
 
 from auditor.errors import StoreError
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.object_store import Written, read_small, replace_small
+from auditor.store.files import make_folder
 from auditor.store.schema import WRITTEN
 
 SNAPSHOT = "snapshot.json"
@@ -127,3 +133,51 @@ def _refused(base: Files, mine: Files, theirs: Files, both: list[str]) -> str:
 def _changed(base: Files, files: Files, group: tuple[str, ...]) -> str:
     """A place of some tables that was changed; empty where none was."""
     return next((p for p in sorted({*base, *files}) if p.split("/")[0] in group and base.get(p) != files.get(p)), "")
+
+
+BASE, HASHED, USED = "base.json", "hashed.json", "used"
+"""What a slot has beside the store: the snapshot that it began with, hashes, and a mark that something was written."""
+
+Stamp = tuple[int, int, int]
+
+_ADDRESS_DIGITS = 16
+
+
+def free_slot(address: Address, *, left: bool) -> tuple[Path, int]:
+    """A folder for a mirror that no process uses, and what this one holds it by.
+
+    Raises FileNotFoundError where there is none in which an ended process `left` something.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "auditor" / "mirrors"
+    make_folder(base)
+    name = hashlib.sha256(str(address).encode()).hexdigest()[:_ADDRESS_DIGITS]
+    known = sorted(one for one in base.glob(f"{name}-*") if "-aside-" not in one.name)
+    slots: Iterable[Path] = (base / f"{name}-{number}" for number in count())
+    for slot in (one for one in known if (one / USED).exists()) if left else slots:
+        make_folder(slot)
+        lock = os.open(slot, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+        else:
+            return slot, lock
+    raise FileNotFoundError(name)
+
+
+def read_hashed(slot: Path) -> dict[str, tuple[Stamp, str]]:
+    """The hashes of files by their sizes, times and inodes, as they were when the mirror was last used."""
+    try:
+        content = json.loads((slot / HASHED).read_bytes())
+        return {place: ((size, at, inode), sha256) for place, ((size, at, inode), sha256) in content.items()}
+    except (OSError, ValueError):
+        return {}
+
+
+def read_base(slot: Path) -> Files:
+    """The files of the snapshot that a mirror was last made equal to."""
+    try:
+        content = json.loads((slot / BASE).read_bytes())
+        return {place: (size, sha256) for place, (size, sha256) in content.items()}
+    except (OSError, ValueError):
+        return {}

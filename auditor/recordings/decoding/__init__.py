@@ -26,7 +26,7 @@ from auditor.recordings.decoding.points.livox import LivoxDecoder
 from auditor.recordings.decoding.points.ouster import OusterDecoder
 from auditor.recordings.decoding.points.velodyne import VelodyneDecoder
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.decoding.videos.ros import RosVideoDecoder
+from auditor.recordings.decoding.videos.tracks import RosVideoDecoder
 from auditor.recordings.recording import Definition
 from auditor.resources import entries_of
 

@@ -15,7 +15,7 @@ from ruamel.yaml.error import YAMLError
 
 from auditor.errors import DecodingError
 from auditor.model.optics.geometry import Matrix, invert, motion
-from auditor.model.optics.lenses import DOUBLE_SPHERE, OMNIDIRECTIONAL, PINHOLE, POLYNOMIAL
+from auditor.model.optics.sensors import DOUBLE_SPHERE, OMNIDIRECTIONAL, PINHOLE, POLYNOMIAL
 from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
 from auditor.recordings.decoding.robot_descriptions import rotation_of
 

@@ -23,8 +23,7 @@ from auditor.recordings.decoding.pictures import (
     upper_8_bits,
 )
 from auditor.recordings.decoding.ros import RosTypes, read_header
-from auditor.recordings.decoding.videos.forms import form_of
-from auditor.recordings.decoding.videos.tracks import VideoData, Videos
+from auditor.recordings.decoding.videos.tracks import VideoData, Videos, form_of
 from auditor.recordings.parameters import PICTURE_ORDER
 
 _ROWS_APART = 8  # rows from one that is looked at to the next: it bounds the work

@@ -9,8 +9,7 @@ from math import atan2, degrees, hypot, isfinite
 from typing import Any, NamedTuple
 
 from auditor.errors import DecodingError
-from auditor.model.frames import Message
-from auditor.model.poses import Pose
+from auditor.model.frames import Message, Pose
 from auditor.recordings import schemas
 from auditor.recordings.decoding import kitti
 from auditor.recordings.decoding.foxglove import FoxgloveMessages, stamp_ns

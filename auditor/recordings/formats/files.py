@@ -1,26 +1,27 @@
 """The base of MCAP and ROS recordings: one file or several, each read forward.
 
 The parts of a split file are one stream: they are read one after the other. Files that were recorded at the same time
-are several streams: they are read side by side, in the order of their log times.
+are several streams: they are read side by side, in the order of their log times. Recorders name the parts of a drive
+`drive_0.mcap`, `drive_1.mcap`, `drive_<time>_2.bag`.
 """
 
+import re
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from heapq import merge
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from types import TracebackType
-from typing import Self, cast
+from typing import IO, NamedTuple, Self, cast
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
-from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.part_names import missing_parts
-from auditor.recordings.formats.topics import Channels, Names, Span, total_traffic
-from auditor.recordings.formats.unpacking import Source, source_of
+from auditor.recordings.formats.found import Channels, DamageLog, Names, Span, total_traffic
+from auditor.recordings.formats.unpacking import PACKED, Source, kind_of, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import CHUNKS, Spending
 
@@ -210,3 +211,121 @@ class FilesRecording(OpenedRecording, ABC):
     @abstractmethod
     def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
         """A new read of one file."""
+
+
+class CutError(Exception):
+    """The file ends inside a record; caught by the reading loop."""
+
+
+class ForwardStream:
+    """A file read forward only. With `checksum` it keeps the CRC of all bytes read or skipped."""
+
+    def __init__(self, file: IO[bytes], size: int, *, checksum: bool = False) -> None:
+        self._file = file
+        self._checksum = checksum
+        self.size = size
+        self.offset = 0
+        self.crc = 0
+
+    def read(self, length: int) -> bytes:
+        """Exactly `length` bytes. Raises CutError."""
+        if self.offset + length > self.size:
+            raise CutError
+        data = self._file.read(length)
+        self.offset += len(data)
+        if len(data) < length:
+            raise CutError
+        if self._checksum:
+            self.crc = zlib.crc32(data, self.crc)
+        return data
+
+    def skip_to(self, offset: int) -> None:
+        """Move forward without keeping the bytes between. Raises CutError."""
+        if not self._checksum:
+            if offset > self.size:
+                raise CutError
+            self._file.seek(offset)
+            self.offset = offset
+            return
+        while self.offset < offset:
+            self.read(min(offset - self.offset, 1 << 20))
+
+
+_NUMBERED = re.compile(r"(.*?)[_.-]?(\d{1,6})", re.DOTALL)
+_BAG_TIME = re.compile(r"[_-]?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d$")
+"""rosbag writes into the name of each part when the part was begun."""
+
+_ACTIVE = ".active"
+BAG, DB3, MCAP = ".bag", ".db3", ".mcap"
+KINDS = frozenset({BAG, DB3, MCAP})
+
+
+class PartName(NamedTuple):
+    """A name with a number at its end: parts of one drive have the folder, series and kind in common."""
+
+    folder: Path
+    series: str
+    kind: str
+    number: int
+    stem: str
+
+    @property
+    def key(self) -> tuple[Path, str, str]:
+        """What the parts of one drive have in common."""
+        return self.folder, self.series, self.kind
+
+
+def file_kind(file: Path) -> str:
+    """.bag, .db3 or .mcap, also of a packed file and of a bag that was not closed; empty for any other name."""
+    kind = BAG if file.name.lower().endswith(BAG + _ACTIVE) else kind_of(file)
+    return kind if kind in KINDS else ""
+
+
+def stem_of(file: Path) -> str:
+    """A name without its extensions."""
+    name = file.stem if file.suffix.lower() in {*PACKED, _ACTIVE} else file.name
+    return Path(name).stem
+
+
+def part_name(file: Path) -> PartName | None:
+    """The parts of a file's name; None where it has no number at its end, or is no recording in one file."""
+    kind, found = file_kind(file), _NUMBERED.fullmatch(stem_of(file))
+    if not kind or found is None:
+        return None
+    series = _BAG_TIME.sub("", found[1]) if kind == BAG else found[1]
+    return PartName(file.parent, series, kind, int(found[2]), found[1])
+
+
+def common_name(files: Sequence[Path]) -> str:
+    """`drive` for drive_0.mcap and drive_1.mcap; where part 0 and part 1 are not among them `drive_4`."""
+    name = part_name(files[0])
+    if len(files) == 1 or name is None or name.number > 1:
+        return stem_of(files[0])
+    return name.stem or files[0].parent.name
+
+
+def missing_parts(files: Sequence[Path]) -> Iterator[str]:
+    """A sentence for each hole in the numbers of the parts of one drive."""
+    named = [part_name(file) for file in files]
+    for (file, name), (following, after) in pairwise(zip(files, named, strict=True)):
+        if name is None or after is None or name.key != after.key or after.number <= name.number + 1:
+            continue
+        first, last = name.number + 1, after.number - 1
+        which = f"part {first} is" if first == last else f"parts {first} to {last} are"
+        yield f"{which} missing between {file.name} and {following.name}"
+
+
+def other_parts(files: Sequence[Path]) -> tuple[Path, ...]:
+    """The files beside those of a recording that are named as parts of the same drive, in the order of their numbers.
+
+    Raises nothing: a folder that cannot be read has none.
+    """
+    own = {name.key for file in files if (name := part_name(file)) is not None}
+    beside: list[tuple[int, Path]] = []
+    for folder in sorted({folder for folder, _, _ in own}):
+        try:
+            listed = [file for file in folder.iterdir() if file not in files and file.is_file()]
+        except OSError:
+            continue
+        beside += [(name.number, file) for file in listed if (name := part_name(file)) is not None and name.key in own]
+    return tuple(file for _, file in sorted(beside))

@@ -9,12 +9,11 @@ from typing import Any
 from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import ChangedError
-from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import NO_JOURNALS, FilesRecording, Streams
-from auditor.recordings.formats.mcap.recording import McapRecording
-from auditor.recordings.formats.part_names import BAG, MCAP, file_kind
+from auditor.recordings.formats.files import BAG, MCAP, NO_JOURNALS, FilesRecording, Streams, file_kind
+from auditor.recordings.formats.found import DamageLog
+from auditor.recordings.formats.mcap import McapRecording
 from auditor.recordings.formats.rosbag1 import BagRead
-from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
+from auditor.recordings.formats.rosbag2 import Db3Read, journal_of
 from auditor.recordings.formats.unpacking import Source, kind_of
 from auditor.recordings.recording import METADATA_TOPIC, Recording, label_from_dict, load_json
 from auditor.recordings.schemas import STRING

@@ -17,10 +17,8 @@ from typing import IO, NamedTuple
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
-from auditor.recordings.formats.damage import DamageLog, is_trusted
-from auditor.recordings.formats.files import FileRead
-from auditor.recordings.formats.forward_stream import CutError, ForwardStream
-from auditor.recordings.formats.topics import Names, Span, span_over
+from auditor.recordings.formats.files import CutError, FileRead, ForwardStream
+from auditor.recordings.formats.found import DamageLog, Names, Span, is_trusted, span_over
 from auditor.recordings.formats.unpacking import BadChunkError, Source, allow, unpack, unpack_beginning
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name

@@ -8,12 +8,19 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix, camera_centre, motion
-from auditor.model.optics.lenses import FISHEYE, NO_LENS, Lens, of_camera
+from auditor.model.optics.sensors import FISHEYE, NO_LENS, Lens, of_camera
 from auditor.recordings.decoding import CameraInfo, Transform
-from auditor.recordings.rigs.bounding import first_ones
-from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures, scaled_by
-from auditor.recordings.rigs.conventions import Axes, Conventions, Scale, ZeroLens
-from auditor.recordings.rigs.reasons import Reason
+from auditor.recordings.rigs.calibrations import (
+    Axes,
+    Conventions,
+    Scale,
+    ZeroLens,
+    check_camera,
+    check_size,
+    of_pictures,
+    scaled_by,
+)
+from auditor.recordings.rigs.left_out import Reason, first_ones
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"

@@ -1,7 +1,11 @@
-"""Changes of calibrations within a recording: camera infos, transforms and the size of pictures, each with its time."""
+"""Changes of calibrations within a recording, each with its time, and the stretches of time between them.
 
-from collections.abc import Iterator
+Camera infos, transforms and the size of pictures may change.
+"""
+
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
 
@@ -177,3 +181,29 @@ def _delay_ns(survey: Survey) -> int:
     """The usual time from a stamp to its log time."""
     samples = [one for image in survey.images for one in image.samples if one.stamp_ns > 0]
     return int(median(one.log_time_ns - one.stamp_ns for one in samples)) if samples else 0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The time from `from_ns` to before `until_ns`; None is the recording's beginning or end.
+
+    With a `reason` its frames cannot be audited, and are skipped.
+    """
+
+    from_ns: int | None = None
+    until_ns: int | None = None
+    reason: str = ""
+
+    def holds(self, time_ns: int) -> bool:
+        """True for a time in the stretch."""
+        begun = self.from_ns is None or time_ns >= self.from_ns
+        return begun and (self.until_ns is None or time_ns < self.until_ns)
+
+
+WHOLE = (Stretch(),)
+"""All of a recording."""
+
+
+def stretch_at(stretches: Sequence[Stretch], time_ns: int) -> int | None:
+    """The place of the stretch that a time lies in; None where another rig is in force."""
+    return next((place for place, stretch in enumerate(stretches) if stretch.holds(time_ns)), None)

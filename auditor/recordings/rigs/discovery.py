@@ -13,16 +13,14 @@ from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import LIDAR, Camera, Lidar, Rig
 from auditor.recordings.decoding import decoder_table
 from auditor.recordings.decoding.calibration_texts import Calibrations
-from auditor.recordings.decoding.other_types import is_other
-from auditor.recordings.decoding.sensor_types import UNREAD, other_content
+from auditor.recordings.decoding.sensor_types import UNREAD, is_other, other_content
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.cameras import View, find_views
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import chained_cameras, read_calibrations, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.lidar_choice import best_lidar
-from auditor.recordings.rigs.lidars import lidar_of, lidars_alone, on_vehicle
+from auditor.recordings.rigs.left_out import AtOnePlace, Reason, TooFew, first_ones, names_of, overlapping_most
+from auditor.recordings.rigs.lidars import best_lidar, lidar_of, lidars_alone, on_vehicle
 from auditor.recordings.rigs.ordering import (
     MAX_SQUINT,
     MIN_BASELINE_M,
@@ -31,8 +29,7 @@ from auditor.recordings.rigs.ordering import (
     grouped_alike,
     place,
 )
-from auditor.recordings.rigs.reasons import AtOnePlace, Reason, TooFew
-from auditor.recordings.synchronisation.given_calibrations import completed
+from auditor.recordings.synchronisation.descriptions import completed
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3

@@ -14,8 +14,8 @@ from auditor.model.optics.common_view import CELL_PX, FARTHEST_PX, common_view, 
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
+from auditor.recordings.rigs.left_out import AtOnePlace, Reason
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M
-from auditor.recordings.rigs.reasons import AtOnePlace, Reason
 
 _LEAST_SHARED = 0.25
 _LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction

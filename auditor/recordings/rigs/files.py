@@ -9,7 +9,7 @@ import numpy as np
 
 from auditor.errors import DecodingError, RigError
 from auditor.model.optics.geometry import Matrix, invert
-from auditor.model.optics.lenses import NO_LENS, of_camera
+from auditor.model.optics.sensors import NO_LENS, of_camera
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings.decoding.calibration_texts import MAX_CALIBRATION_BYTES, Calibrations, calibrations_of
 from auditor.recordings.rigs.cameras import sensor_name

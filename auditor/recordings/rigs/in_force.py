@@ -15,11 +15,10 @@ from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.recording import Recording
 from auditor.recordings.rigs.calibrations import same_numbers
 from auditor.recordings.rigs.cameras import find_views
-from auditor.recordings.rigs.changes import Change, Changes, Key, Value
+from auditor.recordings.rigs.changes import WHOLE, Change, Changes, Key, Stretch, Value
 from auditor.recordings.rigs.discovery import find_rigs, search_rigs
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.synchronisation.clock_offsets import learn_timing
-from auditor.recordings.synchronisation.stretches import WHOLE, Stretch
+from auditor.recordings.synchronisation.clocks import learn_timing
 from auditor.recordings.synchronisation.survey import Survey
 
 CHANGING = "the calibration changes"

@@ -13,11 +13,10 @@ import numpy as np
 
 from auditor.model.optics.geometry import Matrix, angle_between, motion
 from auditor.recordings.parameters import RIG_LIMITS
-from auditor.recordings.rigs.calibrations import contradicts_size
+from auditor.recordings.rigs.calibrations import Axes, Conventions, Positions, Scale, contradicts_size
 from auditor.recordings.rigs.cameras import View, find_views
-from auditor.recordings.rigs.conventions import Axes, Conventions, Positions, Scale
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.reasons import Reason
+from auditor.recordings.rigs.left_out import Reason
 from auditor.recordings.synchronisation.survey import Survey
 
 MIN_BASELINE_M = 0.005

@@ -6,8 +6,7 @@ from math import ceil
 
 from auditor.model.coverage import Against, TimeCoverage
 from auditor.recordings.parameters import TIME_GAPS
-from auditor.recordings.synchronisation.clock_offsets import Timing
-from auditor.recordings.synchronisation.stamps import DUPLICATE
+from auditor.recordings.synchronisation.clocks import DUPLICATE, Timing
 
 EDGE = "edge"
 TOO_FEW = "too few sensors"

@@ -6,12 +6,12 @@ from auditor.model.checks import pasts_of
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import Rig
 from auditor.recordings.decoding import Decoders, sensor_types
-from auditor.recordings.decoding.other_types import is_of_radar, is_other, raw_data_of
+from auditor.recordings.decoding.sensor_types import is_of_radar, is_other, raw_data_of
 from auditor.recordings.parameters import SENSOR_LIKE
 from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
-from auditor.recordings.rigs.reasons import AtOnePlace, Reason
+from auditor.recordings.rigs.left_out import AtOnePlace, Reason
 from auditor.recordings.synchronisation.counts import Counts
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
 

@@ -1,7 +1,7 @@
 """Frames from messages: the data of all sensors, brought together by the stamps of their headers.
 
 Where a stamp cannot be the time of capture, the time of recording less the sensor's usual delay stands in for it, see
-`stamps`: a frame's stamp orders the frames also then.
+`clocks`: a frame's stamp orders the frames also then.
 
 Every sensor has a constant offset to the leftmost camera, learnt from the recording's beginning. A frame opens with the
 oldest message not yet used; the leftmost camera that is present gives its time, and every sensor's nearest message
@@ -22,15 +22,13 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
 from auditor.recordings.decoding.pictures import check_received, grey_if_grey
 from auditor.recordings.recording import Damage, Recording
+from auditor.recordings.rigs.changes import WHOLE, Stretch, stretch_at
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
-from auditor.recordings.synchronisation.clock_offsets import learn_timing
+from auditor.recordings.synchronisation.clocks import DUPLICATE, StampCheck, learn_timing
 from auditor.recordings.synchronisation.counts import EDGE, TOO_FEW, Counts, TimeLedger, counts_of
 from auditor.recordings.synchronisation.coverage import topic_coverage
-from auditor.recordings.synchronisation.stamps import DUPLICATE, StampCheck
-from auditor.recordings.synchronisation.stretches import WHOLE, Stretch, stretch_at
 from auditor.recordings.synchronisation.survey import Survey
-from auditor.recordings.synchronisation.sweeps import Assembled, SweepAssembly
-from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Window
+from auditor.recordings.synchronisation.window import Assembled, Edges, Group, SweepAssembly, Waiting, Window
 
 
 class FrameStream:

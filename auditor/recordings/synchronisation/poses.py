@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.model.frames import Message
-from auditor.model.poses import FramePose, Pose, PoseTopic
+from auditor.model.frames import FramePose, Message, Pose, PoseTopic
 from auditor.recordings.decoding.poses import PoseDecoder, PoseError, pose_rank
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.recording import Recording, Topic

@@ -27,13 +27,11 @@ from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
-from auditor.recordings.formats.part_names import other_parts
+from auditor.recordings.formats.files import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
-from auditor.recordings.rigs.conventions import STANDARD, Conventions
-from auditor.recordings.synchronisation.given_calibrations import completed_by_texts
-from auditor.recordings.synchronisation.metadata import metadata_of
-from auditor.recordings.synchronisation.mountings import Mountings
+from auditor.recordings.rigs.calibrations import STANDARD, Conventions
+from auditor.recordings.synchronisation.descriptions import Mountings, completed_by_texts, metadata_of
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 
 _POINTS_OF_A_CLOUD = 400  # points of each of the first clouds that are kept, evenly chosen: it bounds the work

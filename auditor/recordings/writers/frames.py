@@ -16,15 +16,13 @@ from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, Pose
 from auditor.model.optics.geometry import Matrix, motion
-from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
 from auditor.recordings.recording import METADATA_TOPIC, Definition, Topic, label_to_dict
-from auditor.recordings.writers.atomic import whole_file, whole_folder
-from auditor.recordings.writers.mcap_file import Compression, mcap_file
+from auditor.recordings.writers.mcap_file import Compression, mcap_file, whole_file, whole_folder
 from auditor.recordings.writers.messages import Form, MessageMaker
 
 RIG_FRAME = "rig"

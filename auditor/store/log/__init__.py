@@ -11,9 +11,7 @@ the heads of all other chains that it saw.
 """
 
 from auditor.store.log.chains import LOG, Head, entries, heads
-from auditor.store.log.entry import Entry, Kind, Outcome
-from auditor.store.log.outputs import Output, hash_file, output_of
-from auditor.store.log.provenance import this_program
+from auditor.store.log.entry import Entry, Kind, Outcome, Output, hash_file, output_of, this_program
 from auditor.store.log.runs import Run, adopt, current_runs, logged, run
 
 __all__ = [

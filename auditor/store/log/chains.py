@@ -1,7 +1,12 @@
-"""The chains of a store: files of entries, each appended to under one lock of the log."""
+"""The chains of a store: files of entries, each appended to under one lock of the log.
 
+A mirror is a folder that stands for a store that lies elsewhere, on an object store. Beside such a folder a file names
+the chains of the log that other machines write: nothing is appended to them here.
+"""
+
+import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -9,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from auditor.errors import StoreError
-from auditor.store.files import for_owner, locked, make_folder
+from auditor.store.files import for_owner, locked, make_folder, write_whole
 from auditor.store.log.entry import Entry, Kind
 
 LOG = "log"
@@ -199,3 +204,22 @@ def log_lock(folder: Path) -> AbstractContextManager[None]:
     except OSError as error:
         raise StoreError(f"the log cannot be made ({error.strerror or error})", where=place) from error
     return locked(place)
+
+
+_FOREIGN = "foreign.json"
+
+
+def is_mirror(folder: Path) -> bool:
+    """Whether a folder is a mirror of a store that lies elsewhere."""
+    return (folder.parent / _FOREIGN).is_file()
+
+
+def foreign_chains(folder: Path) -> frozenset[str]:
+    """The names of the chains in a folder that others write; none in a store that is no mirror."""
+    path = folder.parent / _FOREIGN
+    return frozenset(json.loads(path.read_bytes())) if path.is_file() else frozenset()
+
+
+def note_foreign(folder: Path, chains: Iterable[str]) -> None:
+    """Make a folder a mirror, with these chains of others. Raises StoreError."""
+    write_whole(folder.parent / _FOREIGN, json.dumps(sorted(chains)).encode())

@@ -1,13 +1,27 @@
-"""One line of the log: canonical JSON that carries the hash of the line before it and its own."""
+"""One line of the log: canonical JSON that carries the hash of the line before it and its own.
 
+What lines say are who runs what, and finished files: their places, sizes and sha256.
+"""
+
+import getpass
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+import platform
+import socket
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
 from typing import Any
 
+from auditor import __version__
 from auditor.errors import StoreError
+from auditor.resources import plug_ins
+from auditor.store.files import Written, hash_stream
 
 _FRAME = ("at", "before", "kind", "order", "pid", "run", "sha256")
 
@@ -105,3 +119,98 @@ class Entry:
 
 def _canonical(fields: Mapping[str, Any]) -> bytes:
     return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
+
+
+_VERSIONED = ("duckdb", "numpy", "onnxruntime", "opencv-python-headless", "pyarrow", "torch")
+
+
+def provenance(command: Sequence[str]) -> dict[str, Any]:
+    """What the first entry of a run says of it."""
+    return {
+        "command": list(command),
+        "user": user(),
+        "host": socket.gethostname(),
+        "folder": str(Path.cwd()),
+        "versions": dict(_versions()),
+        "plug_ins": dict(_plug_ins()),
+    }
+
+
+def user() -> str:
+    """The user's name, or number where it has none."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # Python 3.13 raises OSError where older ones raise KeyError
+        return str(os.getuid())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"auditor": __version__, "python": platform.python_version(), "system": platform.platform()}
+    for name in _VERSIONED:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+@cache
+def _plug_ins() -> dict[str, dict[str, str]]:
+    """Installed plug-ins by name: their version, and the hash of the list of their files, which has a hash of each."""
+    return {name: {"version": its, "sha256": _record(name)} for name, its in plug_ins().items()}
+
+
+def _record(name: str) -> str:
+    record = distribution(name).read_text("RECORD") or ""
+    return hashlib.sha256(record.encode()).hexdigest()
+
+
+def this_program() -> list[str]:
+    """The command of a program that uses the library."""
+    return [Path(sys.argv[0]).name or "python", *sys.argv[1:]] if sys.argv else ["python"]
+
+
+@dataclass(frozen=True)
+class Output:
+    """A finished file; `path` is its place in the store with `/`, or a whole path where it lies elsewhere."""
+
+    path: str
+    size: int
+    sha256: str
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """As the column `outputs` and the log have it."""
+        return {"path": self.path, "size": self.size, "sha256": self.sha256}
+
+    @classmethod
+    def of_written(cls, written: Written, folder: Path) -> "Output":
+        """A file that was written, of the store in a folder."""
+        return cls(place_in(folder, written.path), written.size, written.sha256)
+
+    @classmethod
+    def of_fields(cls, fields: Mapping[str, Any]) -> "Output":
+        """The output of a row of the column `outputs`, or of an entry of the log."""
+        return cls(fields["path"], fields["size"], fields["sha256"])
+
+
+def hash_file(path: Path) -> tuple[int, str]:
+    """Size and sha256 of a file. Raises StoreError where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hash_stream(file)
+    except FileNotFoundError as error:
+        raise StoreError("it is missing", where=path) from error
+    except OSError as error:
+        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
+
+
+def output_of(path: Path, folder: Path) -> Output:
+    """What lies at a path, of the store in a folder. Raises StoreError where it cannot be read."""
+    return Output(place_in(folder, path), *hash_file(path))
+
+
+def place_in(folder: Path, path: Path) -> str:
+    """A path as entries have it: from the store's folder on where it lies in there."""
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

@@ -1,21 +1,28 @@
-"""Runs: from the entry that opens one to the entry that closes it, by whoever does so."""
+"""Runs: from the entry that opens one to the entry that closes it, by whoever does so, and what they say of files."""
 
 import re
 import secrets
 import socket
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from auditor.errors import AuditorError, StoreError
 from auditor.store.files import Written, held
-from auditor.store.log.chains import LOG, append, chain_paths, entries_from, heads, last_entry, log_lock, whole_lines
-from auditor.store.log.entry import Entry, Kind, Outcome
-from auditor.store.log.mirrored import foreign_chains
-from auditor.store.log.outputs import Output, hash_file, place_in
-from auditor.store.log.provenance import provenance, this_program
+from auditor.store.log.chains import (
+    LOG,
+    append,
+    chain_paths,
+    entries_from,
+    foreign_chains,
+    heads,
+    last_entry,
+    log_lock,
+    whole_lines,
+)
+from auditor.store.log.entry import Entry, Kind, Outcome, Output, hash_file, place_in, provenance, this_program
 from auditor.store.log.signatures import Signer, signer_of
 
 _LONGEST_HOST = 40
@@ -223,3 +230,76 @@ def _is_usable(path: Path) -> bool:
     except StoreError:
         return False
     return True
+
+
+_CHANGES = frozenset({Kind.WROTE, Kind.REMOVED, Kind.UPGRADED, Kind.PACKED})
+
+
+@dataclass(frozen=True)
+class Place:
+    """What may lie in one place: the `accepted` outputs, None where nothing may; `entry` is the last one about it.
+
+    There are several only while the run that changes it is open.
+    """
+
+    accepted: tuple[Output | None, ...]
+    entry: Entry
+
+    def accepts(self, found: Output | None) -> bool:
+        """Whether this is what should lie there."""
+        return found in self.accepted
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What the log says: `places` by path, the runs by their ids, and those that were not closed."""
+
+    places: dict[str, Place] = field(default_factory=dict)
+    runs: dict[str, Entry] = field(default_factory=dict)
+    open_runs: tuple[Entry, ...] = ()
+
+    def told(self, place: str) -> str:
+        """Which command changed a place last, and when."""
+        entry = self.places[place].entry
+        opened = self.runs.get(entry.run)
+        words = opened.what.get("command", ()) if opened is not None else ()
+        return f"{' '.join(words[:2]) or 'a run'} at {entry.at[:19]}Z"
+
+
+def expected(entries: Sequence[Entry]) -> Expected:
+    """What entries, in their order, say of files."""
+    opened = {entry.run: entry for entry in entries if entry.kind == Kind.OPENED}
+    closed = {entry.run for entry in entries if entry.kind == Kind.CLOSED}
+    under_way = [entry for run, entry in opened.items() if run not in closed]
+    unsettled = {entry.order for one in under_way for entry in pending(entries, one.run)}
+    untrue = {
+        (order, path)
+        for entry in entries
+        if entry.kind == Kind.CLOSED
+        for order, path in entry.what.get("unwritten", ())
+    }
+    places: dict[str, Place] = {}
+    for entry in entries:
+        if entry.kind in _CHANGES:
+            changes = [file for file in entry.what["files"] if (entry.order, file["path"]) not in untrue]
+            if entry.kind == Kind.UPGRADED and changes:
+                places.clear()
+            for file in changes:
+                _change(places, entry, file, settled=entry.order not in unsettled)
+    return Expected(places, opened, tuple(under_way))
+
+
+def _change(places: dict[str, Place], entry: Entry, file: dict[str, object], *, settled: bool) -> None:
+    path = str(file["path"])
+    if not _is_inside(path):
+        return
+    new = Output.of_fields(file) if "sha256" in file else None
+    if new is None and not settled and path not in places:
+        return  # it may be there still, and the row that finished it says how it was
+    before: tuple[Output | None, ...] = places[path].accepted if path in places else (None,)
+    places[path] = Place((new,) if settled else (new, *before), entry)
+
+
+def _is_inside(path: str) -> bool:
+    place = PurePosixPath(path)
+    return not place.is_absolute() and ".." not in place.parts

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from auditor.errors import StoreError
 from auditor.store.files import write_whole
-from auditor.store.log.outputs import Output, hash_file
+from auditor.store.log.entry import Output, hash_file
 
 PAGES = "reports/"
 """Where pages lie, which anybody may change."""

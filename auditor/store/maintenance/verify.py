@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from auditor.store.files import is_part
-from auditor.store.folder import StoreFolder
+from auditor.store.folder import MARKER, UPGRADED, StoreFolder, marker_content
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
-from auditor.store.log.entry import Entry
-from auditor.store.log.expected import expected
-from auditor.store.log.outputs import Output
+from auditor.store.log.entry import Entry, Output
+from auditor.store.log.runs import expected
 from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
-from auditor.store.maintenance.plausibility import implausible
-from auditor.store.maintenance.ties import untied
-from auditor.store.marker import MARKER, UPGRADED, marker_content
+from auditor.store.maintenance.plausibility import implausible, untied
 from auditor.store.packs.index import FOLDER, INDEX, Files, Member, Packs
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
 from auditor.store.store import Store

@@ -1,13 +1,20 @@
-"""What a refresh decided, for scripts, metrics and the page."""
+"""What a refresh decided, for scripts, metrics and the page, and what is left to a person."""
 
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, date, datetime
 from decimal import Decimal
 from enum import StrEnum
 from pathlib import Path
+from shlex import join
 from typing import NamedTuple
 
-from auditor.model.conditions import ConditionRate
+from auditor.model.calibration import ConditionRate
+from auditor.model.text import one_line
+from auditor.store.records import to_utc
+from auditor.store.store import Store
+from auditor.store.tables import read_rows
+from auditor.store.versions.history import History
 from auditor.store.versions.records import UsedRecording
 
 
@@ -135,3 +142,78 @@ class Refresh:
     decisions: tuple[Decision, ...]
     found: tuple[Finding, ...] = ()
     planned: tuple[Planned, ...] = ()
+
+
+class NextStep(NamedTuple):
+    """What to do, and the command for it."""
+
+    what: str
+    command: str
+
+
+def next_steps(one: Decision, store: Path) -> list[NextStep]:
+    """What a person does about a rig kind, in order; nothing where nothing waits for a person."""
+    return [NextStep(what, one_line(join([*words, "--store", str(store)]))) for what, words in _steps(one)]
+
+
+def _steps(one: Decision) -> Iterator[tuple[str, list[str]]]:
+    candidate, before = one.calibration_id or "", one.before
+    if one.look_at:
+        what = f"look at the recordings that wait ({len(one.look_at)}) and at their incidents"
+        yield what, ["auditor", "calibration", "quarantine"]
+        first = one.look_at[0].name
+        yield "of each that is clean say so: the next refresh learns from it", ["auditor", "label", first, "--clean"]
+        attack = ["--sensor", "S_NUMBER", "--attack", "KIND"]
+        yield "of each that was attacked say what: it is never learnt from", ["auditor", "label", first, *attack]
+    if one.decided is Decided.WAITING:
+        yield "name recordings that you know to be clean", ["auditor", "refresh", "RECORDING", "--clean"]
+    if one.decided is Decided.HELD:
+        if before is not None:
+            yield "look at what the candidate changes", ["auditor", "calibration", "diff", before[:12], candidate[:12]]
+        what = "put it in force if that is right, else leave it: the next refresh makes another"
+        yield what, ["auditor", "calibration", "promote", candidate[:12]]
+    if one.decided is Decided.PROMOTED and one.provisional:
+        what = "confirm the version in force: nobody named its recordings clean, or they are too few"
+        yield what, ["auditor", "calibration", "promote", candidate[:12]]
+
+
+@dataclass(frozen=True)
+class Quarantined:
+    """A recording that is left out until somebody has looked at it, why, and since when (UTC).
+
+    `judged` says that it was raised, or not like the others: it stays until it is labelled, whatever later thresholds
+    say. Else it is there for what it is, and leaves when that is no longer so.
+    """
+
+    recording_id: str
+    measurement_id: str
+    name: str
+    vehicle: str | None
+    day: date | None
+    frames: int
+    findings_by_others: int | None
+    reason: str
+    judged: bool
+    since: datetime
+
+
+def read_quarantine(store: Store, history: History) -> tuple[Quarantined, ...]:
+    """The recordings of a rig kind that wait for a person. Raises StoreError."""
+    path = store.path("quarantine", history.history_id)
+    rows = read_rows("quarantine", path) if path.is_file() else []
+    own = ("history_id", "kind", "matcher")
+    known = [{name: value for name, value in row.items() if name not in own} for row in rows]
+    return tuple(Quarantined(**{**one, "since": one["since"].replace(tzinfo=UTC)}) for one in known)
+
+
+def write_quarantine(store: Store, history: History, waiting: Sequence[Quarantined]) -> None:
+    """Replace the list of a rig kind, where it is another than before. Raises StoreError."""
+    if tuple(waiting) == read_quarantine(store, history):
+        return
+    of_kind = {
+        "history_id": history.history_id,
+        "kind": str(history.rig_kind),
+        "matcher": history.procedure.matcher,
+    }
+    rows = ({**of_kind, **asdict(one), "since": to_utc(one.since)} for one in waiting)
+    store.write("quarantine", history.history_id, rows)

@@ -7,7 +7,7 @@ from decimal import Decimal
 from enum import StrEnum
 from typing import Any
 
-from auditor.model.conditions import ConditionRate
+from auditor.model.calibration import ConditionRate
 from auditor.store.records import to_utc
 from auditor.store.store import Store
 from auditor.store.tables import Row, read_rows

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from auditor.identification.causes.light_causes import bounds_nearby
+from auditor.identification.causes import bounds_nearby
 from auditor.lab.evaluation.case_series import CaseSeries
 from auditor.store.case_arrays import load_cases
 from tests.making.evaluation_cases import make_evaluation, system_of

@@ -6,13 +6,12 @@ from numpy.typing import NDArray
 
 from auditor.lab.simulation import raycasting
 from auditor.lab.simulation.drives import make_drive
-from auditor.lab.simulation.raycasting import cast, placed
-from auditor.lab.simulation.rays import Hits, Rays
-from auditor.lab.simulation.sensors import camera_rays
+from auditor.lab.simulation.raycasting import Hits, Rays, cast, placed
 from auditor.lab.simulation.surfaces import Piece, gather
 from auditor.lab.simulation.textures import SIZE, Atlas, Tile, level_of, make_atlas
+from auditor.lab.simulation.vehicles import camera_rays
 from auditor.model.optics.geometry import motion
-from auditor.model.optics.lenses import Lens
+from auditor.model.optics.sensors import Lens
 from auditor.model.rig import Camera
 
 FOCAL = 100.0

@@ -22,7 +22,7 @@ from auditor.lab.simulation.spectra import channels, reflectances, spectral_radi
 from auditor.lab.simulation.stray_light import SunSeen, draw_lens, with_stray_light
 from auditor.lab.simulation.surfaces import Piece
 from auditor.lab.simulation.textures import Tile
-from auditor.model.parameter import list_parameters
+from auditor.model.parameters import list_parameters
 
 SMALL = {"width_px": 310, "height_px": 94}
 LUMA = np.array([0.114, 0.587, 0.299])

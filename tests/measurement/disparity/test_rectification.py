@@ -14,7 +14,7 @@ from auditor.measurement.disparity.rectification import rectification, shown_rec
 from auditor.model.frames import CameraImage, Frame, PointCloud, Skipped
 from auditor.model.measurement import Statistic
 from auditor.model.optics.geometry import invert, motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Camera, Rig
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import plane_frame, plane_rig

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.measurement.fault_features.frozen_data import fingerprints
+from auditor.measurement.fault_features.collect import fingerprints
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 

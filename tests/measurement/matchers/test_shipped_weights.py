@@ -9,7 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.identification.matcher_priors import SHIPPED  # noqa: E402
+from auditor.identification.parameters import SHIPPED  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402

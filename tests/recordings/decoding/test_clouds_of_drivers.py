@@ -22,7 +22,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings import open_recording, schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 from auditor.recordings.recording import Definition
 from tests.making.velodyne import header, velodyne_scan
 

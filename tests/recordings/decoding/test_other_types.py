@@ -4,10 +4,9 @@ import pytest
 
 from auditor.recordings import schemas
 from auditor.recordings.decoding import DECODERS
-from auditor.recordings.decoding.other_types import is_of_radar, is_other, raw_data_of
-from auditor.recordings.decoding.sensor_types import ONE_ROW, UNREAD
+from auditor.recordings.decoding.sensor_types import ONE_ROW, UNREAD, is_of_radar, is_other, raw_data_of
 from auditor.recordings.recording import Definition
-from auditor.recordings.writers.protobuf import descriptors
+from auditor.recordings.writers.messages import descriptors
 
 
 def test_no_type_of_a_camera_or_lidar_is_listed_as_another() -> None:

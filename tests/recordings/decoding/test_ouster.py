@@ -14,11 +14,11 @@ from auditor.model.frames import Frame
 from auditor.recordings import open_recording, schemas, search_rigs, synchronise
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.points.ouster import sensor_of
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import Survey, survey
-from auditor.recordings.writers.clip import write_clip
+from auditor.recordings.writers.convert import write_clip
 from tests.making.ouster import METADATA_TOPIC, PACKETS, TOPIC, metadata, packet_message, packets
 
 MADE_BY_THE_MAKER = json.loads(Path(__file__).with_name("ouster_packets.json").read_text())

@@ -17,9 +17,8 @@ from auditor.errors import DecodingError
 from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.decoding.videos.forms import _FORMS, form_of
 from auditor.recordings.decoding.videos.heads import Head
-from auditor.recordings.decoding.videos.tracks import Videos
+from auditor.recordings.decoding.videos.tracks import _FORMS, Videos, form_of
 from tests.making.foxglove_messages import (
     FoxgloveMessage,
     json_text,

@@ -13,8 +13,8 @@ from mcap.writer import CompressionType, Writer
 from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import open_recording, write_mcap
-from auditor.recordings.formats.mcap import reader
-from auditor.recordings.formats.mcap.records import unpack_chunk
+from auditor.recordings.formats import mcap
+from auditor.recordings.formats.mcap_records import unpack_chunk
 from auditor.recordings.formats.unpacking import BadChunkError
 from auditor.safety.budget import CHUNKS, MAX_BYTES, Spending
 from tests.making.recorded_drives import (
@@ -383,6 +383,6 @@ def test_labels_and_metadata_are_those_that_a_whole_read_has_passed(
     write_mcap(tmp_path / "a.mcap", RIG, FRAMES, [LABEL], vehicle="V7")
     with open_recording(tmp_path / "a.mcap") as recording:
         list(recording.messages())
-        monkeypatch.setattr(reader, "records", None)  # nothing is looked for again
+        monkeypatch.setattr(mcap, "records", None)  # nothing is looked for again
         assert recording.labels() == (LABEL,)
         assert recording.metadata() == {"vehicle": "V7"}

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from auditor.errors import RecordingError
 from auditor.recordings import find_rigs, open_recording, survey
 from auditor.recordings.formats.datasets.pandaset import points_of_pickle
-from auditor.recordings.formats.datasets.pickled_tables import columns_of
+from auditor.recordings.formats.datasets.pickles import columns_of
 from tests.making.datasets import write_pandaset
 from tests.making.message_forms import drive
 from tests.making.pickled_tables import LAYOUTS, pickled

@@ -12,10 +12,9 @@ from auditor.recordings import check_rig, find_rigs, rig_of_yaml, search_rigs
 from auditor.recordings.decoding import Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs import discovery, extrinsics
-from auditor.recordings.rigs.bounding import first_ones, overlapping_most
 from auditor.recordings.rigs.cameras import MOST_CANDIDATES
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.reasons import Reason
+from auditor.recordings.rigs.left_out import Reason, first_ones, overlapping_most
 from auditor.recordings.synchronisation.survey import Survey
 from tests.making.recorded_drives import make_rig
 from tests.recordings.rigs.test_camchain import camchain

@@ -7,7 +7,7 @@ from ruamel.yaml import YAML
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import invert, motion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_yaml, survey, write_mcap
 from auditor.recordings.decoding.calibration_texts import calibrations_of

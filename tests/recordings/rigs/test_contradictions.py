@@ -8,9 +8,8 @@ import pytest
 from auditor.model.optics.geometry import motion
 from auditor.recordings import contradictions, find_rigs, read_by, search_rigs
 from auditor.recordings.decoding import CameraInfo, Header
-from auditor.recordings.rigs.calibrations import of_pictures
+from auditor.recordings.rigs.calibrations import STANDARD, Axes, Conventions, Positions, Scale, of_pictures
 from auditor.recordings.rigs.cameras import find_views
-from auditor.recordings.rigs.conventions import STANDARD, Axes, Conventions, Positions, Scale
 from auditor.recordings.synchronisation.survey import Survey
 from tests.recordings.rigs.test_discovery import LIDAR_AT, K, P, at, info, look, x_of
 

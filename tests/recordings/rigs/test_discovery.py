@@ -9,7 +9,7 @@ from auditor.errors import RigError
 from auditor.lab.simulation.vehicles import rotation
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.optics.geometry import Matrix, invert, motion, rotation_from_quaternion
-from auditor.model.optics.lenses import NO_LENS, Lens
+from auditor.model.optics.sensors import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import check_rig, find_rigs, open_recording, read_rig, search_rigs, write_rig
 from auditor.recordings import survey as survey_of

@@ -10,7 +10,7 @@ from auditor.model.frames import Message
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings import search_rigs
 from auditor.recordings.decoding import Transform
-from auditor.recordings.synchronisation.mountings import Mountings
+from auditor.recordings.synchronisation.descriptions import Mountings
 from auditor.recordings.synchronisation.survey import Survey
 from tests.recordings.rigs.test_discovery import LIDAR_AT, P, at, info, look
 

@@ -8,7 +8,7 @@ from mcap.writer import Writer
 
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, write_mcap
-from auditor.recordings.decoding.standard_types import known_types
+from auditor.recordings.decoding.ros import known_types
 from auditor.recordings.synchronisation.survey import Survey
 from tests.making.recorded_drives import make_frames, make_rig
 

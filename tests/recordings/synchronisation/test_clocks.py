@@ -7,7 +7,7 @@ import pytest
 
 from auditor.model.rig import Rig
 from auditor.recordings.recording import Topic
-from auditor.recordings.synchronisation.clock_offsets import learn_timing
+from auditor.recordings.synchronisation.clocks import learn_timing
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Sample, Survey
 from tests.making.recorded_drives import make_rig
 

@@ -9,7 +9,7 @@ from auditor.recordings import open_recording, schemas, survey
 from auditor.recordings.decoding.geometry import RosTransformsDecoder
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.rigs.in_force import rigs_in_force
-from auditor.recordings.synchronisation import mountings as surveying
+from auditor.recordings.synchronisation import descriptions as surveying
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from auditor.model.poses import FramePose, Pose, PoseTopic
+from auditor.model.frames import FramePose, Pose, PoseTopic
 from auditor.recordings import FramePoses, FrameTimes, convert, open_recording, read_poses, schemas
 from auditor.recordings.decoding import poses as decoding
 from auditor.recordings.synchronisation import poses as synchronisation

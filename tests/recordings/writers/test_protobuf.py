@@ -8,7 +8,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory  # type: ignore[import-untyped]
 
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
-from auditor.recordings.writers.protobuf import FLOAT32, descriptors, protobuf
+from auditor.recordings.writers.messages import FLOAT32, descriptors, protobuf
 
 STAMP = {"seconds": 1_700_000_000, "nanos": 123_456_789}
 POSE = {"position": {"x": 1.5, "y": -2.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}

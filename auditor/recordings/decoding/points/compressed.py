@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.recordings.decoding.clouds import DATATYPES, PointCloudDecoder
 from auditor.recordings.decoding.points.cloudini import MAGIC, of_cloudini
-from auditor.recordings.decoding.points.layouts import DATATYPES
 from auditor.safety.budget import CHUNKS, MAX_POINTS, OverBudgetError, Spending
 
 _ZSTD = b"\x28\xb5\x2f\xfd"

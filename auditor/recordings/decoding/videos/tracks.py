@@ -5,21 +5,74 @@ A picture of a video holds the differences to those before it: every message of 
 depends on no later one, and parameters with every key picture, as Foxglove's documentation requires.
 """
 
+import re
 from collections import deque
 from collections.abc import Callable
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.interface import Header, SizePx
 from auditor.recordings.decoding.pictures import check_size
-from auditor.recordings.decoding.videos.forms import VideoForm, form_of
+from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.decoding.videos.av1 import Av1
+from auditor.recordings.decoding.videos.h264 import H264
+from auditor.recordings.decoding.videos.h265 import H265
 from auditor.recordings.decoding.videos.heads import Head, Heads
+from auditor.recordings.decoding.videos.vpx import Vp8, Vp9
 from auditor.safety.budget import MAX_PIXELS
+
+
+class VideoForm(NamedTuple):
+    """A form that is read: how it is named, who reads its headers, and FFmpeg's decoder of it."""
+
+    name: str
+    named: re.Pattern[str]
+    heads: Callable[[], Heads]
+    decoder: str
+
+
+H264_FORM = VideoForm("H.264", re.compile(r"[hx]\.?264|avc", re.IGNORECASE), H264, "h264")
+H265_FORM = VideoForm("H.265", re.compile(r"[hx]\.?265|hevc", re.IGNORECASE), H265, "hevc")
+AV1_FORM = VideoForm("AV1", re.compile(r"av1|libaom", re.IGNORECASE), Av1, "libdav1d")
+_FORMS = (
+    H265_FORM,
+    AV1_FORM,
+    VideoForm("VP9", re.compile(r"vp0?9", re.IGNORECASE), Vp9, "vp9"),
+    VideoForm("VP8", re.compile(r"vp0?8|libvpx\b(?!-)", re.IGNORECASE), Vp8, "vp8"),
+    H264_FORM,
+)
+_OTHERS = {
+    "MPEG-4": re.compile(r"mpeg-?4|mp4v", re.IGNORECASE),
+    "Theora": re.compile(r"theora", re.IGNORECASE),
+}
+
+_UNITS_BEGIN = re.compile(rb"\x00?\x00\x00\x01")
+_H265_BEGINS = re.compile(rb"\x00?\x00\x00\x01[\x40\x42\x44\x46\x4e]\x01")
+"""A start code and a unit of parameters or a delimiter (ITU-T H.265, 7.3.1.2 and table 7-1), no unit of H.264."""
+
+_AV1_BEGINS = b"\x12\x00"
+"""An empty temporal delimiter (AV1 Bitstream & Decoding Process, 5.6), with which every temporal unit begins."""
+
+
+def form_of(declared: str, data: bytes | memoryview) -> VideoForm | None:
+    """The form of a video; None of anything else. Raises DecodingError, with its name, for a video that is not read.
+
+    What is named H.264 and begins as H.265 is H.265: drivers leave a name from before.
+    """
+    begins = bytes(data[:8])
+    for name, word in _OTHERS.items():
+        if word.search(declared):
+            raise DecodingError(f"the video {declared[:40]!r} is {name}, which is not decoded")
+    named = next((form for form in _FORMS if form.named.search(declared)), None)
+    if named in {None, H264_FORM, H265_FORM} and _UNITS_BEGIN.match(begins):
+        return H265_FORM if named is H265_FORM or _H265_BEGINS.match(begins) else H264_FORM
+    return AV1_FORM if named is None and begins.startswith(_AV1_BEGINS) else named
+
 
 MAX_PENDING_BYTES = 32 * 2**20
 MAX_PENDING = 600
@@ -206,3 +259,22 @@ def _new_codec(form: VideoForm, size_px: SizePx | None) -> Any:  # noqa: ANN401 
     most_pixels = min((width + 128) * (height + 128), 2 * MAX_PIXELS)
     codec.options = {"flags": "low_delay", "err_detect": "explode+crccheck", "max_pixels": str(most_pixels)}
     return codec
+
+
+class RosVideoDecoder(Videos):
+    """A topic of a video; both messages begin as one with a std_msgs/Header does."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self, types: RosTypes) -> None:
+        super().__init__(self._video)
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header, without decoding the rest."""
+        return read_header(message)
+
+    def _video(self, message: Message) -> VideoData:
+        packet = self._types.decode(message)
+        declared = packet.encoding if hasattr(packet, "encoding") else packet.format
+        return VideoData(declared, bytes(packet.data), read_header(message).stamp_ns or message.log_time_ns)

@@ -24,7 +24,7 @@ from auditor.recordings.content import Contents
 from auditor.recordings.decoding.geometry import motion_of
 from auditor.recordings.decoding.picture_heads import inspect_picture
 from auditor.recordings.formats.datasets.dataset import DatasetRecording, Pinhole, Sensor, existing, load_table
-from auditor.recordings.formats.datasets.pickled_tables import columns_of
+from auditor.recordings.formats.datasets.pickles import columns_of
 from auditor.safety.budget import CHUNKS, OverBudgetError, Spending
 
 _FRONT = "front_camera"

@@ -1,0 +1,205 @@
+"""What sensor checks say of causes that are no attacks: dirt, exposures, white balance, and aerosols.
+
+Dirt, exposures and white balance do not change a camera's light checks as light does. Dust, steam and exhaust in the
+LiDAR's cloud make returns scatter: they are told by the checks that find what does.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import exp, isnan, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT, THROWN_LIGHT
+from auditor.identification.naming import name_attacked
+from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.statistics import NANOSECONDS, window_bounds
+from auditor.identification.systems import System
+from auditor.model.arrays import Floats, Indices, Integers
+from auditor.model.checks import CAMERA_CHECKS, Check
+from auditor.model.rig import LIDAR
+from auditor.model.verdict import FINDINGS, Cause, Evidence, FaultHypothesis, Verdict
+
+
+def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
+    """An aerosol, where the strongest of what fired is that returns scatter."""
+    strongest = _strongest(verdict.evidence)
+    return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and _scatters(verdict.evidence) else ()
+
+
+def name_beside_aerosols(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
+    """The verdicts of `name_attacked`; where an aerosol explains the LiDAR, what other sensors show is named alone."""
+    verdicts = name_attacked(z, system, missing, limit)
+    frames = [frame for frame, verdict in enumerate(verdicts) if _beside_aerosol(verdict)]
+    quiet = z[frames]
+    of_lidar = [check.sensor == LIDAR for check in system.sensor_checks]
+    quiet[:, of_lidar] = np.minimum(quiet[:, of_lidar], 0)
+    alone = name_attacked(quiet, system, [missing[frame] for frame in frames], limit)
+    for frame, verdict in zip(frames, alone, strict=True):
+        if verdict.kind in FINDINGS:
+            verdicts[frame] = verdict
+    return verdicts
+
+
+def _beside_aerosol(verdict: Verdict) -> bool:
+    """Whether an aerosol explains what the LiDAR shows, and another sensor shows something as well."""
+    own = [one for one in verdict.evidence if one.i == LIDAR]
+    return len(own) < len(verdict.evidence) and _scatters(own)
+
+
+def _scatters(evidence: Sequence[Evidence]) -> bool:
+    strongest = _strongest(evidence)
+    return strongest is not None and Check(strongest.check_name).kind.of_aerosol
+
+
+def _strongest(evidence: Sequence[Evidence]) -> Evidence | None:
+    return max(evidence, key=lambda one: one.score, default=None)
+
+
+ENOUGH = 0.5
+"""The score from which on a fault is as likely as an attack."""
+
+
+class Nearby(NamedTuple):
+    """The frames around one that is judged, itself among them: scores z (N, M), over `span_s` seconds."""
+
+    z: Floats
+    span_s: float
+
+    def lasting(self, column: int, z: float) -> tuple[float, float]:
+        """What a check shows nearby, whose score in the frame is `z`: for how many seconds as much, in which share not.
+
+        Half of its z is as much: it comes and goes by what the light falls on. NaN where no other frame was measured.
+        """
+        known = self.z[~np.isnan(self.z[:, column]), column]
+        if len(known) < 2:
+            return nan, nan
+        shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
+        return shown * min(self.span_s, LIGHT_OF_CAUSES.nearby_s), 1 - shown
+
+
+def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices]:
+    """(F,) the first of the frames that are nearby each of F frames, and the one after the last.
+
+    They are those of its run within half of `nearby_s`; on a side where none is, the next one within `further_s`, even
+    beyond a gap: a lens is not cleaned in a gap. A clock that was set back tells nothing.
+    """
+    first, end = window_bounds(stamps_ns, LIGHT_OF_CAUSES.nearby_s, runs)
+    step = np.diff(stamps_ns)
+    close = (step > 0) & (step <= LIGHT_OF_CAUSES.further_s * NANOSECONDS)
+    places = np.arange(len(stamps_ns))
+    first = first - ((first == places) & np.concatenate([[False], close]))
+    end = end + ((end == places + 1) & np.concatenate([close, [False]]))
+    return first, end
+
+
+class Seen(NamedTuple):
+    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
+
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
+    is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
+    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are
+    the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
+    does not; NaN where no other frame is known.
+    """
+
+    added: float
+    removed: float
+    inconsistent: float
+    darker: float
+    saturated_px: float = nan
+    coloured: float = nan
+    striped: float = nan
+    shown_s: float = nan
+    gone: float = nan
+
+    @property
+    def thrown(self) -> bool:
+        """Whether light of one colour or in rows was added: no dirt or exposure does."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_thrown or self.striped >= LIGHT_OF_CAUSES.least_thrown
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether the camera still sees what the others see."""
+        return self.inconsistent < LIGHT_OF_CAUSES.unchanged
+
+    @property
+    def chance_of_lens(self) -> float:
+        """How likely dirt, drops or glare on the lens are, against light thrown in; even odds before it is seen.
+
+        What is not known says nothing. A lens's fault stays for minutes, thrown light seldom so long, and what is
+        there for one frame is on no lens.
+        """
+        of = THROWN_LIGHT
+        curves = (
+            (self.removed, CHANGED_AT, of.of_removed),
+            (self.inconsistent, CHANGED_AT, of.of_inconsistent),
+            (float(np.log(self.darker)), DARKER_AT, of.of_darker),
+            (float(np.log1p(self.saturated_px)), SATURATED_AT, of.of_saturated),
+        )
+        ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
+        if not isnan(self.shown_s):
+            ratio += self._of_time
+        return 1 / (1 + exp(ratio))
+
+    @property
+    def _of_time(self) -> float:
+        return LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
+
+
+def seen_of(
+    verdict: Verdict,
+    z: Floats,
+    statistics: Floats,
+    system: System,
+    brightness: Mapping[tuple[str, int], float],
+    nearby: Nearby | None = None,
+) -> dict[int, Seen]:
+    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
+
+    `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are
+    known.
+    """
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    found = {}
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        own = {
+            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
+        }
+        added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
+        coloured, striped = (
+            nan if column is None else float(z[column])
+            for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT))
+        )
+        if added is not None and removed is not None and inconsistent is not None:
+            darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
+            saturated = brightness.get(("saturated_px", sensor), nan)
+            own_z = z[added], z[removed], z[inconsistent]
+            strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
+            lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting)
+    return found
+
+
+def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
+    """The cameras of which dirt, drops or glare on the lens are likelier than light that was thrown into them.
+
+    Glare adds light, and what is seen is the same; dirt and drops take light away, or show something else.
+    """
+    found = []
+    for sensor, one in seen.items():
+        chance = 0.0 if one.thrown else one.chance_of_lens
+        if chance >= ENOUGH:
+            glare = one.unchanged and one.darker < 1
+            found.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
+    return tuple(found)
+
+
+def by_tone(seen: Seen) -> bool:
+    """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
+
+    Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
+    little brighter than predicted. Neither adds light of one colour or in rows.
+    """
+    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)

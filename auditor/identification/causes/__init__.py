@@ -1,1 +1,0 @@
-"""Causes that are not attacks: their scores, and when one explains a finding."""

@@ -1,1 +1,0 @@
-"""Drift: sensors that change from day to day, told from chance by the days of the whole fleet."""

@@ -1,1 +1,0 @@
-"""Pictures of a measured recording: it is opened again, and frames of it are drawn."""

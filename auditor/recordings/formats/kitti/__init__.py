@@ -1,1 +1,0 @@
-"""The folders of KITTI's raw drives and of its odometry benchmark."""

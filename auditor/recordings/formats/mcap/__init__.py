@@ -1,1 +1,0 @@
-"""MCAP files, read forward with limits on every size."""

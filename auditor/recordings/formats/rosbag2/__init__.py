@@ -1,1 +1,0 @@
-"""The .db3 files of ROS 2 recordings, read without SQL."""

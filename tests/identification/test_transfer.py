@@ -1,0 +1,188 @@
+"""A calibration for other rigs: which is closest, and what a judgement by it says of vehicle, LiDAR and machine."""
+
+from dataclasses import replace
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from auditor.identification.faults import ObservedFeatures, fault_scores, faults_of
+from auditor.identification.scores import TONES, thresholds_from
+from auditor.identification.thresholds import check_calibration
+from auditor.identification.transfer import (
+    OPENCV,
+    OPENCV_CPU,
+    calibration_for,
+    closeness,
+    for_sparser_lidar,
+    halvings_of_points,
+    marks_of,
+)
+from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
+from auditor.model.checks import COLUMNS, Check, rig_sensor_checks
+from auditor.model.measurement import BRIGHTNESS, Procedure
+from auditor.model.rig import Rig
+from auditor.model.rig_kind import Similarity
+from auditor.model.verdict import Cause
+from tests.making.scenes import plane_rig
+
+RIG = plane_rig((1.04, 0.74, 0.4, 0.0))
+CHECKS = rig_sensor_checks(RIG)
+PROCEDURE = Procedure("sgbm", "{}")
+FRAMES = 20
+R = Decimal("0.01")
+MACHINE = {OPENCV: "5.0.0", OPENCV_CPU: "SSE *AVX2", "numpy": "2.3"}
+
+
+def clean(recording_id="a", returns=18_000.0, level=0.3, **changed):
+    """Clean frames with one value of every statistic, and fault scores of 0.5."""
+    stamps = np.arange(FRAMES, dtype=np.int64) * 100_000_000
+    jitter = np.linspace(-0.01, 0.01, FRAMES)
+    scores = dict.fromkeys(faults_of(RIG.sensors), 0.5 + jitter)
+    usual = {"returns": np.full(FRAMES, returns), "versions": MACHINE}
+    return CleanFrames(recording_id, stamps, {}, dict.fromkeys(CHECKS, level + jitter), scores, **usual | changed)
+
+
+def calibration(*recordings):
+    return Calibration("c", RIG.kind, PROCEDURE, recordings)
+
+
+def marks(of, returns=18_000.0, versions=MACHINE, recording_id="b", similarity=Similarity.SAME):
+    return marks_of(of, similarity, recording_id, halvings_of_points(of.clean, RIG, np.full(5, returns)), versions)
+
+
+def test_a_recording_of_the_same_vehicle_and_machine_has_no_mark():
+    assert marks(calibration(clean())) == Marks()
+
+
+def test_a_recording_that_the_calibration_was_made_of_is_in_sample():
+    assert marks(calibration(clean("a"), clean("b"))).in_sample
+    assert not marks(calibration(clean("a"), clean("c"))).in_sample
+
+
+def test_the_similarity_of_rig_kinds_is_handed_on():
+    assert marks(calibration(clean()), similarity=Similarity.SIMILAR) == Marks(Similarity.SIMILAR)
+
+
+@pytest.mark.parametrize(
+    ("returns", "another"), [(9_000, True), (12_500, True), (13_500, False), (25_000, False), (25_500, True)]
+)
+def test_a_lidar_with_far_fewer_or_more_points_in_view_is_another_one(returns, another):
+    assert marks(calibration(clean()), returns=returns).other_lidar is another
+
+
+def test_drives_weigh_alike_however_many_frames_they_have_and_some_frames_without_points_do_not_matter():
+    busy, bare = clean(returns=20_000.0), clean("open", returns=16_000.0)
+    many = replace(bare, returns=np.full(500, 16_000.0))
+    seen = np.array([10_000.0] * 5 + [np.nan, 0.0])
+    assert halvings_of_points([busy, busy, bare], RIG, seen) == pytest.approx(1)
+    assert halvings_of_points([busy, busy, many], RIG, seen) == pytest.approx(1)
+    assert halvings_of_points([busy, many], RIG, np.full(3, 36_000.0)) == pytest.approx(-1)
+
+
+def test_without_points_on_one_side_no_lidar_is_another_one():
+    unknown = clean(returns=np.nan)
+    without = replace(unknown, returns=np.zeros(0))
+    assert np.isnan(halvings_of_points([without], RIG, np.full(3, 9_000.0)))
+    assert np.isnan(halvings_of_points([clean()], RIG, np.full(3, np.nan)))
+    assert np.isnan(halvings_of_points([], RIG, np.zeros(0)))
+    assert np.isnan(halvings_of_points([clean()], RIG, np.zeros(3)))
+    for few in (without, unknown):
+        assert not marks(calibration(few), returns=1_000).other_lidar
+
+
+def test_of_the_prior_a_lidar_is_compared_by_its_points_a_radian_of_the_view():
+    kitti = Rig(None, (replace(RIG.cameras[0], width_px=1242, projection=np.diag([721.5, 721.5, 1, 1])[:3]),))
+    assert halvings_of_points([], kitti, np.full(3, 18_900.0)) == pytest.approx(0, abs=0.01)
+    assert halvings_of_points([], kitti, np.full(3, 18_900.0 / 4)) == pytest.approx(2, abs=0.01)
+
+
+@pytest.mark.parametrize("known", [(), (clean("a"), clean("b"))], ids=["prior", "learnt"])
+def test_of_a_sparser_lidar_more_isolated_points_are_expected_and_nothing_else_is(known):
+    usual = thresholds_from(known, CHECKS, len(CHECKS), R)
+    half, quarter, double = (for_sparser_lidar(usual, halvings) for halvings in (1.0, 2.0, -1.0))
+    assert double == usual
+    isolated = [check for check in CHECKS if check.check is Check.ISOLATED_POINTS]
+    assert isolated
+    for check in isolated:
+        means = [one.expected[check].mean for one in (usual, half, quarter)]
+        assert np.diff(means) == pytest.approx([1.35, 1.35])
+        assert half.expected[check].deviation == usual.expected[check].deviation
+    assert {check for check in CHECKS if half.expected[check] != usual.expected[check]} == set(isolated)
+    assert (half.causes, half.limit, half.drives) == (usual.causes, usual.limit, usual.drives)
+
+
+def test_the_prior_alone_expects_something_of_every_check_and_fault():
+    prior = prior_calibration(RIG.kind, PROCEDURE)
+    assert (prior.calibration_id, prior.recordings, prior.samples) == (PRIOR, (), {})
+    thresholds = thresholds_from(prior.clean, CHECKS, len(CHECKS), R, prior.calibration_id)
+    assert thresholds.drives == 0
+    assert set(thresholds.expected) == set(CHECKS)
+    assert set(thresholds.causes) == {fault for fault in faults_of(RIG.sensors) if fault[0] not in TONES}
+    assert (Cause.RAIN, 0) in thresholds.causes
+
+
+@pytest.mark.parametrize("sensors", [RIG.sensors, RIG.sensors[1:]])
+def test_the_faults_of_a_rig_are_those_that_scores_are_made_of(sensors):
+    nothing = np.full((FRAMES, len(RIG.pairs)), np.nan)
+    cameras = tuple(camera.number for camera in RIG.cameras)
+    seen = ObservedFeatures(
+        RIG.pairs, dict.fromkeys(COLUMNS, nothing), cameras, dict.fromkeys(BRIGHTNESS, nothing[:, : RIG.n])
+    )
+    assert set(fault_scores(seen, np.arange(FRAMES), sensors)) == set(faults_of(sensors))
+
+
+@pytest.mark.parametrize(
+    ("versions", "says"),
+    [
+        (MACHINE, ""),
+        ({**MACHINE, "numpy": "1.26"}, ""),
+        ({}, ""),
+        ({OPENCV: "4.12.0"}, "OpenCV 4.12.0, not 5.0.0"),
+        ({OPENCV: "5.0.0", OPENCV_CPU: "SSE NEON"}, "another CPU (*AVX2 NEON)"),
+        ({OPENCV: "4.12.0", OPENCV_CPU: "SSE"}, "OpenCV 4.12.0, not 5.0.0, another CPU (*AVX2)"),
+    ],
+)
+def test_counts_of_another_opencv_or_cpu_are_told(versions, says):
+    learnt = calibration(clean("a"), clean("c"), clean("old", versions={}))
+    assert marks(learnt, versions=versions).measured_otherwise == says
+
+
+PART = plane_rig((0.74, 0.4, 0.0))
+
+
+def larger(rig: Rig, by: float = 1.03) -> Rig:
+    """The rig with images and focal lengths that are larger by a factor."""
+    cameras = tuple(
+        replace(camera, width_px=round(by * camera.width_px), projection=np.diag([by, by, 1]) @ camera.projection)
+        for camera in rig.cameras
+    )
+    return Rig(rig.lidar, cameras)
+
+
+def calibrated_on(rig: Rig) -> Calibration:
+    return Calibration("c", rig.kind, PROCEDURE, ())
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "rank", "similarity"),
+    [
+        (PART, (False, 0), Similarity.SAME),
+        (RIG, (False, 1), Similarity.SAME),
+        (larger(PART), (True, 0), Similarity.SIMILAR),
+        (larger(RIG), (True, 1), Similarity.SIMILAR),
+    ],
+    ids=["same", "part", "similar", "similar part"],
+)
+def test_the_same_vehicle_is_closer_than_a_similar_one_also_with_more_sensors(calibrated, rank, similarity) -> None:
+    calibration = calibrated_on(calibrated)
+    assert closeness(calibration, PART) == rank
+    held = calibration_for(calibration, PART)
+    assert (held is calibration) is (rank[1] == 0)
+    assert check_calibration(held, rig_kind=PART.kind, procedure=PROCEDURE) is similarity
+
+
+def test_other_rigs_are_not_close() -> None:
+    for other in (larger(PART, 1.1), larger(RIG, 1.1), plane_rig((0.4, 0.0))):
+        assert closeness(calibrated_on(other), PART) is None
+        assert calibration_for(calibrated_on(other), PART) is None
