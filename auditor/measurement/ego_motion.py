@@ -18,6 +18,8 @@ from auditor.model.optics.geometry import Matrix
 _CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, OpenCV's
 _LEVELS = 3  # of the pyramid, OpenCV's
 _TRIALS = 100  # of RANSAC, OpenCV's
+_FLOW_ENDS = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03
+"""A corner is followed for so many steps at most, or until one is of so few half px: OpenCV's are 30 and 0.01."""
 
 
 Rows = NDArray[np.signedinteger]
@@ -87,11 +89,12 @@ def ego_motion(
 def _corners(image: Image, row: Rows, column: Rows) -> Indices:
     """The points with the strongest corners, one a block of the image at most."""
     strength = np.asarray(cv2.cornerMinEigenVal(image, EGO_MOTION.corner_px))[row, column]
-    blocks = -(-image.shape[1] // EGO_MOTION.corner_block_px)
-    block = row // EGO_MOTION.corner_block_px * blocks + column // EGO_MOTION.corner_block_px
-    order = np.lexsort((-strength, block))
-    first: Integers = np.diff(block[order], prepend=-1)
-    best = order[first > 0]
+    height, width = (-(-side // EGO_MOTION.corner_block_px) for side in image.shape)
+    block = row // EGO_MOTION.corner_block_px * width + column // EGO_MOTION.corner_block_px
+    highest = np.full(height * width, -np.inf, dtype=np.float32)
+    np.maximum.at(highest, block, strength)
+    best = np.flatnonzero(strength == highest[block])
+    best = best[np.unique(block[best], return_index=True)[1]]
     strongest = np.argsort(-strength[best], kind="stable")[: EGO_MOTION.most_corners]
     return np.asarray(best[strongest])
 
@@ -130,6 +133,7 @@ def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -
         points_px + moved_px,
         winSize=_WINDOW,
         maxLevel=_LEVELS,
+        criteria=_FLOW_ENDS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
     )
     return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

@@ -51,7 +51,7 @@ class SeveralLidars:
         for (i, k), found in said.items():
             if found.fits(said[k, i]):
                 lookers[i] += found.looked_at
-                share = measure_contested_returns(scans[i].points[found.points], self._rig.alone(i))
+                share = measure_contested_returns(scans[i].points(found.points), self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
         clouds = frame.clouds.items()
         coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds}
