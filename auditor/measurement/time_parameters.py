@@ -51,7 +51,8 @@ class ParallaxConflict:
     farther_px: int = parameter(32, unit="px of parallax less that are tried at most", source=BY_HAND)
     nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)
     step_px: int = parameter(3, unit="px between those that are tried first", source=_STEPS)
-    promising: float = parameter(0.5, unit="NCC at the best of them, beyond which those around it are", source=_STEPS)
+    smooth_px: int = parameter(3, unit="px over which the pictures' levels are means for that", source=_STEPS)
+    promising: float = parameter(0.6, unit="NCC at the best of them, beyond which those around it are", source=_STEPS)
     beside_px: int = parameter(1, unit="px either way that count as at the LiDAR's range", source=_DRIVES)
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(

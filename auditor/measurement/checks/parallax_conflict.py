@@ -33,7 +33,8 @@ _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
 _EVERY = np.arange(_RIGHT.size)
 _SPARSE = np.flatnonzero((_RIGHT % 2 == 0) & (_DOWN % 2 == 0))
-"""Every pixel of a patch, and every second one of every second row."""
+"""Every pixel of a patch, and every second one of every second row, where pictures are smooth."""
+_SMOOTH = PARALLAX_CONFLICT.smooth_px, PARALLAX_CONFLICT.smooth_px
 _HALVES = np.stack([_DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0], axis=1).astype(np.float32)
 """(pixels, 4) which pixels of a patch are of its upper, lower, left and right half."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
@@ -42,8 +43,8 @@ _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px 
 _AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1)[:, None]
 _FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_OFFSETS) > _BESIDE))
 """The places of the offsets that are tried first."""
-_AROUND = np.array([step for step in range(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px) if step])[:, None]
-"""Those that are tried then, from the best of them: their neighbours, and the neighbours of these."""
+_AROUND = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
+"""Those that are tried then, from the best of them: it, its neighbours, and their neighbours."""
 _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
@@ -236,15 +237,14 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
 
 def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
     """As `_compared`, in two pictures (H, W)."""
-    patches = _patches(now, sought.pixel, np.ones(len(sought.pixel)))
-    patches -= patches.mean(axis=1, keepdims=True)
+    patches = _patches(now, sought.pixel, np.ones(1))
     [at_range] = _nccs(patches, before, sought, np.zeros((1, 1)))
     # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
     patches, some = patches[doubtful], sought.chosen(doubtful)
     beside = np.insert(_nccs(patches, before, some, _AT_RANGE[_AT_RANGE != 0, None]), _BESIDE, at_range[doubtful], axis=0)
     at_range[doubtful] = beside.max(axis=0)
-    best, offset = _best_elsewhere(patches, before, some, beside)
+    best, offset = _best_elsewhere(patches, before, some, _promising(now, before, some), beside)
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
     elsewhere = np.flatnonzero(best > np.maximum(PARALLAX_CONFLICT.consistent, clearly))
     agrees = at_range > PARALLAX_CONFLICT.agreeing
@@ -263,7 +263,7 @@ def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats
         return np.zeros(0, dtype=np.bool_)
     offsets = np.concatenate([offset[None], np.broadcast_to(_AT_RANGE, (len(_AT_RANGE), offset.size))])
     others = _patches_before(before, sought, offsets)
-    size = _HALVES.sum(axis=0)
+    patches, size = patches - patches.mean(axis=1, keepdims=True), _HALVES.sum(axis=0)
     mean, other_mean = patches @ _HALVES / size, others @ _HALVES / size
     both = (patches * others) @ _HALVES - size * mean * other_mean
     norm = _norms(np.square(patches) @ _HALVES - size * np.square(mean))
@@ -271,27 +271,38 @@ def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats
     return np.asarray((ncc[0] > ncc[1:].max(axis=0) + PARALLAX_CONFLICT.clearly_less).all(axis=1))
 
 
+def _promising(now: Image, before: Image, sought: _Sought) -> Indices:
+    """(P,) which of the offsets is the best by some pixels of pictures without their details; -1 where none is good.
+
+    Every third one is tried.
+    """
+    now, before = (np.asarray(cv2.blur(one, _SMOOTH), dtype=np.uint8) for one in (now, before))
+    offsets = _OFFSETS[_FIRST, None]
+    ncc = _nccs(_patches(now, sought.pixel, np.ones(1), _SPARSE), before, sought, offsets, _SPARSE)
+    ncc[sought.parallax_px + offsets < -1] = -1
+    good = ncc.max(axis=0) > PARALLAX_CONFLICT.promising
+    return np.where(good, _FIRST[ncc.argmax(axis=0)], -1)
+
+
 def _best_elsewhere(
-    patches: Floats32, before: Image, sought: _Sought, beside: Floats32
+    patches: Floats32, before: Image, sought: _Sought, promising: Indices, beside: Floats32
 ) -> tuple[Floats32, Floats]:
     """(P,) the largest NCC on the points' lines, not at the LiDAR's range, and how many px from there it is.
 
-    No farther away than the point at infinity; -1 where it is the last of what is tried, which may be no peak. Every
-    third offset is tried first, then those around the best of them. `beside` are the NCC at the LiDAR's range.
+    It is sought around offsets that are `promising` (P,), and no farther away than the point at infinity; -1 where it
+    is the last of what is tried, which may be no peak. `beside` are the NCC at the LiDAR's range.
     """
-    points = np.arange(len(patches))
-    ncc = np.full((_OFFSETS.size, points.size), -1, dtype=np.float32)
-    ncc[_FIRST] = _nccs(patches, before, sought, _OFFSETS[_FIRST, None])
-    ncc[sought.parallax_px + _OFFSETS[:, None] < -1] = -1
-    first, at_range = ncc.argmax(axis=0), np.abs(_OFFSETS) <= _BESIDE
-    near = np.flatnonzero(ncc[first, points] > PARALLAX_CONFLICT.promising)
-    around = np.clip(first[near] + _AROUND, 0, _OFFSETS.size - 1)
+    points, near = np.arange(len(patches)), np.flatnonzero(promising >= 0)
+    around = np.clip(promising[near] + _AROUND, 0, _OFFSETS.size - 1)
     tried = _nccs(patches[near], before, sought.chosen(near), _OFFSETS[around])
+    ncc = np.full((_OFFSETS.size, points.size), -1, dtype=np.float32)
     ncc[around, near] = np.where(sought.parallax_px[near] + _OFFSETS[around] < -1, np.float32(-1), tried)
-    best = np.where(at_range[:, None], np.float32(-1), ncc).argmax(axis=0)
+    at_range = np.abs(_OFFSETS) <= _BESIDE
+    ncc[at_range] = -1
+    best = ncc.argmax(axis=0)
+    largest = np.where((best == 0) | (best == _OFFSETS.size - 1), np.float32(-1), ncc[best, points])
     ncc[at_range] = beside
-    at_an_end = (best == 0) | (best == _OFFSETS.size - 1)
-    return np.where(at_an_end, np.float32(-1), ncc[best, points]), _OFFSETS[best] + _between(ncc, best)
+    return largest, _OFFSETS[best] + _between(ncc, best)
 
 
 def _between(ncc: Floats32, best: Indices) -> Floats:
@@ -307,16 +318,10 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _nccs(
-    patches: Floats32, before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY
-) -> Floats32:
-    """(O, P) the NCC of some pixels of patches now with the picture before, `offsets` px from the LiDAR's range.
-
-    Offsets are (O, 1) or (O, P).
-    """
+def _nccs(patches: Floats32, before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY) -> Floats32:
+    """(O, P) the NCC of patches now with the picture before, `offsets` px (O, 1) or (O, P) from the LiDAR's range."""
     offsets = np.broadcast_to(offsets, (len(offsets), len(patches)))
-    patches = patches[:, pixels]
-    patches -= patches.mean(axis=1, keepdims=True)
+    patches = patches - patches.mean(axis=1, keepdims=True)
     norms = _norms(np.einsum("pk,pk->p", patches, patches))
     ncc = np.empty(offsets.shape, dtype=np.float32)
     at_once = max(_PATCHES_AT_ONCE // len(offsets), 1)
@@ -338,9 +343,10 @@ def _patches_before(before: Image, sought: _Sought, offsets: Floats, pixels: Ind
 
 
 def _patches(image: Image, centres: Floats, scale: Floats, pixels: Indices = _EVERY) -> Floats32:
-    """(P, pixels) patches of an image around centres (P, 2), (P,) times as wide as those now."""
+    """(P, pixels) patches of an image around centres (P, 2), (P,) or (1,) times as wide as those now."""
     if not len(centres):
         return np.zeros((0, pixels.size), dtype=np.float32)
+    scale = np.broadcast_to(scale, len(centres))
     column, row = (
         np.stack([middle, scale], axis=1, dtype=np.float32) @ np.stack([np.ones_like(beside), beside])[:, pixels]
         for middle, beside in zip(centres.T, (_RIGHT, _DOWN), strict=True)
