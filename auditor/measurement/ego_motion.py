@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from auditor.measurement.parameters import LIDAR_PROJECTION
 from auditor.measurement.time_parameters import EGO_MOTION
-from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 
 _CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, OpenCV's
 _LEVELS = 3  # of the pyramid, OpenCV's
 _TRIALS = 100  # of RANSAC, OpenCV's
-_FLOW_ENDS = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03
-"""A corner is followed for so many steps at most, or until one is of so few half px: OpenCV's are 30 and 0.01."""
 
 
 Rows = NDArray[np.signedinteger]
@@ -133,7 +131,6 @@ def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -
         points_px + moved_px,
         winSize=_WINDOW,
         maxLevel=_LEVELS,
-        criteria=_FLOW_ENDS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
     )
     return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0

@@ -15,7 +15,7 @@ class EgoMotion:
 
     corner_px: int = parameter(3, unit="half px, window of a corner", source=BY_HAND)
     corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
-    most_corners: int = parameter(200, unit="corners", source="bounds the work: 300 tried (docs/decisions.md)")
+    most_corners: int = parameter(300, unit="corners", source="bounds the work: 200 tried (docs/decisions.md)")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
     guessed_from_px: float = parameter(
         24.0,
@@ -52,7 +52,7 @@ class ParallaxConflict:
     nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)
     step_px: int = parameter(3, unit="px between those that are tried first", source=_STEPS)
     smooth_px: int = parameter(3, unit="px over which the pictures' levels are means for that", source=_STEPS)
-    promising: float = parameter(0.6, unit="NCC at the best of them, beyond which those around it are", source=_STEPS)
+    promising: float = parameter(0.5, unit="NCC at the best of them, beyond which those around it are", source=_STEPS)
     beside_px: int = parameter(1, unit="px either way that count as at the LiDAR's range", source=_DRIVES)
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.scattered_returns import scattered, share_in_view
@@ -88,9 +87,10 @@ class Shift(NamedTuple):
 class Scan:
     """One scan, its points within reach, seen from above.
 
-    `cloud_m` (N, 3) are all its points, `within` (M,) those within reach. `ended_m` (3, N) is where all its beams ended, right, down and ahead of it, and `xyz_m` (3, M) the same of those
-    within reach; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that are asked about,
-    `from_nowhere` those of objects that came from nowhere.
+    `cloud_m` (N, 3) are all its points, `within` (M,) those within reach. `ended_m` (3, N) is where all its beams
+    ended, right, down and ahead of it, and `xyz_m` (3, M) the same of those within reach; `cell` (M,) theirs; `solid`
+    those of objects, `clearly` those of them that are asked about, `from_nowhere` those of objects that came from
+    nowhere.
     """
 
     stamp_ns: int

@@ -7,7 +7,6 @@ that line, clearly better. Where the vehicle stands, at the focus of expansion a
 What moves by itself is found elsewhere, too (`moving_things`), and is no conflict.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -242,7 +241,7 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
     patches, some = patches[doubtful], sought.chosen(doubtful)
-    beside = np.insert(_nccs(patches, before, some, _AT_RANGE[_AT_RANGE != 0, None]), _BESIDE, at_range[doubtful], axis=0)
+    beside = _nccs(patches, before, some, _AT_RANGE)
     at_range[doubtful] = beside.max(axis=0)
     best, offset = _best_elsewhere(patches, before, some, _promising(now, before, some), beside)
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
@@ -318,7 +317,9 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _nccs(patches: Floats32, before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY) -> Floats32:
+def _nccs(
+    patches: Floats32, before: Image, sought: _Sought, offsets: Floats | Indices, pixels: Indices = _EVERY
+) -> Floats32:
     """(O, P) the NCC of patches now with the picture before, `offsets` px (O, 1) or (O, P) from the LiDAR's range."""
     offsets = np.broadcast_to(offsets, (len(offsets), len(patches)))
     patches = patches - patches.mean(axis=1, keepdims=True)

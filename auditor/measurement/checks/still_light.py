@@ -17,13 +17,14 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.checks.tone_curve import saturation_level, tone_curve
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.ego_motion import Motion, pixels_of
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
 from auditor.measurement.time_parameters import STILL_LIGHT
-from auditor.model.arrays import Floats, Floats32, Image, Indices, Integers, Mask
+from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 
 _STEP = HALF * HALF
@@ -92,9 +93,9 @@ class Glimpse:
         steep = np.hypot(*(np.asarray(slope).take(edge) for slope in ways)) > STILL_LIGHT.fades
         of = around.take(edge).astype(np.intp)
         steep_of, edge_of = (np.bincount(some, minlength=count) for some in (of[steep], of))
-        fades = (2 * steep_of < edge_of) & (_roundness(np.asarray(patch), count) >= STILL_LIGHT.round)
+        fades = (2 * steep_of < edge_of) & (_roundness(np.asarray(patch, dtype=np.int32), count) >= STILL_LIGHT.round)
         fades[0] = False
-        return np.asarray(fades.take(patch), dtype=np.uint8)
+        return np.asarray(fades[np.asarray(patch)], dtype=np.uint8)
 
     def since(self, before: "Glimpse") -> Motion:
         """How the camera moved: from its frame now to its frame before."""
@@ -103,7 +104,7 @@ class Glimpse:
         return Motion(turned, back @ (self.world_SE3_camera.translation_m - before.world_SE3_camera.translation_m))
 
 
-def _roundness(patch: Integers, count: int) -> Floats:
+def _roundness(patch: NDArray[np.int32], count: int) -> Floats:
     """(count,) of the pixels of each number but 0 of a picture (h, w) the shorter over the longer axis of them."""
     row, column = (axis.astype(np.float64) for axis in np.nonzero(patch))
     number = patch[patch > 0]
