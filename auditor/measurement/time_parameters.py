@@ -6,7 +6,7 @@ from auditor.model.parameter import BY_HAND, parameter
 
 _DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04, each camera alone: chosen on them (docs/decisions.md)"
 
-_STEPS = "walls and clean frames of the same drives: 2, 3 and 4 px, 0.3 and 0.5 tried (docs/decisions.md)"
+_STEPS = "walls and clean frames of the same drives, chosen on them (docs/decisions.md)"
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class EgoMotion:
 
     corner_px: int = parameter(3, unit="half px, window of a corner", source=BY_HAND)
     corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
-    most_corners: int = parameter(300, unit="corners", source="bounds the work: 200 tried (docs/decisions.md)")
+    most_corners: int = parameter(300, unit="corners", source="walls: 200 tried on three drives (docs/decisions.md)")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
     guessed_from_px: float = parameter(
         24.0,
