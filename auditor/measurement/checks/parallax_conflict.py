@@ -38,8 +38,8 @@ _HALVES = np.stack([_DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0], axis=1).a
 """(pixels, 4) which pixels of a patch are of its upper, lower, left and right half."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
 _SECOND_NS = 10**9
-_OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1)
-_AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1)[:, None]
+_OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1, dtype=np.float64)
+_AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)[:, None]
 _FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_OFFSETS) > _BESIDE))
 """The places of the offsets that are tried first."""
 _AROUND = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
@@ -241,7 +241,8 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
     patches, some = patches[doubtful], sought.chosen(doubtful)
-    beside = _nccs(patches, before, some, _AT_RANGE)
+    sides = _nccs(patches, before, some, _AT_RANGE[_AT_RANGE != 0, None])
+    beside = np.insert(sides, _BESIDE, at_range[doubtful], axis=0)
     at_range[doubtful] = beside.max(axis=0)
     best, offset = _best_elsewhere(patches, before, some, _promising(now, before, some), beside)
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
@@ -317,9 +318,7 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _nccs(
-    patches: Floats32, before: Image, sought: _Sought, offsets: Floats | Indices, pixels: Indices = _EVERY
-) -> Floats32:
+def _nccs(patches: Floats32, before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY) -> Floats32:
     """(O, P) the NCC of patches now with the picture before, `offsets` px (O, 1) or (O, P) from the LiDAR's range."""
     offsets = np.broadcast_to(offsets, (len(offsets), len(patches)))
     patches = patches - patches.mean(axis=1, keepdims=True)
