@@ -14,6 +14,7 @@ from auditor.measurement.drawing import blur_around, damaged_cloud, draw_frame, 
 from auditor.model.frames import Frame
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture
+from auditor.model.rig import LIDAR
 from auditor.pipeline.pictures.at_hand import frames_at_hand, recording_at_hand, stream_of
 from auditor.recordings import FrameStream, Location, Recording, survey
 from auditor.recordings.writers.clip import write_clip
@@ -118,10 +119,11 @@ def _write_example(case: Case, frame: Frame, measurement_id: str) -> None:
     regions = case.regions(frame.number, measurement_id)
     for picture in draw_frame(frame, case.incident.rig, regions):
         _write_picture(case, picture, measurement_id)
-    if frame.cloud is not None:
-        damaged = damaged_cloud(frame.cloud, case.incident.rig, regions)
-        name = case.place_of(measurement_id, f"{frame.number}.ply")
-        case.write(f"clouds/{name}", ply(frame.cloud.xyz_m, damaged))
+    for sensor, cloud in frame.clouds.items():
+        damaged = damaged_cloud(cloud, case.incident.rig, regions, sensor)
+        of = "" if sensor == LIDAR else f"_S{sensor}"
+        name = case.place_of(measurement_id, f"{frame.number}{of}.ply")
+        case.write(f"clouds/{name}", ply(cloud.xyz_m, damaged))
 
 
 def _write_kept(case: Case, example: Example) -> int:
@@ -147,11 +149,11 @@ def _sidecar_frame(case: Case, row: Mapping[str, Any], log_time_ns: int, frame: 
     incident = case.incident
     regions = tuple(case.regions(row["frame"]))
     overlays: list[FramePicture] = []
-    damaged = None
+    damaged = {}
     if frame is not None and row["in_incident"]:
         overlays = [_blurred(case, one, regions) for one in draw_overlays(frame, incident.rig, regions)]
-        if frame.cloud is not None:
-            damaged = frame.cloud.xyz_m[damaged_cloud(frame.cloud, incident.rig, regions)]
+        for sensor, cloud in frame.clouds.items():
+            damaged[sensor] = cloud.xyz_m[damaged_cloud(cloud, incident.rig, regions, sensor)]
     named = " + ".join(f"S_{sensor}" for sensor in incident.attacked)
     gap = "" if row["gap"] is None else f", gap {row['gap']:.2f}"
     message = f"frame {row['frame']}: {row['kind']}{f' {named}' if named else ''}{gap}"

@@ -6,7 +6,7 @@ the images with overlays and the damaged points are protobuf, which Rerun draws 
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from auditor.model.arrays import Points
 from auditor.model.measurement import Region
 from auditor.model.optics.geometry import quaternion_from_rotation
 from auditor.model.pictures import FramePicture
-from auditor.model.rig import LIDAR
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_IMAGE, POINT_CLOUD
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import McapFile, mcap_file
@@ -39,7 +38,7 @@ _IN_PLACE = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.
 class SidecarFrame:
     """One frame as the sidecar shows it, `log_time_ns` its place on the recording's timeline.
 
-    `overlays` are pictures of cameras, JPEG; `damaged_m` (N, 3) are damaged points in the LiDAR's frame.
+    `overlays` are pictures of cameras, JPEG; `damaged_m` (N, 3) are damaged points by LiDAR, in its frame.
     """
 
     stamp_ns: int
@@ -48,7 +47,7 @@ class SidecarFrame:
     in_incident: bool
     regions: tuple[Region, ...] = ()
     overlays: tuple[FramePicture, ...] = ()
-    damaged_m: Points | None = None
+    damaged_m: Mapping[int, Points] = field(default_factory=dict)
 
 
 def write_sidecar(case: Case, frames: Iterable[SidecarFrame], frame_ids: Mapping[int, str]) -> None:
@@ -91,13 +90,13 @@ def _write_frame(incident: Incident, writer: _Writer, frame: SidecarFrame, frame
     at = frame.log_time_ns
     if frame.in_incident:
         writer.json("log", "foxglove.Log", at, _log(frame, frame.message, _ERROR))
-    for view in sorted({region.view for region in frame.regions}):
+    for view in sorted({region.view for region in frame.regions if region.mask}):
         of_view = [region for region in frame.regions if region.view == view]
         writer.json(f"S_{view}/annotations", "foxglove.ImageAnnotations", at, _annotations(frame, of_view))
-    for region in frame.regions:
-        if region.sensor == LIDAR and region.solid is not None:
-            scene = _scene(frame, region, incident, frame_ids[LIDAR])
-            writer.json(f"S_{LIDAR}/box", "foxglove.SceneUpdate", at, scene)
+    for sensor in sorted({region.sensor for region in frame.regions if region.solid is not None}):
+        of_lidar = [region for region in frame.regions if region.sensor == sensor and region.solid is not None]
+        entities = [_entity(frame, place, one, incident, frame_ids[sensor]) for place, one in enumerate(of_lidar)]
+        writer.json(f"S_{sensor}/box", "foxglove.SceneUpdate", at, {"deletions": [], "entities": entities})
     for picture in frame.overlays:
         image = {
             "timestamp": _timestamp(frame.stamp_ns),
@@ -106,9 +105,10 @@ def _write_frame(incident: Incident, writer: _Writer, frame: SidecarFrame, frame
             "frame_id": frame_ids[picture.sensor],
         }
         writer.protobuf(f"S_{picture.sensor}/overlay", COMPRESSED_IMAGE, at, image)
-    if frame.damaged_m is not None and len(frame.damaged_m):
-        cloud = _cloud(frame.damaged_m, frame.stamp_ns, frame_ids[LIDAR])
-        writer.protobuf(f"S_{LIDAR}/damaged", POINT_CLOUD, at, cloud)
+    for sensor, points_m in frame.damaged_m.items():
+        if len(points_m):
+            cloud = _cloud(points_m, frame.stamp_ns, frame_ids[sensor])
+            writer.protobuf(f"S_{sensor}/damaged", POINT_CLOUD, at, cloud)
 
 
 def _time(ns: int) -> dict[str, int]:
@@ -188,17 +188,17 @@ def _annotations(frame: SidecarFrame, regions: list[Region]) -> dict[str, Any]:
     return {"circles": [], "points": points, "texts": texts}
 
 
-def _scene(frame: SidecarFrame, region: Region, incident: Incident, frame_id: str) -> dict[str, Any]:
+def _entity(frame: SidecarFrame, place: int, region: Region, incident: Incident, frame_id: str) -> dict[str, Any]:
     """A box around the damaged points; Foxglove's cubes are turned by a quaternion in the frame of the LiDAR."""
     assert region.solid is not None
     x, y, z = region.solid.centre_m
     pose = {"position": {"x": x, "y": y, "z": z}, "orientation": _orientation(region, incident)}
     width, height, depth = region.solid.size_m
     cube = {"pose": pose, "size": {"x": width, "y": height, "z": depth}, "color": _GLASS}
-    entity = {
+    return {
         "timestamp": _time(frame.stamp_ns),
         "frame_id": frame_id,
-        "id": "damaged",
+        "id": f"damaged {place}" if place else "damaged",
         "lifetime": _time(_BOX_LASTS_NS),
         "frame_locked": True,
         "metadata": [],
@@ -211,16 +211,14 @@ def _scene(frame: SidecarFrame, region: Region, incident: Incident, frame_id: st
         "texts": [],
         "models": [],
     }
-    return {"deletions": [], "entities": [entity]}
 
 
 def _orientation(region: Region, incident: Incident) -> dict[str, float]:
     """The quaternion from the box's own axes (width, height, depth) to the LiDAR's."""
     assert region.solid is not None
-    assert incident.rig.lidar is not None
     turn = np.deg2rad(region.solid.yaw_deg)
     # In the rig (right, down, forward) the depth points `turn` to the right of straight ahead.
     rig_R_box = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    lidar_R_box = incident.rig.lidar.rig_SE3_lidar[:3, :3].T @ rig_R_box
+    lidar_R_box = incident.rig.lidars[region.sensor].rig_SE3_lidar[:3, :3].T @ rig_R_box
     x, y, z, w = quaternion_from_rotation(lidar_R_box)
     return {"x": float(x), "y": float(y), "z": float(z), "w": float(w)}

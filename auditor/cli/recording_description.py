@@ -92,7 +92,8 @@ def capabilities(rig: Rig) -> list[str]:
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:
-        lines = [f"{compared}: an attack is detected, but with three sensors its sensor cannot be identified"]
+        by_past = "; each camera's own past tells which, as said below" if rig.lidar else ""
+        lines = [f"{compared}: an attack is detected, but three sensors cannot tell which it is on{by_past}"]
     else:
         lines = [
             f"{compared}: up to {most} attacked sensor{'s' if most != 1 else ''} at once can be identified "

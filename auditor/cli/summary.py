@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
-_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", "looked at", *_COUNTS, "sensors", "r", "by")
+_RECORDING_COLUMNS = (
+    *("recording", "rig", *_WHERE_KNOWN, "frames", "audited", "looked at"),
+    *(*_COUNTS, "sensors", "r", "by"),
+)
 _EXPENDABLE = ("date", "r", "by", "vehicle", "looked at", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
@@ -262,10 +265,12 @@ def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
 def _say_once(remarks: Remarks) -> None:
     """Each remark on one line, with the recordings that it holds for; their rig kind, where there are several."""
     several = len({kind for kind, _ in remarks}) > 1
+    said = Counter((name, remark) for (_, remark), names in remarks.items() for name in set(names))
     for (kind, remark), all_names in remarks.items():
         names = sorted(set(all_names))
         if len(names) == 1:
-            say(f"{names[0]}: {remark}")
+            of_rig = f" ({kind})" if said[names[0], remark] > 1 else ""
+            say(f"{names[0]}{of_rig}: {remark}")
         else:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 
@@ -292,6 +297,8 @@ def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "
 
 def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
+    if len({row["recording_id"] for row in rows}) == len(rows):  # each recording has one rig
+        unknown.add("rig")
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
     if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
@@ -316,6 +323,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
     rate = shown(row["r"])
     return {
         "recording": row["name"],
+        "rig": row["rig_name"],
         **{column: row[column] for column in (*_WHERE_KNOWN, *_COUNTS)},
         "frames": row["frames"],
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",

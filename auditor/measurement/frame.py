@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.collect import with_scans
+from auditor.measurement.checks.collect import Disputed, with_scans
 from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, rectification
@@ -144,9 +144,13 @@ class _Past:
     def of_clouds(self, frame: Frame, arrays: FrameArrays) -> tuple[FrameArrays, dict[int, Coverage]]:
         """The arrays and the coverage of a frame of LiDARs alone."""
         if self.lidars is None:
-            return self.with_scans(frame, arrays), _of_scan(frame, self.scans.asked_share)
-        shares, coverage = self.lidars.compare(frame)
-        return replace(arrays, frame_checks=replace(arrays.frame_checks, of_lidars=shares)), coverage
+            arrays, coverage = self.with_scans(frame, arrays), _of_scan(frame, self.scans.asked_share)
+            checks, from_nowhere = arrays.frame_checks, arrays.frame_checks.from_nowhere
+            if frame.cloud is not None and from_nowhere is not None:
+                checks = replace(checks, disputed={(LIDAR, LIDAR): Disputed(from_nowhere, len(frame.cloud.xyz_m))})
+            return replace(arrays, frame_checks=checks), coverage
+        shares, coverage, disputed = self.lidars.compare(frame)
+        return replace(arrays, frame_checks=replace(arrays.frame_checks, of_lidars=shares, disputed=disputed)), coverage
 
     def hide(self, prepared: _PreparedFrame) -> _PreparedFrame:
         """The frame without what was drawn into its pictures, where these are compared with others."""

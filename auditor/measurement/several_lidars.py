@@ -5,22 +5,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.measurement.checks.collect import BY_SCANS
+from auditor.measurement.checks.collect import BY_SCANS, Disputed
 from auditor.measurement.checks.contested_returns import contested, measure_contested_returns
 from auditor.measurement.checks.found import measuring
 from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.model.arrays import Indices
-from auditor.model.checks import Check, SensorCheck
+from auditor.model.checks import Check, Pair, SensorCheck
 from auditor.model.frames import Frame
 from auditor.model.measurement import Coverage
 from auditor.model.rig import Rig
 
 
 class OfLidars(NamedTuple):
-    """The statistics of the checks of a frame's LiDARs, None where they cannot be told, and their coverage."""
+    """The statistics of the checks of a frame's LiDARs, None where they cannot be told, and their coverage.
+
+    `disputed` is as in `FrameChecks`.
+    """
 
     shares: dict[SensorCheck, float | None]
     coverage: dict[int, Coverage]
+    disputed: dict[Pair, Disputed]
 
 
 class SeveralLidars:
@@ -36,11 +40,14 @@ class SeveralLidars:
     def compare(self, frame: Frame) -> OfLidars:
         """What the next frame shows; the shares of points that others look at are the coverage."""
         shares: dict[SensorCheck, float | None] = {}
+        disputed: dict[Pair, Disputed] = {}
+        clouds = frame.clouds
         for sensor, own in self._own.items():
             rig = self._rig.alone(sensor)
-            from_nowhere = own.conflicts(frame.clouds.get(sensor), rig)
+            from_nowhere = own.conflicts(clouds.get(sensor), rig)
             if from_nowhere is not None:
                 shares |= {SensorCheck(check, sensor, ()): measuring(check)(from_nowhere, rig) for check in BY_SCANS}
+                disputed[sensor, sensor] = Disputed(from_nowhere, len(clouds[sensor].xyz_m))
         scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
         ways = {sensor: own.way for sensor, own in self._own.items() if own.way is not None}
         lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
@@ -51,11 +58,12 @@ class SeveralLidars:
         for (i, k), found in said.items():
             if found.fits(said[k, i]):
                 lookers[i] += found.looked_at
-                share = measure_contested_returns(scans[i].points(found.points), self._rig.alone(i))
+                points = scans[i].points(found.points)
+                share = measure_contested_returns(points, self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
-        clouds = frame.clouds.items()
-        coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds}
-        return OfLidars(shares, coverage)
+                disputed[i, k] = Disputed(points, len(clouds[i].xyz_m))
+        coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds.items()}
+        return OfLidars(shares, coverage, disputed)
 
 
 def _coverage(points: int, lookers: Indices | None) -> Coverage:

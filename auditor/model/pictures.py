@@ -36,12 +36,16 @@ class Sampling:
         return True
 
 
+LIDAR_COLOURS = ("c8ebff", "2878ff", "5abe5a", "be5ac8", "e6c83c", "969696")
+"""RGB of the LiDARs of a rig in pictures of all; the first two differ in their greys as well, 227 and 112 of 255."""
+
+
 class Content(StrEnum):
     """What a picture of a frame shows.
 
     COLOUR: what a camera recorded. OVERLAY: the rectified image with the damaged portion of its camera, and that of the
-    LiDAR where it lies in this view. ABOVE: the cloud from above. RANGE: the cloud as a range image. In both of the
-    cloud the damaged points are marked.
+    LiDAR where it lies in this view. ABOVE: the cloud from above, of several LiDARs all of them. RANGE: the cloud as
+    a range image. In both of the cloud the damaged points are marked.
     """
 
     COLOUR = "colour"

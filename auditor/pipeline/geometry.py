@@ -28,6 +28,7 @@ from auditor.measurement import (
 )
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
+from auditor.model.checks import pasts_of
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
@@ -149,7 +150,8 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     found = contradictions(surveyed)
     if found.sentences or found.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
         return None
-    return rigs_unless_changed(recording, surveyed)
+    rigs, changes = rigs_unless_changed(recording, surveyed)
+    return with_pasts(rigs), changes
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
@@ -158,8 +160,15 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
     """
     if rig_file is None:
-        return settled_rigs(recording, surveyed)
-    return RigsInForce((_always_in_force(recording, surveyed, given_rig(rig_file, surveyed)),))
+        return with_pasts(settled_rigs(recording, surveyed))
+    given = _always_in_force(recording, surveyed, given_rig(rig_file, surveyed))
+    return with_pasts(RigsInForce((given,)))
+
+
+def with_pasts(found: RigsInForce) -> RigsInForce:
+    """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR."""
+    alone = (replace(one, rig=rig) for one in found.rigs for rig in pasts_of(one.rig))
+    return found._replace(rigs=(*found.rigs, *alone))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
@@ -178,10 +187,10 @@ def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> Rig
     read = [read_by(surveyed, replace(surveyed.conventions, zero_lens=lens)) for lens in lenses]
     for candidate in (read_by(one, way) for one in read for way in contradictions(one).candidates):
         try:
-            rigs = rigs_in_force(recording, candidate).rigs
+            rigs = rigs_in_force(recording, candidate)
         except RigError:
             continue
-        for one in rigs:
+        for one in with_pasts(rigs).rigs:
             if one.rig.rig_id == rig_id:
                 return one
     return None

@@ -17,14 +17,14 @@ from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
     fitting_calibration,
     judge_measurement,
-    measured_of,
     prior_for,
     refuse_earlier_counting,
     rigs_in_turn,
+    rigs_of,
 )
 from auditor.pipeline.known import FEW, MOST_KNOWN, KnownFiles, is_as_now
 from auditor.pipeline.measured import Measured, MeasureTask
-from auditor.pipeline.reading import frames_not_audited, reading_of, views_not_compared
+from auditor.pipeline.reading import coverage_asked, frames_not_audited, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all
@@ -259,7 +259,7 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        name, rig = recording.name, store.rig(stored.rig_id)
+        name, rig, rigs = recording.name, store.rig(stored.rig_id), rigs_of(store, recording)
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
@@ -277,8 +277,8 @@ class Judge:
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_not_audited(stored, judgement, criteria.min_coverage),
-            *views_not_compared(rig, criteria.min_view, criteria.no_sensors, self._rigs(recording)),
+            *frames_not_audited(stored, judgement, coverage_asked(rig, rigs, criteria.min_coverage)),
+            *views_not_compared(rig, criteria.min_view, criteria.no_sensors, rigs),
             *conflicts_of(store, recording),
         )
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
@@ -343,10 +343,6 @@ class Judge:
         if current is None or criteria.strict or not self._settings.only_stale:
             return None
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
-
-    def _rigs(self, recording: RecordingRecord) -> Iterator[Rig]:
-        """The rigs that a recording was measured with."""
-        yield from map(self._rig, measured_of(self._store, recording))
 
     def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""

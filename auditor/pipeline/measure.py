@@ -236,7 +236,11 @@ def _measured_with(
             spent_s += perf_counter() - since_s
             yield done
             since_s = perf_counter()
-        balance, coverage = stream.balance, with_repeats(stream.coverage, repeated.counts)
+        others = [one.rig for one in found.rigs if one.stretches == in_force.stretches]
+        beside = {topic for one in others for topic in map(one.topic, one.sensors)}
+        beside -= {*map(rig.topic, rig.sensors)}  # what another rig audits is not left out
+        coverage = with_repeats([one for one in stream.coverage if one.topic not in beside], repeated.counts)
+        balance = stream.balance
         damage = (*map(str, stream.damage), *stream.undecoded)
         yield None  # from here on others read the recording, too
         if done == 0 and in_force.stretches[0].from_ns is not None:

@@ -1,8 +1,9 @@
 """Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from auditor.model.checks import conflict_pairs, lies_too_close
 from auditor.model.coverage import (
     TopicCoverage,
     coverage_line,
@@ -81,36 +82,68 @@ def reading_of(
 
 
 def views_not_compared(
-    rig: Rig, min_view: float, no_sensors: Collection[str] = (), beside: Iterable[Rig] = ()
+    rig: Rig, min_view: float, no_sensors: Collection[str] = (), beside: Sequence[Rig] = ()
 ) -> Iterator[str]:
     """The cameras of a rig of whose pictures no other camera is compared with a share of `min_view`.
 
-    And LiDARs alone, unless their topics are declared to be no sensors, or one of several is compared with cameras in
-    a rig `beside` it: of one nothing is seen that is there all along, of several what stands where another one looks
-    too.
+    And a LiDAR that no pair of cameras is wide enough to check; and LiDARs alone, unless their topics are declared to
+    be no sensors, or one of several is compared with cameras in a rig `beside` it: of one nothing is seen that is there
+    all along, of several what stands where another one looks too.
     """
     seen = {one.lidar.topic for one in beside if one.cameras and one.lidar} if rig.others else set()
     lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in {*no_sensors, *seen}]
     if rig.others and min_view > 0 and lidars:
-        named = " and ".join(f"S_{one} {rig.name(one)}" for one in lidars)
-        whose = "each other's" if len(lidars) > 1 else "another LiDAR's"
+        *first, last = (f"S_{one} {rig.name(one)}" for one in lidars)
+        named = " and ".join([*filter(None, [", ".join(first)]), last])
+        whose, own, they = ("each other's", "their", "they see") if first else ("another LiDAR's", "its", "it sees")
         yield (
-            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by "
-            "their own past alone; no camera of this rig sees what they see"
+            f"{named}: compared with {whose} points where both look, and else looked at for what appears, by {own} "
+            f"own past alone; no camera of this rig sees what {they}"
         )
     elif min_view > 0 and lidars:
         yield (
-            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: no camera sees what it sees "
-            "(where one should, auditor inspect says which place is missing)"
+            f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: it is compared with no "
+            "camera and no other LiDAR (where it should be, auditor inspect says which place is missing)"
+        )
+    if min_view > 0 and checked_by_past(rig, beside):
+        yield (
+            f"S_0 {rig.name(LIDAR)} is checked by each camera's own past alone: "
+            f"{_listed(rig)} lie too close together to check its ranges"
         )
     for number, share in compared_shares(rig).items():
-        if rig.by_time and share < min_view:
+        if rig.by_time and max(share, _share_beside(rig.topic(number), beside)) < min_view:
             yield f"S_{number} {rig.name(number)} is looked at for light by its own past alone: no other camera sees it"
-        elif share < min_view:
+        elif not rig.by_time and share < min_view:
             yield (
                 f"S_{number} {rig.name(number)}: {100 * share:.0f} % of its picture is compared with another "
                 f"camera's, and {100 * min_view:.0f} % are asked for (--min-view)"
             )
+
+
+def checked_by_past(rig: Rig, beside: Sequence[Rig]) -> bool:
+    """Whether cameras lie too close together to check their LiDAR, and each does it by its own past `beside` them."""
+    lone = {one.camera(1).topic for one in beside if one.n == 1}
+    return lies_too_close(rig) and all(camera.topic in lone for camera in rig.cameras)
+
+
+def coverage_asked(rig: Rig, beside: Sequence[Rig], min_coverage: float) -> float:
+    """The share of a rig's frames that have to be audited: none where rigs `beside` it look at the same.
+
+    So it is of a camera's past that names what a pair finds, and of a pair that lies too close together.
+    """
+    again = rig.n == 1 and any(rig.topic(1) in map(one.topic, one.sensors) for one in beside if conflict_pairs(one))
+    return 0.0 if again or checked_by_past(rig, beside) else min_coverage
+
+
+def _share_beside(topic: str, beside: Sequence[Rig]) -> float:
+    """The largest share of a camera's picture that one of several rigs compares with another camera's."""
+    shares = (compared_shares(one)[camera.number] for one in beside for camera in one.cameras if camera.topic == topic)
+    return max(shares, default=0.0)
+
+
+def _listed(rig: Rig) -> str:
+    *others, last = (f"S_{camera.number}" for camera in rig.cameras)
+    return f"{', '.join(others)} and {last}"
 
 
 def why_not_compared(rig: Rig) -> str:

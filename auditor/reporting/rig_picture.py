@@ -3,17 +3,18 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from itertools import chain, combinations
 
 from auditor.model.rig import LIDAR
 from auditor.model.text import one_line
 from auditor.reporting.rig_plan import PlacedRig, Plan, Seen, Unused, planned
 
-_WIDTH, _HEIGHT = 760, 596
+_WIDTH, _HEIGHT = 760, 618
 _MIDDLE = _WIDTH / 2, 278.0
 _REACH_PX = 168.0
 _LABELS_PX = 206.0
 _LINE_PX = 15.0
-_LEGEND_Y = _HEIGHT - 74
+_LEGEND_Y = _HEIGHT - 96
 _ROW_PX = 22
 _MOST_LETTERS = 96
 _MOST_NAME = 26
@@ -36,6 +37,8 @@ text { font: 13px system-ui, -apple-system, "Segoe UI", "Noto Sans", "Liberation
 .camera { fill: var(--edge); stroke: var(--paper); stroke-width: 1; }
 .lidar { fill: var(--lidar); stroke: var(--paper); stroke-width: 1.2; }
 .reach { fill: none; stroke: var(--lidar); stroke-width: 1.1; stroke-dasharray: 2 5; stroke-linecap: round; }
+.pair { stroke: var(--lidar); stroke-width: 2; }
+.beside { font-size: 12px; paint-order: stroke; stroke: var(--paper); stroke-width: 4px; stroke-linejoin: round; }
 .unused { fill: var(--paper); stroke: var(--lidar); stroke-width: 1.6; }
 .lead { stroke: var(--rule); stroke-width: 1; fill: none; }
 .hatch { stroke: var(--none); stroke-width: 1.4; }
@@ -61,10 +64,12 @@ def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str
             *_car(everything, scale, headed=plan.headed),
             *_reach(plan),
             *_views_of(plan, scale),
+            *_pairs(plan, scale),
             *(_dot(one, scale, "lidar", 6) for one in plan.lidars),
             *(_dot(one, scale, "unused", 5) for one in plan.unused),
             *(_dot(one, scale, "camera", 3.6) for one in plan.cameras),
             *_labels(plan, scale),
+            *_lidar_labels(plan, scale),
             *_legend(plan),
             "</svg>\n",
         )
@@ -128,6 +133,22 @@ def _arc(camera: Seen, first_deg: float, last_deg: float, scale: float) -> str:
     return "".join(f"L{x:.1f} {y:.1f}" for x, y in places)
 
 
+def _pairs(plan: Plan, scale: float) -> Iterator[str]:
+    """A line between each two LiDARs that are compared with each other."""
+    for one, other in chain.from_iterable(combinations(lidars, 2) for lidars in plan.together):
+        (x, y), (to_x, to_y) = _at(one, scale), _at(other, scale)
+        yield f'<path class="pair" d="M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}"/>'
+
+
+def _lidar_labels(plan: Plan, scale: float) -> Iterator[str]:
+    """Names of the LiDARs that are compared with each other, beside their dots; none on top of another."""
+    below = -math.inf
+    for one in sorted(chain.from_iterable(plan.together), key=lambda one: -one.ahead_m):
+        x, y = _at(one, scale)
+        below = max(y + 4, below + _LINE_PX)
+        yield f'<text class="beside" x="{x + 12:.1f}" y="{below:.1f}">{_named(one.name)}</text>'
+
+
 def _dot(one: Seen, scale: float, kind: str, radius: float) -> str:
     x, y = _at(one, scale)
     return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"><title>{_named(one.name)}</title></circle>'
@@ -170,11 +191,21 @@ def _legend(plan: Plan) -> Iterator[str]:
         )
         yield f'<text class="small" x="{x + 28:g}" y="{_LEGEND_Y + 11}">{word}</text>'
         x += 44 + 6.4 * len(word)
-    y = _LEGEND_Y + _ROW_PX
-    for kind, radius, names in (("lidar", 6, plan.lidars), ("unused", 5, plan.unused)):
+    y = _LEGEND_Y + _ROW_PX * bool(counts)
+    for lidars in plan.together:
+        yield f'<path class="pair" d="M30 {y + 6.5:g}H48"/>'
+        yield from (f'<circle class="lidar" cx="{cx}" cy="{y + 6.5:g}" r="5"/>' for cx in (30, 48))
+        listed = ", ".join(one_line(one.name) for one in lidars)
+        yield f'<text class="small" x="60" y="{y + 11}">compared with each other: {_cut(listed)}</text>'
+        y += _ROW_PX
+    for kind, radius, names in (("lidar", 6, plan.firsts), ("unused", 5, tuple(one.name for one in plan.unused))):
         if names:
-            said = f"LiDAR S_{LIDAR}" if kind == "lidar" else "LiDAR that is compared with nothing"
-            listed = ", ".join(one_line(one.name) for one in names)
+            said = (
+                f"LiDAR S_{LIDAR}{' of the cameras' if plan.cameras and plan.together else ''}"
+                if kind == "lidar"
+                else "LiDAR that is compared with nothing"
+            )
+            listed = ", ".join(map(one_line, names))
             yield f'<circle class="{kind}" cx="39" cy="{y + 6.5:g}" r="{radius}"/>'
             yield f'<text class="small" x="56" y="{y + 11}">{said}: {_cut(listed)}</text>'
             y += _ROW_PX

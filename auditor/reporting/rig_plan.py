@@ -58,13 +58,16 @@ class Seen:
 class Plan:
     """What is drawn: cameras, and LiDARs by whether a rig has them; `said` are those whose place is not known.
 
-    `alone` is whether a camera is compared with the LiDAR by its own past, `headed` whether what is ahead is known.
+    `together` are the LiDARs of each rig that has several, `firsts` the names of S_0 of those that have one. `alone` is
+    whether a camera is compared with the LiDAR by its own past, `headed` whether what is ahead is known.
     """
 
     cameras: tuple[Seen, ...]
     lidars: tuple[Seen, ...]
     unused: tuple[Seen, ...]
     said: tuple[str, ...]
+    together: tuple[tuple[Seen, ...], ...]
+    firsts: tuple[str, ...]
     alone: bool
     headed: bool
 
@@ -92,9 +95,17 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
         tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in places.values()),
         tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in known.items()),
         tuple(one.name for one in unused if one.centre_m is None),
+        tuple(tuple(_together(placed, axes, middle)) for placed in rigs if placed.rig.others),
+        tuple(dict.fromkeys(one.rig.lidar.name for one in rigs if one.rig.lidar and not one.rig.others)),
         any(one.rig.by_time and one.rig.n for one in rigs),
         len(cameras) > 1 or any(_looks_ahead(camera.name) for one in rigs for camera in one.rig.cameras),
     )
+
+
+def _together(placed: PlacedRig, axes: Matrix, middle: tuple[float, float]) -> Iterator[Seen]:
+    for number, lidar in placed.rig.lidars.items():
+        place = (placed.common_SE3_rig @ lidar.rig_SE3_lidar)[:3, 3]
+        yield _moved(Seen(f"S_{number} {lidar.name}", *_flat(place, axes)), middle)
 
 
 def _axes(rigs: Sequence[PlacedRig]) -> Matrix:

@@ -22,6 +22,7 @@ JOIN stored_regions AS region
     ON region.measurement_id = frame.measurement_id
         AND region.frame = frame.frame
         AND list_contains(frame.attacked, region.sensor)
+        AND region.right_px > 0
 JOIN stored_measurements AS measurement ON measurement.measurement_id = frame.measurement_id
 JOIN rigs AS rig USING (rig_id)
 GROUP BY frame.incident_id, region.sensor, region.view

@@ -5,6 +5,7 @@
 -- column kind: The rig kind in words.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column rig_id: The rig.
+-- column rig_name: The recording's own name of the rig's only camera (of its LiDAR, where it has no camera), or how many there are.
 -- column judgement_id: The current judgement; NULL where nothing was judged.
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
@@ -29,6 +30,11 @@ SELECT
     measurement.rig_id,
     judgement.judgement_id,
     rig.kind,
+    CASE
+        WHEN rig.n = 1 OR len(rig.sensors) = 1 THEN rig.sensors[-1].name
+        WHEN rig.n = 0 THEN concat(len(rig.sensors), ' LiDARs')
+        ELSE concat(rig.n, ' cameras')
+    END AS rig_name,
     measurement.frames - coalesce(measurement.skipped['edge'], 0) AS frames,
     measurement.measured,
     (judgement.clean + judgement.attacked + judgement.unidentified + judgement.suspect)

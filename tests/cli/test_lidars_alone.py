@@ -21,7 +21,7 @@ from tests.making.audits import ask
 
 FRAMES, ATTACKED = 8, range(4, 7)
 GHOST = GhostCar(points=120, range_m=8.0, seed=1)
-SAID = "is looked at for what appears, by its own past alone: no camera sees what it sees"
+SAID = "is looked at for what appears, by its own past alone: it is compared with no camera and no other LiDAR"
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Rigs of several LiDARs, from a recording to exit codes, queries and pages."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,8 @@ from auditor.lab.attacks.spoofing import GhostCar
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Lidar, Rig
-from auditor.recordings import write_mcap
+from auditor.recordings import located, open_recording, write_mcap
+from tests.making.accessibility import complaints
 from tests.making.audits import ask
 from tests.making.removed_topics import without_sensors
 from tests.making.restamped import Told, rewritten
@@ -77,10 +79,45 @@ def test_a_ghost_that_stands_from_the_first_frame_on_is_an_incident_of_one_of_th
     first, *reasons = ask(path.with_suffix(".audit"), "SELECT kind, reason FROM verdicts ORDER BY frame")
     assert first["kind"] == "not_auditable"
     assert all(f"S_{sensor} (50 %) or S_{1 - sensor} (50 %)" in row["reason"] for row in reasons)
-    assert run(["report", "--store", str(path.with_suffix(".audit"))]) == 0
-    pages = [page.read_text() for page in (path.with_suffix(".audit") / "reports").rglob("*.html")]
-    assert any("has points where the other" in page for page in pages)
+    page = incident_page(path)
+    assert complaints(page) == []
+    assert "one of the two has points where the other&#39;s beams passed" in page
+    assert "contradict each other: an attack on one of them was detected" in page
+    place = re.search(r"In \d+\sframes? LiDAR .*\((\w+)\) has points (\d+\.\d) m ahead of it, ", page)
+    assert place
+    assert (place[1], float(place[2])) == (RIG.name(sensor), pytest.approx(8.0, abs=0.2))
+    assert re.search(r"within 0\.\d m of one place beside the vehicle", page)
     assert run(["verify", "--store", str(path.with_suffix(".audit"))]) == 0
+
+
+def marked_points(ply: Path) -> int:
+    _, body = ply.read_bytes().split(b"end_header\n")
+    return int(np.frombuffer(body, np.dtype("3f4, 3u1, u1"))["f2"].sum())
+
+
+def incident_page(path: Path, incident: str = "") -> str:
+    """The page of the one incident, or of that whose id is given, without the marks around names."""
+    store = path.with_suffix(".audit")
+    assert run(["report", "--store", str(store)]) == 0
+    [page] = (store / "reports" / "incidents").glob(f"{incident}*.html")
+    return re.sub(r"</?bdi[^>]*>", "", page.read_text())
+
+
+def test_the_case_of_two_lidars_has_the_clouds_the_pictures_and_the_boxes_of_both(
+    frames: list[Frame], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path, case = tmp_path / "ghost.mcap", tmp_path / "case"
+    scanned(path, RIG, [attacked(one, RIG, 1, GHOST) for one in frames], capfd, *ALL_SEEN)
+    [row] = ask(path.with_suffix(".audit"), "SELECT incident_id, strongest_frame FROM incidents")
+    assert run(["case", row["incident_id"], "--store", str(path.with_suffix(".audit")), "--into", str(case)]) == 0
+    frame = row["strongest_frame"]
+    pictures = {one.name for one in (case / "pictures").glob(f"{frame}_*")}
+    assert pictures == {f"{frame}_S0.above.png", f"{frame}_S0.range.png", f"{frame}_S1.range.png"}
+    assert [marked_points(case / "clouds" / name) > 0 for name in (f"{frame}.ply", f"{frame}_S1.ply")] == [False, True]
+    with open_recording(located(case / "findings.mcap")) as findings:
+        topics = {topic.name for topic in findings.topics()}
+    assert {"/auditor/S_1/box", "/auditor/S_1/damaged"} <= topics
+    assert not {"/auditor/S_0/annotations", "/auditor/S_0/box"} & topics
 
 
 def test_a_ghost_that_appears_names_the_lidar_whose_own_past_contradicts_it(
@@ -139,6 +176,12 @@ def test_a_lidar_beside_that_of_cameras_is_compared_with_it(
     assert (
         found(path) == {"": [], "side": [("unidentified", [])], "top": [("unidentified", []), ("unidentified", [])]}[on]
     )
+    if on:
+        of_lidars = "SELECT incident_id FROM incidents JOIN rigs USING (rig_id) WHERE n = 0"
+        page = incident_page(path, ask(path.with_suffix(".audit"), of_lidars)[0]["incident_id"])
+        assert "is compared with cameras, too" in page
+        assert "By their verdicts it was attacked in none of" in page
+        assert "show the place. That is a hint at" in page
 
 
 def test_a_lidar_that_is_missing_for_some_frames_leaves_the_other_to_its_own_past(
@@ -160,6 +203,10 @@ def test_lidars_without_places_in_tf_are_rigs_of_their_own(
     without_sensors(whole, path, Rig(Lidar("tf", "/tf_static", np.eye(4)), ()), [LIDAR])
     assert run(["scan", str(path), "--store", str(tmp_path / "audit"), "--pictures", "none"]) == 3
     assert capfd.readouterr().err.count("is looked at for what appears, by its own past alone") == 2
+    assert run(["inspect", str(path)]) == 3
+    said = capfd.readouterr().out
+    for name in ("roof", "rear"):
+        assert f"no tf joins the frame '{name}' of /{name}/points to that of another LiDAR" in said
     rigs = ask(tmp_path / "audit", "SELECT kind FROM rigs")
     assert [row["kind"] for row in rigs] == ["LiDAR alone", "LiDAR alone"]
 
@@ -205,7 +252,9 @@ def test_inspect_says_what_two_lidars_can_tell_and_writes_a_rig_file_that_a_scan
     assert (rig["kind"], [one["name"] for one in rig["sensors"]]) == ("2 LiDARs b=1.60m", ["roof", "rear"])
     assert "do not say which is attacked" in rig["capabilities"][1]
     assert SAID in " ".join(rig["reading"])
-    assert "rear" in picture.read_text()
+    assert run(["inspect", str(path)]) == 3
+    assert "Messages, presence, and offset to the LiDAR S_1" in capfd.readouterr().out
+    assert "compared with each other: S_0 roof, S_1 rear" in picture.read_text()
     assert scanned(path, RIG, frames, capfd, "--rig", str(file), *ALL_SEEN)[0] == 0
     assert (
         ask(path.with_suffix(".audit"), "SELECT count(*) AS n FROM verdicts WHERE kind = 'clean'")[0]["n"] == FRAMES - 1

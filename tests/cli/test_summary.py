@@ -55,7 +55,7 @@ def test_mixed_verdicts_are_shown_as_such_and_suspects_too(store, capfd):
 def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(store, capfd):
     sets = [{"attacked": one, "frames": frames} for one, frames in (([2], 37), ([0, 2], 3), ([1], 2), ([0], 1))]
     row = dict.fromkeys(
-        ("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
+        ("name", "rig_name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
     )
     row |= {"audited_share": None, "looked_share": 0.9, "resolvable": None, "attacked_sets": sets[:2]}
     assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
@@ -88,6 +88,15 @@ def test_what_holds_for_many_recordings_is_one_line_a_rig_kind(store, capfd):
     assert shown.out.splitlines()[-1] == (
         "7 recordings: none with incidents, 7 not fully audited: no thresholds for its rig kind and matcher"
     )
+
+
+def test_what_two_rigs_of_one_recording_have_is_said_with_the_kind_of_each(store, capfd):
+    kinds = [rig_of(3), rig_of(2)]
+    for rig in kinds:
+        add_measurement(store, rig, [make_measurement(rig, 0)], name="drive.mcap")
+    assert run(["judge", "--store", str(store.folder), "--method", "paper"]) == 3
+    said = capfd.readouterr().err
+    assert [f"drive.mcap ({rig.kind}): measured, but not judged" in said for rig in kinds] == [True, True]
 
 
 def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):

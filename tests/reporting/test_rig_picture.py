@@ -12,6 +12,7 @@ from auditor.reporting.rig_picture import rig_picture
 from auditor.reporting.rig_plan import PlacedRig, Unused, in_lidar_frame, planned
 from tests.making.published_rigs import PUBLISHED_RIGS
 from tests.making.recorded_drives import make_rig
+from tests.making.several_lidars import BUMPER, REAR, ROOF, rig_of
 
 
 def ring(fleet: str) -> list[PlacedRig]:
@@ -86,3 +87,20 @@ def test_no_two_names_lie_on_top_of_each_other() -> None:
             for n, (x, y) in enumerate(at)
             for other_x, other_y in at[:n]
         )
+
+
+def test_lidars_that_are_compared_with_each_other_are_named_and_joined() -> None:
+    rig = rig_of(ROOF, REAR, BUMPER)
+    svg = rig_picture([in_lidar_frame(rig)])
+    assert "compared with each other: S_0 roof, S_1 rear, S_2 bumper" in svg
+    assert svg.count('class="pair"') == 3 + 1, "a line for each two, and one in the legend"
+    at = {name: float(y) for y, name in re.findall(r'class="beside" x="[-\d.]+" y="([-\d.]+)">S_\d (\w+)<', svg)}
+    assert at["bumper"] < at["roof"] < at["rear"], "ahead is up"
+    assert "LiDAR S_0:" not in svg
+
+
+def test_the_lidar_of_the_cameras_is_told_from_the_others() -> None:
+    nuscenes = PUBLISHED_RIGS["nuscenes"].lone("cam_front")
+    svg = rig_picture([in_lidar_frame(nuscenes), in_lidar_frame(rig_of(BUMPER, ROOF))])
+    assert "LiDAR S_0 of the cameras: lidar_top" in svg
+    assert "compared with each other: S_0 bumper, S_1 roof" in svg

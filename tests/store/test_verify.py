@@ -3,6 +3,7 @@
 import contextlib
 import json
 import shutil
+from dataclasses import replace
 
 import pyarrow.parquet as pq
 import pytest
@@ -11,7 +12,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from auditor.cli import run
 from auditor.errors import StoreError
-from auditor.model.measurement import Counts, Statistic
+from auditor.model.measurement import Counts, Region, Solid, Statistic
 from auditor.store.log import entries
 from auditor.store.log.chains import START, chain_paths
 from auditor.store.log.entry import Entry
@@ -22,6 +23,8 @@ from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import read_rows
 from tests.making.bit_flips import draw_flips, flipped
+from tests.making.several_lidars import REAR, ROOF
+from tests.making.several_lidars import rig_of as several_lidars
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 from tests.store.kept import unpack
 
@@ -281,6 +284,22 @@ def test_counts_that_no_image_can_give_are_named_and_not_judged(tmp_path):
         assert f"frames/{known}.parquet" in problems(store)
         with pytest.raises(StoreError, match="more pixels"):
             store.load_errors(known, Statistic.PLAIN)
+
+
+@pytest.mark.parametrize(
+    ("rig", "box_px", "plausible"),
+    [
+        (several_lidars(ROOF, REAR), (0, 0, 0, 0), True),
+        (several_lidars(ROOF, REAR), (0, 0, 8, 8), False),
+        (make_rig(3), (0, 0, 8, 8), True),
+        (make_rig(3), (0, 0, 0, 0), False),
+    ],
+)
+def test_regions_have_pixels_where_there_are_cameras_and_only_there(tmp_path, rig, box_px, plausible):
+    store, thing = new_store(tmp_path), Solid((8.0, 0.0, 0.0), (2.0, 1.0, 0.1), 0.0)
+    frame = replace(make_measurement(rig, 0), regions=(Region(0, 1, box_px, 0.1, b"", 9, thing),))
+    known = add_measurement(store, rig, [frame])
+    assert (f"regions/{known}.parquet" not in problems(store)) is plausible
 
 
 def test_a_store_of_synthetic_frames_is_plausible(tmp_path):

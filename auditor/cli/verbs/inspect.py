@@ -152,13 +152,19 @@ def _show(description: dict[str, Any]) -> None:
                 for sensor in rig["sensors"]
             ],
             counted,
-            title="Messages, presence, and offset to the leftmost camera",
+            title=f"Messages, presence, and offset to {_base(rig)}",
         )
         click.echo(shown(f"  {_frames(rig)}") + "\n")
         for remark in rig["reading"]:
             click.echo(shown(f"  {remark}"))
     for remark in _remarks(description):
         click.echo(shown(f"  {remark}"))
+
+
+def _base(rig: dict[str, Any]) -> str:
+    """What the offsets of a rig's sensors are to."""
+    last = rig["sensors"][-1]
+    return "the leftmost camera" if last.get("size_px") else f"the LiDAR {last['sensor']}"
 
 
 def _remarks(description: dict[str, Any]) -> Iterator[str]:

@@ -88,8 +88,8 @@ def _sensor(shown: "ShownFrame", frame: "Frame", sensor: int) -> dict[str, Any]:
     if sensor in frame.images:
         pixels = frame.images[sensor].pixels
         data = f"{pixels.shape[1]} x {pixels.shape[0]}{' colour' if pixels.ndim == 3 else ''}, mean {pixels.mean():.0f}"
-    elif sensor == 0 and frame.cloud is not None:
-        data = f"{len(frame.cloud.xyz_m)} points"
+    elif sensor in frame.clouds:
+        data = f"{len(frame.clouds[sensor].xyz_m)} points"
     shares = [100 * region.share for region in shown.regions if region.sensor == sensor]
     return {
         "sensor": f"S_{sensor}",

@@ -63,6 +63,13 @@ class PairCounts:
     coloured: PairCells | None = None
 
 
+class Disputed(NamedTuple):
+    """Points (K, 3) of a LiDAR that cannot be there by another one, or by its own last scan, and how many it has."""
+
+    points: Points
+    returns: int
+
+
 @dataclass(frozen=True, eq=False)
 class FrameChecks:
     """The results of all checks, by camera pair (i, k), where (k, k) is a camera and its own past, or by camera.
@@ -74,7 +81,8 @@ class FrameChecks:
     `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
     `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
     LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
-    `of_lidars` are the statistics of several LiDARs without cameras.
+    `of_lidars` are the statistics of several LiDARs without cameras. `disputed` is what LiDAR k says is not there of
+    what LiDAR i has, by (i, k), where there are no cameras; (i, i) is its own last scan.
     `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted: they are not stored.
     """
 
@@ -92,6 +100,7 @@ class FrameChecks:
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
     from_nowhere: Points | None = None
     of_lidars: Mapping[SensorCheck, float | None] = field(default_factory=dict)
+    disputed: Mapping[Pair, Disputed] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:

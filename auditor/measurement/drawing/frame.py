@@ -1,6 +1,6 @@
 """The pictures of one frame: what each camera recorded, the same with what is damaged, and the cloud."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 import cv2
@@ -8,11 +8,12 @@ import numpy as np
 
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.rectification import shown_rectification
-from auditor.measurement.drawing.clouds import range_image, seen_from_above
+from auditor.measurement.drawing.clouds import Framed, range_image, seen_from_above, seen_together
 from auditor.measurement.localisation.points import among
 from auditor.model.arrays import Image, Mask, Points
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import REGION_STEP, Region, Solid
+from auditor.model.optics.geometry import invert
 from auditor.model.pictures import Content, FramePicture
 from auditor.model.rig import LIDAR, Camera, Rig
 
@@ -26,11 +27,15 @@ def damaged_image(region: Region, camera: Camera) -> Mask:
     return np.asarray(small[np.ix_(rows, columns)] > 0)
 
 
-def damaged_cloud(cloud: PointCloud, rig: Rig, regions: Iterable[Region]) -> Mask:
-    """(N,) mask of a cloud's points: those of the LiDAR's region. Raises RigError."""
+def damaged_cloud(cloud: PointCloud, rig: Rig, regions: Iterable[Region], sensor: int = LIDAR) -> Mask:
+    """(N,) mask of the points of a LiDAR's cloud: those of its regions. Raises RigError."""
     damaged, ideal = np.zeros(len(cloud.xyz_m), dtype=np.bool_), shown_rectification(rig).rig
     for region in regions:
-        if region.sensor == LIDAR and ideal.lidar is not None:
+        if region.sensor != sensor or sensor not in ideal.lidars:
+            continue
+        if not ideal.cameras:
+            damaged |= region.solid is not None and _inside(cloud.xyz_m, region.solid, ideal.alone(sensor))
+        else:
             view = lidar_view(cloud, ideal, region.view)
             held = damaged_image(region, ideal.camera(region.view))[view.row, view.column]
             if region.solid is not None:
@@ -73,12 +78,34 @@ def draw_frame(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "
         for sensor, image in sorted(frame.images.items())
     ]
     pictures += draw_overlays(frame, rig, regions, form)
-    if frame.cloud is not None and rig.lidar is not None:
-        damaged = damaged_cloud(frame.cloud, rig, regions)
-        for content, draw in ((Content.ABOVE, seen_from_above), (Content.RANGE, range_image)):
-            drawn = draw(frame.cloud.xyz_m, damaged, rig.lidar.rig_SE3_lidar)
-            pictures.append(FramePicture(frame.number, LIDAR, content, "png", _encoded(drawn, "png")))
-    return pictures
+    drawn = _clouds(frame, rig, regions)
+    return pictures + [FramePicture(frame.number, *what, "png", _encoded(pixels, "png")) for what, pixels in drawn]
+
+
+def _clouds(frame: Frame, rig: Rig, regions: Sequence[Region]) -> Iterator[tuple[tuple[int, Content], Image]]:
+    """Each cloud as a range image, and all together from above."""
+    points = {sensor: cloud.xyz_m for sensor, cloud in sorted(frame.clouds.items()) if sensor in rig.lidars}
+    damaged = {sensor: damaged_cloud(frame.clouds[sensor], rig, regions, sensor) for sensor in points}
+    if rig.others and points:
+        yield (LIDAR, Content.ABOVE), seen_together(points, damaged, rig)
+    for sensor, own in points.items():
+        place = rig.lidars[sensor].rig_SE3_lidar
+        if not rig.others:
+            yield (sensor, Content.ABOVE), seen_from_above(own, damaged[sensor], place)
+        framed = list(_went_through(frame, rig, regions, sensor)) if rig.others else ()
+        yield (sensor, Content.RANGE), range_image(own, damaged[sensor], place, framed)
+
+
+def _went_through(frame: Frame, rig: Rig, regions: Sequence[Region], by: int) -> Iterator[Framed]:
+    """What the beams of a LiDAR went through, as it would see it."""
+    lidar_SE3_rig = invert(rig.lidars[by].rig_SE3_lidar)
+    for region in regions:
+        if region.view == by != region.sensor and region.sensor in frame.clouds:
+            cloud = frame.clouds[region.sensor]
+            points = cloud.xyz_m[damaged_cloud(cloud, rig, [region], region.sensor)]
+            place = lidar_SE3_rig @ rig.lidars[region.sensor].rig_SE3_lidar
+            if len(points):
+                yield Framed(region.sensor, (points @ place[:3, :3].T + place[:3, 3]).astype(np.float32))
 
 
 def draw_overlays(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:

@@ -24,6 +24,7 @@ _THICKEST_M = 0.25  # either way: a wall stands on a road (docs/decisions.md, re
 _DEVIATIONS = 4  # median absolute ones, either way
 _GAP = (3, 3)  # cells closed
 _PART_SHARE = 0.2  # of the part with most points in conflict
+_APART_M = 1.0  # side of a cell, seen from above: things in cells that do not touch are two
 
 
 def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflicts], rig: Rig) -> Mask:
@@ -60,6 +61,17 @@ def among(points: Points, others: Points) -> Mask:
     """(N,) mask of the (N, 3) points that are one of the (M, 3) others, to the last bit."""
     known = {point.tobytes() for point in others}
     return np.array([point.tobytes() in known for point in points], dtype=np.bool_)
+
+
+def things(points: Points, rig: Rig) -> list[Points]:
+    """The (N, 3) points of the LiDAR frame, those of each thing by themselves: things lie apart seen from above."""
+    assert rig.lidar is not None
+    cells = np.floor(points @ rig.lidar.rig_SE3_lidar[[0, 2], :3].T / _APART_M).astype(np.intp)
+    column, row = (cells - cells.min(axis=0, initial=0)).T
+    grid = np.zeros((row.max(initial=0) + 1, column.max(initial=0) + 1), dtype=np.uint8)
+    grid[row, column] = 1
+    count, numbers = cv2.connectedComponents(grid)
+    return [points[numbers[row, column] == number] for number in range(1, count)]
 
 
 def solid_around(points: Points, rig: Rig) -> Solid:

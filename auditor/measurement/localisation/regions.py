@@ -1,6 +1,6 @@
 """Regions: the portion of its image or cloud that would be damaged if a sensor is attacked."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import cv2
 import numpy as np
@@ -8,20 +8,25 @@ import numpy as np
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.localisation.images import damaged_pixels
-from auditor.measurement.localisation.points import among, damaged_points, solid_around
+from auditor.measurement.localisation.points import among, damaged_points, solid_around, things
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Mask
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
+_NO_BOX = (0, 0, 0, 0)
+
 
 def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[Region, ...]:
     """The regions of the `sensors` that may be attacked, in the pictures that people see: see `shown_rectification`.
 
     Which of them is attacked is only known once a frame is judged with its neighbours. `rig` is the recording's. A
-    camera's region is what other cameras see otherwise: a lone camera has none.
+    camera's region is what other cameras see otherwise: a lone camera has none. Without cameras each thing that a LiDAR
+    or its last scan says is not there is a region, a solid without pixels.
     """
+    if not rig.cameras:
+        return tuple(_of_clouds(arrays, sensors, rig))
     shown = rig if rig.is_rectified else arrays.rig
     cameras = [camera for camera in sorted(arrays.views) if camera in sensors and rig.n > 1]
     regions = [_of_camera(arrays, camera, shown) for camera in cameras]
@@ -33,6 +38,15 @@ def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[R
 def _of_camera(arrays: FrameArrays, camera: int, shown: Rig) -> Region | None:
     mask = damaged_pixels(arrays, camera)
     return _region(camera, camera, mask, float(mask.mean()), shown) if mask.any() else None
+
+
+def _of_clouds(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> Iterator[Region]:
+    for (sensor, by), (points, returns) in arrays.frame_checks.disputed.items():
+        if sensor in sensors:
+            alone = rig.alone(sensor)
+            for thing in things(points, alone):
+                share, solid = len(thing) / returns, solid_around(thing, alone)
+                yield Region(sensor, by, _NO_BOX, share, b"", len(thing), solid)
 
 
 def _of_lidar(arrays: FrameArrays, shown: Rig) -> Region | None:

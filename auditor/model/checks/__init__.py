@@ -4,6 +4,7 @@ Fault features separate faults from attacks; they are measured with every frame,
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import combinations, groupby
 from math import nan
@@ -118,6 +119,18 @@ def _of_scans(lidars: tuple[int, ...]) -> tuple[SensorCheck, ...]:
 def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
     """The matched pairs (i, k) of a rig that check its LiDAR."""
     return tuple(pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair))
+
+
+def lies_too_close(rig: Rig) -> bool:
+    """Whether the cameras of a rig with a LiDAR lie too close together to check it."""
+    return rig.lidar is not None and rig.n > 1 and not conflict_pairs(rig)
+
+
+def pasts_of(rig: Rig) -> tuple[Rig, ...]:
+    """The cameras of a rig that names no sensor, each alone with the LiDAR: its own past tells which is attacked."""
+    if rig.lidar is None or rig.n < 2 or (rig.max_attacked > 0 and not lies_too_close(rig)):
+        return ()
+    return tuple(Rig(rig.lidar, (replace(camera, number=1),)) for camera in rig.cameras)
 
 
 @lru_cache(maxsize=64)

@@ -88,7 +88,7 @@ def search_rigs(survey: Survey) -> FoundRigs:
     alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
     reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
     rigs.extend(alone)
-    rigs.extend(lidars_alone(rigs, survey, frames))
+    rigs.extend(lidars_alone(rigs, survey, frames, reasons))
     if rigs and survey.images and not any(rig.cameras for rig in rigs):
         reasons.extend(map(Reason, _lacking_calibration(survey)))
     rigs.sort(key=lambda rig: (not rig.cameras, -len(rig.sensors)))

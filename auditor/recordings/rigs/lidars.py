@@ -51,21 +51,32 @@ def on_vehicle(survey: Survey, frames: FrameTree, reasons: list[Reason]) -> tupl
     return tuple(kept)
 
 
-def lidars_alone(rigs: Sequence[Rig], survey: Survey, frames: FrameTree) -> Iterator[Rig]:
+def lidars_alone(rigs: Sequence[Rig], survey: Survey, frames: FrameTree, reasons: list[Reason]) -> Iterator[Rig]:
     """The rigs of LiDARs that no camera is needed for: each that is in none of some rigs, and all that overlap others.
 
     Those that overlap, at places that tf knows, are one rig; so LiDARs of rigs with cameras may be in one as well.
     Further topics of one LiDAR, by their frame, are left out. The axes are those of the vehicle's body where tf knows
-    that, else those of the first LiDAR, x ahead and z up (REP 103).
+    that, else those of the first LiDAR, x ahead and z up (REP 103). `reasons` gets a sentence for each that tf joins to
+    no other one.
     """
     taken = {rig.topic(LIDAR) for rig in rigs}
     left = _of_each_lidar(survey, taken)
+    reasons.extend(_unplaced(left, frames))
     while left:
         first = left.pop(0)
         together = _overlapping(first, left, frames)
         left = [cloud for cloud in left if cloud not in together]
         if together or first.topic.name not in taken:
             yield _rig_of(first, together, frames)
+
+
+def _unplaced(clouds: Sequence[CloudTopic], frames: FrameTree) -> Iterator[Reason]:
+    for cloud in clouds:
+        others = [one for one in clouds if one is not cloud]
+        if others and all(frames.between(cloud.frame_id, one.frame_id) is None for one in others):
+            topic, frame = cloud.topic.name, cloud.frame_id
+            why = f"no tf joins the frame {frame!r} of {topic} to that of another LiDAR"
+            yield Reason(f"{why}: it is compared with none of them", topic)
 
 
 def _of_each_lidar(survey: Survey, taken: Collection[str]) -> list[CloudTopic]:

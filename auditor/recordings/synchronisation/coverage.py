@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
+from auditor.model.checks import pasts_of
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.rig import Rig
 from auditor.recordings.decoding import Decoders, sensor_types
@@ -148,7 +149,7 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
         return
     found, counted = search_rigs(survey), recording.counts
     compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in found.rigs)))
-    own = rig is None or rig.rig_id in {one.rig_id for one in found.rigs}
+    own = rig is None or rig.rig_id in {one.rig_id for of in found.rigs for one in (of, *pasts_of(of))}
     for topic, kind in outside:
         if own and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording

@@ -11,8 +11,10 @@ from auditor.model.checks import rig_sensor_checks
 from auditor.model.measurement import REGION_STEP, Region, Statistic
 from auditor.model.pictures import Pictures
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import Method
+from auditor.model.verdict import Method, VerdictKind
 from auditor.reporting.incident.audits import Audit, mapping
+from auditor.reporting.incident.cameras_beside import beside, camera_rigs, named_by_pasts
+from auditor.reporting.incident.contradictions import contradictions, largest_things
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
 from auditor.reporting.incident.provenance import Provenance
@@ -64,13 +66,24 @@ class Drawing:
                 remarks=self._timeline.remarks(),
             )
         self.part = part
+        self._recording_id = audit.recording.recording_id
+        self._rig, self._things = audit.rig, largest_things(store, self._measurement_id, audit.rig)
+        self._camera_rigs = camera_rigs(store, self._recording_id, audit.rig)
 
     def drawn(self, incident: IncidentPart, pictures: Pictures) -> IncidentPart:
         """An incident of the recording with its figure, its frames' verdicts and its pictures."""
         if self._timeline is None:
             return incident
         views = incident_views(self._store, self._measurement_id, self._errors, incident, pictures)
-        return replace(self._timeline.drawn(incident), views=views)
+        frames = self._timeline.frames_of(incident)
+        told = contradictions(self._things, self._rig, frames, incident.attacked)
+        seconds = incident.from_ns, incident.to_ns
+        said = beside(self._store, self._rig, self._camera_rigs, told, *seconds)
+        drawn = replace(self._timeline.drawn(incident), views=views, contradictions=told, beside=said)
+        if incident.kind is not VerdictKind.UNIDENTIFIED:
+            return drawn
+        named = named_by_pasts(self._store, self._recording_id, self._measurement_id, *seconds)
+        return replace(drawn, named_by_pasts=named)
 
 
 def _measured(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from auditor.model.pictures import Content
-from auditor.model.rig import LIDAR
 from auditor.store.export import rows_of
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
@@ -101,8 +100,13 @@ def kept_examples(store: Store, examples: Iterable[Example]) -> tuple[ShownExamp
 
 
 def in_order(pictures: Iterable[ShownPicture]) -> tuple[ShownPicture, ...]:
-    """Pictures of a frame: those of the cameras from right to left, then those of the cloud."""
-    return tuple(sorted(pictures, key=lambda one: (one.sensor == LIDAR, one.sensor, _CONTENTS.index(one.content))))
+    """Pictures of a frame: those of the cameras from right to left, then those of the clouds, first from above."""
+    return tuple(sorted(pictures, key=_rank))
+
+
+def _rank(one: ShownPicture) -> tuple[bool, int, int, int]:
+    of_cloud, content = one.content in (Content.ABOVE, Content.RANGE), _CONTENTS.index(one.content)
+    return of_cloud, content if of_cloud else one.sensor, content, one.sensor
 
 
 def data_uri(form: str, data: bytes) -> str:

@@ -9,8 +9,11 @@ from auditor.model.checks.kinds import found_of
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
+from auditor.model.pictures import LIDAR_COLOURS
 from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
+from auditor.reporting.incident.cameras_beside import Beside, NamedByPast
+from auditor.reporting.incident.contradictions import Contradiction
 from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.plots import Figure
@@ -135,7 +138,9 @@ class IncidentPart:
     `evidence`, `alternatives` and `causes` are in words, of the whole incident. `checks` is the evidence of this part
     by sensor and check, of the robust method. `states` and `reasons` are its e vectors and what the verdicts add, each
     with its number of frames. `figure` is None where the incident is listed but not drawn. `shown` are frames that
-    show it at full resolution, `views` what measuring kept, where there are none of these.
+    show it at full resolution, `views` what measuring kept, where there are none of these. `contradictions` are what
+    LiDARs without cameras contradict of each other, and `beside` is what cameras say of one of them. `named_by_pasts`
+    is what cameras that are compared with their own past name, where the incident names no sensor.
     """
 
     number: int
@@ -159,6 +164,19 @@ class IncidentPart:
     figure: Figure | None = None
     views: tuple[View, ...] = ()
     shown: tuple[ShownExample, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
+    beside: tuple[Beside, ...] = ()
+    named_by_pasts: tuple[NamedByPast, ...] = ()
+
+    @property
+    def contested(self) -> Contradiction | None:
+        """What another LiDAR contradicts in most frames."""
+        return next((one for one in self.contradictions if one.others), None)
+
+    @property
+    def contradictory(self) -> tuple[int, ...]:
+        """The LiDARs that contradict each other."""
+        return tuple(sorted({sensor for one in self.contradictions for sensor in (one.sensor, *one.others)}))
 
     @property
     def duration_s(self) -> float:
@@ -274,6 +292,12 @@ class RecordingPart:
     def skipped_messages(self) -> int:
         """Messages of all topics that were skipped."""
         return sum(sum(topic.skipped.values()) for topic in self.balance)
+
+    @property
+    def lidars(self) -> tuple[tuple[SensorLine, str], ...]:
+        """Its LiDARs, each with its colour in pictures of all of them, in hexadecimal digits."""
+        lidars = (sensor for sensor in self.sensors if sensor.what == "LiDAR")
+        return tuple(zip(lidars, LIDAR_COLOURS, strict=False))
 
     def sensor(self, number: int) -> SensorLine:
         """The sensor of a number."""

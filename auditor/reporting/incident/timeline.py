@@ -106,7 +106,7 @@ class Timeline:
 
     def drawn(self, incident: IncidentPart) -> IncidentPart:
         """The incident with its figure, and with its frames' verdicts."""
-        own = [frame for frame in self._frames[self._around(incident, 0)] if self._belongs(frame, incident)]
+        own = self._own(incident)
         return replace(
             incident,
             figure=self._figure(incident),
@@ -114,6 +114,10 @@ class Timeline:
             states=tuple(Counter(frame["e"] for frame in own).most_common(MOST_STATES)),
             reasons=tuple(Counter(frame["reason"] for frame in own if frame["reason"]).most_common(MOST_STATES)),
         )
+
+    def frames_of(self, incident: IncidentPart) -> set[int]:
+        """The numbers of its frames."""
+        return {frame["frame"] for frame in self._own(incident)}
 
     def agreement(self) -> Agreement:
         """Compare verdicts with the ground truth, frame by frame."""
@@ -136,6 +140,9 @@ class Timeline:
             if frame["reason"] and frame["kind"] not in FINDINGS
         )
         return tuple(Remark(kind, reason, frames) for (kind, reason), frames in counts.most_common())
+
+    def _own(self, incident: IncidentPart) -> list[dict[str, Any]]:
+        return [frame for frame in self._frames[self._around(incident, 0)] if self._belongs(frame, incident)]
 
     def _around(self, incident: IncidentPart, margin_ns: float) -> slice:
         bounds = [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1]
@@ -166,7 +173,8 @@ class Timeline:
         return [curves[place] for place in sorted(np.argsort(-above, kind="stable")[:MOST_CHARTS].tolist())]
 
     def _belongs(self, frame: dict[str, Any], incident: IncidentPart) -> bool:
-        kind, attacked = ("finding", "finding_attacked") if self._robust else ("kind", "attacked")
+        whole = self._robust and incident.grade == "incident"  # frames of an alert are found each by itself
+        kind, attacked = ("finding", "finding_attacked") if whole else ("kind", "attacked")
         within = incident.first_frame <= frame["frame"] <= incident.last_frame
         return within and frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
 

@@ -112,7 +112,10 @@ def _bytes_of(column: pa.Array | pa.ChunkedArray) -> tuple[NDArray[np.uint8], ND
 
 def _of_regions(regions: pa.Table, width: int, height: int) -> Iterator[str]:
     left, top, right, bottom = (_flat(regions, name) for name in _EDGES)
-    if ((left < 0) | (top < 0) | (left >= right) | (top >= bottom) | (right > width) | (bottom > height)).any():
+    outside = (left < 0) | (top < 0) | (right > width) | (bottom > height)
+    if width:  # without cameras there are no pixels
+        outside |= (left >= right) | (top >= bottom)
+    if outside.any():
         yield f"a region lies outside the image of {width} x {height} px"
     if _outside(_flat(regions, "share"), 0, 1):
         yield "share is not within 0 and 1"
