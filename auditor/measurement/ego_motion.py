@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.measurement.parameters import LIDAR_PROJECTION
 from auditor.measurement.time_parameters import EGO_MOTION
-from auditor.model.arrays import Floats32, Image, Indices, Integers, Mask
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 
 _CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, OpenCV's
@@ -87,11 +87,12 @@ def ego_motion(
 def _corners(image: Image, row: Rows, column: Rows) -> Indices:
     """The points with the strongest corners, one a block of the image at most."""
     strength = np.asarray(cv2.cornerMinEigenVal(image, EGO_MOTION.corner_px))[row, column]
-    blocks = -(-image.shape[1] // EGO_MOTION.corner_block_px)
-    block = row // EGO_MOTION.corner_block_px * blocks + column // EGO_MOTION.corner_block_px
-    order = np.lexsort((-strength, block))
-    first: Integers = np.diff(block[order], prepend=-1)
-    best = order[first > 0]
+    height, width = (-(-side // EGO_MOTION.corner_block_px) for side in image.shape)
+    block = row // EGO_MOTION.corner_block_px * width + column // EGO_MOTION.corner_block_px
+    highest = np.full(height * width, -np.inf, dtype=np.float32)
+    np.maximum.at(highest, block, strength)
+    best = np.flatnonzero(strength == highest[block])
+    best = best[np.unique(block[best], return_index=True)[1]]
     strongest = np.argsort(-strength[best], kind="stable")[: EGO_MOTION.most_corners]
     return np.asarray(best[strongest])
 

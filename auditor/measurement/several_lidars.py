@@ -58,7 +58,7 @@ class SeveralLidars:
         for (i, k), found in said.items():
             if found.fits(said[k, i]):
                 lookers[i] += found.looked_at
-                points = scans[i].points[found.points]
+                points = scans[i].points(found.points)
                 share = measure_contested_returns(points, self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
                 disputed[i, k] = Disputed(points, len(clouds[i].xyz_m))

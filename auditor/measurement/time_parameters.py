@@ -6,6 +6,8 @@ from auditor.model.parameters import BY_HAND, parameter
 
 _DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04, each camera alone: chosen on them (docs/decisions.md)"
 
+_STEPS = "walls and clean frames of the same drives, chosen on them (docs/decisions.md)"
+
 
 @dataclass(frozen=True)
 class EgoMotion:
@@ -13,7 +15,7 @@ class EgoMotion:
 
     corner_px: int = parameter(3, unit="half px, window of a corner", source=BY_HAND)
     corner_block_px: int = parameter(10, unit="half px, width of a block that gives one corner at most", source=BY_HAND)
-    most_corners: int = parameter(300, unit="corners", source="bounds the work; no experiment recorded")
+    most_corners: int = parameter(300, unit="corners", source="walls: 200 tried on three drives (docs/decisions.md)")
     flow_window_px: int = parameter(11, unit="half px", source=BY_HAND)
     guessed_from_px: float = parameter(
         24.0,
@@ -48,6 +50,9 @@ class ParallaxConflict:
     patch_px: int = parameter(9, unit="px, width and height of a patch", source=_DRIVES)
     farther_px: int = parameter(32, unit="px of parallax less that are tried at most", source=BY_HAND)
     nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)
+    step_px: int = parameter(3, unit="px between those that are tried first", source=_STEPS)
+    smooth_px: int = parameter(3, unit="px over which the pictures' levels are means for that", source=_STEPS)
+    promising: float = parameter(0.5, unit="NCC at the best of them, beyond which those around it are", source=_STEPS)
     beside_px: int = parameter(1, unit="px either way that count as at the LiDAR's range", source=_DRIVES)
     consistent: float = parameter(0.85, unit="NCC above which the two pictures show the same elsewhere", source=_DRIVES)
     clearly_less: float = parameter(

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.checks.scattered_returns import scattered, share_in_view
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
@@ -71,6 +72,10 @@ _AZIMUTH = np.arctan2(*(np.indices((SIDE, SIDE))[::-1] - SIDE / 2 + 0.5)).ravel(
 """By cell: to the right of ahead, in radians."""
 
 
+Cells32 = NDArray[np.int32]
+"""Rows or columns of cells seen from above: (M,)."""
+
+
 class Shift(NamedTuple):
     """By how many cells what stands still lay elsewhere a moment ago: ahead and to the right."""
 
@@ -82,13 +87,15 @@ class Shift(NamedTuple):
 class Scan:
     """One scan, its points within reach, seen from above.
 
-    `ended_m` (3, N) is where all its beams ended, right, down and ahead of it, and `xyz_m` (3, M) the same of those
-    within reach; `cell` (M,) theirs; `solid` those of objects, `clearly` those of them that are asked about,
-    `from_nowhere` those of objects that came from nowhere.
+    `cloud_m` (N, 3) are all its points, `within` (M,) those within reach. `ended_m` (3, N) is where all its beams
+    ended, right, down and ahead of it, and `xyz_m` (3, M) the same of those within reach; `cell` (M,) theirs; `solid`
+    those of objects, `clearly` those of them that are asked about, `from_nowhere` those of objects that came from
+    nowhere.
     """
 
     stamp_ns: int
-    points: Points
+    cloud_m: Points
+    within: Indices
     ended_m: Floats32
     xyz_m: Floats32
     cell: Indices
@@ -109,8 +116,12 @@ class Scan:
         solid = (above > NUMBERS.stands_m) & (away > NUMBERS.nearest_m**2)
         clearly = solid & (above > NUMBERS.clearly_m) & (away < NUMBERS.farthest_m**2)
         nothing = np.zeros(within.size, dtype=np.bool_)
-        points = cloud.xyz_m.take(within, axis=0)
-        return cls(cloud.stamp_ns, points, ended, xyz, row * SIDE + column, solid, clearly, nothing)
+        cell = (row * SIDE + column).astype(np.intp)
+        return cls(cloud.stamp_ns, cloud.xyz_m, within, ended, xyz, cell, solid, clearly, nothing)
+
+    def points(self, some: Mask) -> Points:
+        """(K, 3) some (M,) of its points within reach, as the LiDAR gave them."""
+        return self.cloud_m[self.within[some]]
 
     @cached_property
     def things(self) -> Image:
@@ -187,7 +198,7 @@ class OwnScans:
         if found is None:
             return None
         self.asked_share = int(np.count_nonzero(now.clearly)) / max(len(cloud.xyz_m), 1)
-        return now.points[found]
+        return now.points(found)
 
 
 def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> float:
@@ -208,9 +219,9 @@ def within_reach(xyz_m: Floats32) -> Indices:
     return np.flatnonzero(np.maximum(np.abs(xyz_m[0]), np.abs(xyz_m[2])) < _REACH_M - NUMBERS.cell_m)
 
 
-def cells_from_above(xyz_m: Floats32) -> tuple[Indices, Indices]:
+def cells_from_above(xyz_m: Floats32) -> tuple[Cells32, Cells32]:
     """The row and the column (M,) of the cells of points (3, M) within reach, seen from above."""
-    row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.intp) for axis in (xyz_m[2], xyz_m[0]))
+    row, column = (((axis + _REACH_M) * (1 / NUMBERS.cell_m)).astype(np.int32) for axis in (xyz_m[2], xyz_m[0]))
     return row, column
 
 
@@ -221,7 +232,7 @@ def grid_of(cell: Indices) -> Image:
     return grid.reshape(SIDE, SIDE)
 
 
-def above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
+def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
     """(M,) how far points are above the lowest one in their cell of ground, or in those around it less a slope."""
     ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
     lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
@@ -229,7 +240,7 @@ def above_ground_m(row: Indices, column: Indices, down_m: Floats32) -> Floats32:
     deepest = float(np.quantile(some, NUMBERS.road_quantile)) + NUMBERS.under_m if some.size else 0.0
     np.maximum.at(lowest, ground, np.where(down_m < deepest, down_m, -_NOWHERE_M))
     around = np.asarray(cv2.dilate(lowest.reshape(_GROUND_SIDE, _GROUND_SIDE), _BESIDE)).ravel()
-    return np.asarray(np.maximum(lowest, around - _LOWER_M)[ground] - down_m)
+    return np.asarray(np.maximum(lowest, around - _LOWER_M).take(ground) - down_m)
 
 
 def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:

@@ -7,7 +7,6 @@ that line, clearly better. Where the vehicle stands, at the focus of expansion a
 What moves by itself is found elsewhere, too (`moving_things`), and is no conflict.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -31,11 +30,20 @@ from auditor.model.rig import Camera
 
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
-_HALVES = _DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0
-"""Of a patch: upper, lower, left and right."""
+_EVERY = np.arange(_RIGHT.size)
+_SPARSE = np.flatnonzero((_RIGHT % 2 == 0) & (_DOWN % 2 == 0))
+"""Every pixel of a patch, and every second one of every second row, where pictures are smooth."""
+_SMOOTH = PARALLAX_CONFLICT.smooth_px, PARALLAX_CONFLICT.smooth_px
+_HALVES = np.stack([_DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0], axis=1).astype(np.float32)
+"""(pixels, 4) which pixels of a patch are of its upper, lower, left and right half."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
 _SECOND_NS = 10**9
-_OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1)
+_OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1, dtype=np.float64)
+_AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)[:, None]
+_FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_OFFSETS) > _BESIDE))
+"""The places of the offsets that are tried first."""
+_AROUND = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
+"""Those that are tried then, from the best of them: it, its neighbours, and their neighbours."""
 _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
 """From pixels to half px, whose middles lie between those of two pixels."""
@@ -118,8 +126,7 @@ class _Sought:
 
     def chosen(self, some: Indices | slice) -> "_Sought":
         """Some of them."""
-        numbers = np.arange(len(self.point))[some]
-        return _Sought(*(getattr(self, name).take(numbers, axis=0) for name in self.__dataclass_fields__))
+        return _Sought(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
     @cached_property
     def halvings(self) -> Indices:
@@ -177,25 +184,27 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
     """Where some points of the view lie in the picture before, if they stand; those with enough parallax."""
     K, point_m = now.camera.intrinsics, now.point_m[some]
-    turned = point_m @ motion.rotation.T
-    moved = turned + motion.translation_m
+    far = K @ motion.rotation @ point_m.T
+    moved = far + (K @ motion.translation_m)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        predicted = pixels_of(K, moved)
-        away = predicted - pixels_of(K, turned)
-    parallax_px = np.hypot(*away.T)
-    margin = (_RADIUS * HALF ** _halvings(parallax_px))[:, None]
-    inside = (predicted > margin).all(axis=1) & (predicted < np.array(now.grey.shape[::-1]) - margin - 1).all(axis=1)
-    inside &= (parallax_px >= PARALLAX_CONFLICT.least_px) & (moved[:, 2] > LIDAR_PROJECTION.nearest_m)
-    kept = np.flatnonzero(inside)
+        predicted = moved[:2] / moved[2]
+        away = predicted - far[:2] / far[2]
+    parallax_px = np.hypot(*away)
+    compared = np.flatnonzero((parallax_px >= PARALLAX_CONFLICT.least_px) & (moved[2] > LIDAR_PROJECTION.nearest_m))
+    predicted, parallax_px = predicted[:, compared], parallax_px[compared]
+    margin = _RADIUS * HALF ** _halvings(parallax_px)
+    size = np.array(now.grey.shape[::-1])[:, None]
+    kept = np.flatnonzero(((predicted > margin) & (predicted < size - margin - 1)).all(axis=0))
     kept = kept[:: max(-(-kept.size // PARALLAX_CONFLICT.most_points), 1)]
+    of = compared[kept]
     return _Sought(
-        some[kept],
-        point_m[kept],
-        pixels_of(K, point_m[kept]),
-        predicted[kept],
-        away[kept] / parallax_px[kept, None],
+        some[of],
+        point_m[of],
+        pixels_of(K, point_m[of]),
+        predicted[:, kept].T,
+        (away[:, of] / parallax_px[kept]).T,
         parallax_px[kept],
-        motion.translation_m[2] / turned[kept, 2],
+        motion.translation_m[2] / far[2, of],
     )
 
 
@@ -227,21 +236,22 @@ def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, In
 
 def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
     """As `_compared`, in two pictures (H, W)."""
-    patches, norms = _patches(now, sought.pixel)
-    beside = {o: _ncc(patches, norms, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)}
-    at_range = np.max([*beside.values()], axis=0)
+    patches = _patches(now, sought.pixel, np.ones(1))
+    [at_range] = _nccs(patches, before, sought, np.zeros((1, 1)))
     # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
-    known = {o: ncc[doubtful] for o, ncc in beside.items()}
-    best, offset = _best_elsewhere(patches[doubtful], norms[doubtful], before, sought.chosen(doubtful), known)
+    patches, some = patches[doubtful], sought.chosen(doubtful)
+    sides = _nccs(patches, before, some, _AT_RANGE[_AT_RANGE != 0, None])
+    beside = np.insert(sides, _BESIDE, at_range[doubtful], axis=0)
+    at_range[doubtful] = beside.max(axis=0)
+    best, offset = _best_elsewhere(patches, before, some, _promising(now, before, some), beside)
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
-    elsewhere = best > np.maximum(PARALLAX_CONFLICT.consistent, clearly)
+    elsewhere = np.flatnonzero(best > np.maximum(PARALLAX_CONFLICT.consistent, clearly))
     agrees = at_range > PARALLAX_CONFLICT.agreeing
     agrees[doubtful[elsewhere]] = False
-    found, offset = doubtful[elsewhere], offset[elsewhere]
-    whole = _in_halves(patches[found], before, sought.chosen(found), offset)
-    found, offset = found[whole], offset[whole]
-    return np.flatnonzero(agrees), found, sought.predicted[found] + offset[:, None] * sought.along[found]
+    found = elsewhere[_in_halves(patches[elsewhere], before, some.chosen(elsewhere), offset[elsewhere])]
+    place = some.predicted[found] + offset[found, None] * some.along[found]
+    return np.flatnonzero(agrees), doubtful[found], place
 
 
 def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats) -> Mask:
@@ -249,49 +259,50 @@ def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats
 
     The edge of a thing is in its patch beside what lies behind it, which is found elsewhere; the thing is not.
     """
-    halves = [_of_half(patches, half) for half in _HALVES]
-    there = _half_nccs(halves, before, sought, offset)
-    at_range = np.max([_half_nccs(halves, before, sought, o) for o in range(-_BESIDE, _BESIDE + 1)], axis=0)
-    return np.asarray((there > at_range + PARALLAX_CONFLICT.clearly_less).all(axis=0))
+    if not len(patches):
+        return np.zeros(0, dtype=np.bool_)
+    offsets = np.concatenate([offset[None], np.broadcast_to(_AT_RANGE, (len(_AT_RANGE), offset.size))])
+    others = _patches_before(before, sought, offsets)
+    patches, size = patches - patches.mean(axis=1, keepdims=True), _HALVES.sum(axis=0)
+    mean, other_mean = patches @ _HALVES / size, others @ _HALVES / size
+    both = (patches * others) @ _HALVES - size * mean * other_mean
+    norm = _norms(np.square(patches) @ _HALVES - size * np.square(mean))
+    ncc = both / (norm * _norms(np.square(others) @ _HALVES - size * np.square(other_mean)))
+    return np.asarray((ncc[0] > ncc[1:].max(axis=0) + PARALLAX_CONFLICT.clearly_less).all(axis=1))
 
 
-def _half_nccs(halves: Sequence[Floats32], before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
-    """(4, P) the NCC of the halves of patches, as `_ncc`."""
-    others, _ = _patches_before(before, sought, offset)
-    pairs = [(now, _of_half(others, half)) for now, half in zip(halves, _HALVES, strict=True)]
-    return np.array([np.einsum("mp,mp->m", a, b) / (_norms(a) * _norms(b)) for a, b in pairs], dtype=np.float32)
+def _promising(now: Image, before: Image, sought: _Sought) -> Indices:
+    """(P,) which of the offsets is the best by some pixels of pictures without their details; -1 where none is good.
 
-
-def _of_half(patches: Floats32, half: Mask) -> Floats32:
-    part = patches[:, half]
-    return np.asarray(part - part.mean(axis=1, keepdims=True), dtype=np.float32)
+    Every third one is tried.
+    """
+    now, before = (np.asarray(cv2.blur(one, _SMOOTH), dtype=np.uint8) for one in (now, before))
+    offsets = _OFFSETS[_FIRST, None]
+    ncc = _nccs(_patches(now, sought.pixel, np.ones(1), _SPARSE), before, sought, offsets, _SPARSE)
+    ncc[sought.parallax_px + offsets < -1] = -1
+    good = ncc.max(axis=0) > PARALLAX_CONFLICT.promising
+    return np.where(good, _FIRST[ncc.argmax(axis=0)], -1)
 
 
 def _best_elsewhere(
-    patches: Floats32, norms: Floats32, before: Image, sought: _Sought, known: Mapping[int, Floats32]
+    patches: Floats32, before: Image, sought: _Sought, promising: Indices, beside: Floats32
 ) -> tuple[Floats32, Floats]:
     """(P,) the largest NCC on the points' lines, not at the LiDAR's range, and how many px from there it is.
 
-    No farther away than the point at infinity; -1 where it is the last of what is tried, which may be no peak. Their
-    NCC is `known` at some offsets.
+    It is sought around offsets that are `promising` (P,), and no farther away than the point at infinity; -1 where it
+    is the last of what is tried, which may be no peak. `beside` are the NCC at the LiDAR's range.
     """
-    tried = sought.parallax_px + _OFFSETS[:, None] >= -1
-    found = np.full(tried.shape, -1, dtype=np.float32)
-    for offset, ncc in known.items():
-        step = offset - _OFFSETS[0]
-        found[step, tried[step]] = ncc[tried[step]]
-        tried[step] = False
-    steps, points = np.nonzero(tried)
-    for begin in range(0, steps.size, _PATCHES_AT_ONCE):
-        step, point = steps[begin : begin + _PATCHES_AT_ONCE], points[begin : begin + _PATCHES_AT_ONCE]
-        found[step, point] = _ncc(
-            patches[point], norms[point], before, sought.chosen(point), _OFFSETS[step].astype(np.float64)
-        )
-    elsewhere = np.where(np.abs(_OFFSETS[:, None]) <= _BESIDE, np.float32(-1), found)
-    best = elsewhere.argmax(axis=0)
-    at_an_end = (best == 0) | (best == len(_OFFSETS) - 1)
-    largest = np.where(at_an_end, np.float32(-1), elsewhere.max(axis=0, initial=-1))
-    return largest, _OFFSETS[best] + _between(found, best)
+    points, near = np.arange(len(patches)), np.flatnonzero(promising >= 0)
+    around = np.clip(promising[near] + _AROUND, 0, _OFFSETS.size - 1)
+    tried = _nccs(patches[near], before, sought.chosen(near), _OFFSETS[around])
+    ncc = np.full((_OFFSETS.size, points.size), -1, dtype=np.float32)
+    ncc[around, near] = np.where(sought.parallax_px[near] + _OFFSETS[around] < -1, np.float32(-1), tried)
+    at_range = np.abs(_OFFSETS) <= _BESIDE
+    ncc[at_range] = -1
+    best = ncc.argmax(axis=0)
+    largest = np.where((best == 0) | (best == _OFFSETS.size - 1), np.float32(-1), ncc[best, points])
+    ncc[at_range] = beside
+    return largest, _OFFSETS[best] + _between(ncc, best)
 
 
 def _between(ncc: Floats32, best: Indices) -> Floats:
@@ -307,39 +318,46 @@ def _between(ncc: Floats32, best: Indices) -> Floats:
     return np.where(is_peak, np.clip(beside, -1 / 2, 1 / 2), 0.0)
 
 
-def _ncc(patches: Floats32, norms: Floats32, before: Image, sought: _Sought, offset: Floats | int) -> Floats32:
-    """(P,) the NCC of patches now with the picture before, `offset` px from where the LiDAR's range puts them.
+def _nccs(patches: Floats32, before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY) -> Floats32:
+    """(O, P) the NCC of patches now with the picture before, `offsets` px (O, 1) or (O, P) from the LiDAR's range."""
+    offsets = np.broadcast_to(offsets, (len(offsets), len(patches)))
+    patches = patches - patches.mean(axis=1, keepdims=True)
+    norms = _norms(np.einsum("pk,pk->p", patches, patches))
+    ncc = np.empty(offsets.shape, dtype=np.float32)
+    at_once = max(_PATCHES_AT_ONCE // len(offsets), 1)
+    for begin in range(0, len(patches), at_once):
+        some = slice(begin, begin + at_once)
+        others = _patches_before(before, sought.chosen(some), offsets[:, some], pixels)
+        both = np.einsum("pk,opk->op", patches[some], others)
+        squares = np.einsum("opk,opk->op", others, others) - np.square(np.einsum("opk->op", others)) / pixels.size
+        ncc[:, some] = both / (norms[some] * _norms(squares))
+    return ncc
 
-    What came nearer was smaller a moment ago.
-    """
-    others, other_norms = _patches_before(before, sought, offset)
-    return np.asarray(np.einsum("mp,mp->m", patches, others) / (norms * other_norms), dtype=np.float32)
 
-
-def _patches_before(before: Image, sought: _Sought, offset: Floats | int) -> tuple[Floats32, Floats32]:
-    nearness = (sought.parallax_px + offset) / sought.parallax_px
+def _patches_before(before: Image, sought: _Sought, offsets: Floats, pixels: Indices = _EVERY) -> Floats32:
+    """(O, P, pixels) patches of the picture before. What came nearer was smaller a moment ago."""
+    nearness = (sought.parallax_px + offsets) / sought.parallax_px
     scale = 1 / np.maximum(1 + nearness * sought.approached, 1 / PARALLAX_CONFLICT.most_grown)
-    return _patches(before, sought.predicted + np.reshape(offset, (-1, 1)) * sought.along, scale)
+    centres = sought.predicted + offsets[..., None] * sought.along
+    return _patches(before, centres.reshape(-1, 2), scale.ravel(), pixels).reshape(*offsets.shape, -1)
 
 
-def _patches(image: Image, centres: Floats, scale: Floats | None = None) -> tuple[Floats32, Floats32]:
-    """(P, pixels) patches of an image around centres (P, 2), without their means, and their norms (P,)."""
+def _patches(image: Image, centres: Floats, scale: Floats, pixels: Indices = _EVERY) -> Floats32:
+    """(P, pixels) patches of an image around centres (P, 2), (P,) or (1,) times as wide as those now."""
     if not len(centres):
-        return np.zeros((0, _RIGHT.size), dtype=np.float32), np.zeros(0, dtype=np.float32)
-    middle, size = centres.astype(np.float32), (np.ones(1) if scale is None else scale).astype(np.float32)[:, None]
-    column, row = (np.repeat(middle[:, [axis]], _RIGHT.size, axis=1) for axis in (0, 1))
-    column += size * _RIGHT
-    row += size * _DOWN
+        return np.zeros((0, pixels.size), dtype=np.float32)
+    scale = np.broadcast_to(scale, len(centres))
+    column, row = (
+        np.stack([middle, scale], axis=1, dtype=np.float32) @ np.stack([np.ones_like(beside), beside])[:, pixels]
+        for middle, beside in zip(centres.T, (_RIGHT, _DOWN), strict=True)
+    )
     sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    patches = np.asarray(sampled, dtype=np.float32)
-    # Sums of whole numbers are exact, and faster than the mean of fractions.
-    patches -= cv2.reduce(sampled, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F) / np.float32(_RIGHT.size)
-    return patches, _norms(patches)
+    return np.asarray(sampled, dtype=np.float32)
 
 
-def _norms(patches: Floats32) -> Floats32:
-    norms = np.sqrt(np.einsum("mp,mp->m", patches, patches)) + np.float32(PATCH_CORRELATION.norm_floor)
-    return np.asarray(norms, dtype=np.float32)
+def _norms(squares: Floats32) -> Floats32:
+    """The norms of patches, by the sums of their squares less their means."""
+    return np.sqrt(np.maximum(squares, 0)) + np.float32(PATCH_CORRELATION.norm_floor)
 
 
 def _alike(things: _Sought, place: Floats) -> Mask:

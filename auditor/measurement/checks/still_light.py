@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.checks.tone_curve import saturation_level, tone_curve
 from auditor.measurement.disparity.half_resolution import halve
@@ -84,14 +85,17 @@ class Glimpse:
     @cached_property
     def fading(self) -> Image:
         """(h, w) 1 at the pixels of patches that saturate, are round and fade at their edge, as thrown light does."""
-        saturated = (self.levels >= self.saturation).astype(np.uint8)
-        count, patch = cv2.connectedComponents(saturated, connectivity=8, ltype=cv2.CV_32S)
-        around = np.asarray(cv2.dilate(patch.astype(np.float32), _AROUND), dtype=np.intp) * (saturated == 0)
-        slope = np.hypot(*(cv2.Sobel(self.levels, cv2.CV_32F, *way, ksize=3, scale=1 / 8) for way in ((1, 0), (0, 1))))
-        steep, edge = (np.bincount(around[of], minlength=count) for of in (slope > STILL_LIGHT.fades, around > 0))
-        fades = (2 * steep < edge) & (_roundness(np.asarray(patch, dtype=np.intp), count) >= STILL_LIGHT.round)
+        saturated = self.levels >= self.saturation
+        count, patch = cv2.connectedComponents(saturated.view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
+        around = np.asarray(cv2.dilate(patch.astype(np.float32), _AROUND))
+        edge = np.flatnonzero((around > 0) & ~saturated)
+        ways = (cv2.Sobel(self.levels, cv2.CV_32F, *way, ksize=3, scale=1 / 8) for way in ((1, 0), (0, 1)))
+        steep = np.hypot(*(np.asarray(slope).take(edge) for slope in ways)) > STILL_LIGHT.fades
+        of = around.take(edge).astype(np.intp)
+        steep_of, edge_of = (np.bincount(some, minlength=count) for some in (of[steep], of))
+        fades = (2 * steep_of < edge_of) & (_roundness(np.asarray(patch, dtype=np.int32), count) >= STILL_LIGHT.round)
         fades[0] = False
-        return np.asarray(fades[patch], dtype=np.uint8)
+        return np.asarray(fades[np.asarray(patch)], dtype=np.uint8)
 
     def since(self, before: "Glimpse") -> Motion:
         """How the camera moved: from its frame now to its frame before."""
@@ -100,14 +104,14 @@ class Glimpse:
         return Motion(turned, back @ (self.world_SE3_camera.translation_m - before.world_SE3_camera.translation_m))
 
 
-def _roundness(patch: Indices, count: int) -> Floats:
-    """(count,) of the pixels of each number of a picture (h, w) the shorter over the longer axis of where they lie."""
-    row, column = np.asarray(np.indices(patch.shape), dtype=np.float64)
-    number = patch.ravel()
+def _roundness(patch: NDArray[np.int32], count: int) -> Floats:
+    """(count,) of the pixels of each number but 0 of a picture (h, w) the shorter over the longer axis of them."""
+    row, column = (axis.astype(np.float64) for axis in np.nonzero(patch))
+    number = patch[patch > 0]
     pixels = np.maximum(np.bincount(number, minlength=count), 1)
 
     def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(number, weights=values.ravel(), minlength=count) / pixels)
+        return np.asarray(np.bincount(number, weights=values, minlength=count) / pixels)
 
     across, down = mean(column), mean(row)
     xx = mean(column * column) - across * across + _VARIANCE
@@ -159,7 +163,9 @@ def measure_still_light(
     """
     chosen = _chosen(now, held)
     point_m = point_m[:: max(-(-len(point_m) // STILL_LIGHT.most_points), 1)]
-    seen = [one for before in chosen if (one := _compared(now, before, point_m)) is not None]
+    here = pixels_of(now.intrinsics, point_m).T
+    inside = _inside(now, here)
+    seen = [one for before in chosen if (one := _compared(now, before, point_m[inside], here[:, inside])) is not None]
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
@@ -187,55 +193,63 @@ def _cell_px(now: Glimpse) -> int:
 
 def _rows_apart(row: Indices, column: Indices) -> int:
     """How many pixels lie between the LiDAR's rows: the median of its points (M,) one above the other."""
-    order = np.lexsort((row, column))
-    steps = np.diff(row[order])[np.diff(column[order]) == 0]
+    height = int(row.max(initial=0)) + 1
+    place = np.sort(column * height + row)
+    steps = np.diff(place)[np.diff(place // height) == 0]
     steps = steps[steps > 0]
     return min(int(np.median(steps)), STILL_LIGHT.most_apart_px) if steps.size else 1
 
 
-def _compared(now: Glimpse, before: Glimpse, point_m: Matrix) -> _Seen | None:
-    """What points show in two pictures, by cells of the one now; None where too few of them are seen in both."""
-    motion = now.since(before)
-    there_m = point_m @ motion.rotation.T + motion.translation_m
-    ahead = there_m[:, 2] > LIDAR_PROJECTION.nearest_m
-    point_m, there_m = point_m[ahead], there_m[ahead]
-    here, there = pixels_of(now.intrinsics, point_m), pixels_of(before.intrinsics, there_m)
-    size = np.array(now.levels.shape[::-1])
-    inside = ((here >= 0) & (here <= size - 1) & (there >= 0) & (there <= size - 1)).all(axis=1)
-    inside &= np.hypot(*(here - there).T) >= STILL_LIGHT.least_px
-    here, there, depth_m = here[inside], there[inside], there_m[inside, 2]
-    column, row = np.rint(there).astype(np.intp).T
-    hidden = before.nearest_m[row, column] < depth_m * STILL_LIGHT.hidden_share
-    here, there = here[~hidden], there[~hidden]
-    residual, saturated, were_saturated = _residual(now, before, here, there)
+def _compared(now: Glimpse, before: Glimpse, point_m: Matrix, here: Floats) -> _Seen | None:
+    """What points (M, 3), `here` (2, M) in the picture now, show in two pictures, by cells of the one now.
+
+    None where too few of them are seen in both.
+    """
+    motion, K = now.since(before), before.intrinsics
+    there_m = K @ motion.rotation @ point_m.T + (K @ motion.translation_m)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        there, depth_m = there_m[:2] / there_m[2], there_m[2]
+    moved = (depth_m > LIDAR_PROJECTION.nearest_m) & (np.hypot(*(here - there)) >= STILL_LIGHT.least_px)
+    seen = np.flatnonzero(moved & _inside(before, there))
+    place = _pixels(before, there[:, seen])
+    shown = before.nearest_m.take(place) >= depth_m[seen] * STILL_LIGHT.hidden_share
+    seen, place = seen[shown], place[shown]
+    here, there = here[:, seen], there[:, seen]
+    residual, saturated, were_saturated = _residual(now, before, _pixels(now, here), place)
     if np.count_nonzero(~(saturated & were_saturated)) < STILL_LIGHT.fewest_points:
         return None
-    fading = saturated & (_at(now.fading, here) > 0)
+    fading = saturated & (now.fading.take(_pixels(now, here)) > 0)
     return _by_cells(now, here, there, residual, saturated, were_saturated, fading)
 
 
-def _residual(now: Glimpse, before: Glimpse, here: Floats, there: Floats) -> tuple[Floats32, Mask, Mask]:
+def _inside(glimpse: Glimpse, place: Floats) -> Mask:
+    """(P,) mask of the places (2, P) that lie in a picture."""
+    return np.asarray(((place >= 0) & (place <= np.array(glimpse.levels.shape[::-1])[:, None] - 1)).all(axis=0))
+
+
+def _pixels(glimpse: Glimpse, place: Floats) -> Indices:
+    """(P,) the pixels of a picture, row by row, that are the nearest to places (2, P): levels are means already."""
+    column, row = np.rint(place).astype(np.intp)
+    return np.asarray(row * glimpse.levels.shape[1] + column)
+
+
+def _residual(now: Glimpse, before: Glimpse, here: Indices, there: Indices) -> tuple[Floats32, Mask, Mask]:
     """(P,) by what share points are brighter than all predicted nearby, or darker; which saturate now, and did before.
 
-    What was saturated may be brighter by any amount, and what is saturated is not darker.
+    They are at pixels `here` (P,) and were `there` (P,). What was saturated may be brighter by any amount, and what is
+    saturated is not darker.
     """
-    level, was = _at(now.levels, here), _at(before.levels, there)
-    highest, lowest = _at(before.highest, there), _at(before.lowest, there)
+    level, was = now.levels.take(here), before.levels.take(there)
+    highest, lowest = before.highest.take(there), before.lowest.take(there)
     saturated, was_saturated = level >= now.saturation, was >= before.saturation
     fitted = ~saturated & ~was_saturated
     curve = tone_curve(was[fitted], level[fitted]).astype(np.float32)
-    upper = np.where(highest >= before.saturation, np.float32(_WHITE), curve[highest])
-    lower = np.where(saturated, np.float32(0), curve[lowest])
+    upper = np.where(highest >= before.saturation, np.float32(_WHITE), curve.take(highest))
+    lower = np.where(saturated, np.float32(0), curve.take(lowest))
     value = level.astype(np.float32)
     nearest = np.minimum(np.maximum(value, lower), np.maximum(upper, lower))
     residual = (value - nearest) / (np.float32(STILL_LIGHT.level) + np.float32(STILL_LIGHT.share) * nearest)
     return np.clip(residual, -1, 1), saturated, was_saturated
-
-
-def _at(image: Image, place: Floats) -> Image:
-    """(P,) levels of an image at places (P, 2): the nearest pixel's, as they are means of many already."""
-    column, row = np.rint(place).astype(np.intp).T
-    return np.asarray(image[row, column], dtype=np.uint8)
 
 
 def _by_cells(
@@ -243,7 +257,7 @@ def _by_cells(
 ) -> _Seen:
     cell_px = _cell_px(now)
     columns = -(-now.levels.shape[1] // cell_px)
-    column, row = (here / cell_px).astype(np.intp).T
+    column, row = (here / cell_px).astype(np.intp)
     place = row * columns + column
     blind = saturated & were_saturated
     blind_count = np.bincount(place[blind])
@@ -258,7 +272,7 @@ def _by_cells(
         return np.asarray(np.bincount(place, weights=values[told])[held])
 
     points = count[held].astype(np.float64)
-    where, was = (np.stack([total(one[:, 0]), total(one[:, 1])], axis=1) / points[:, None] for one in (here, there))
+    where, was = (np.stack([total(axis) for axis in one], axis=1) / points[:, None] for one in (here, there))
     return _Seen(
         _weight(points),
         total(residual) / points,
@@ -290,31 +304,25 @@ def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
     found, faded, cell_px = [], [], _cell_px(now)
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
-        sides = np.zeros((4, down.size * across.size))
-        of_inside, of_outside, blind = np.zeros((3, down.size * across.size))
-        saturated, were_saturated, fading = np.zeros((3, down.size * across.size))
+        count = down.size * across.size
+        blind, weights, came, left = np.zeros(count), np.zeros((2, count)), np.zeros((count, 4)), np.zeros((count, 3))
         for one in seen:
             blind += _lit(one.blind, sigma_px, across, down) @ one.blind_weight.astype(np.float32)
             added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
-            shown = (one.weight * one.residual).astype(np.float32)
-            weight = one.weight.astype(np.float32)
-            inside, outside = np.maximum(changes, 0), np.minimum(changes, 0)
-            for place, side in enumerate((inside, outside)):
-                sides[2 * place] += side @ shown
-                sides[2 * place + 1] += np.square(side) @ weight
-            of_inside += inside @ one.points.astype(np.float32)
-            of_outside -= outside @ one.points.astype(np.float32)
-            saturated += inside @ one.saturated.astype(np.float32)
-            were_saturated -= outside @ one.were_saturated.astype(np.float32)
-            fading += inside @ one.fading.astype(np.float32)
-        into, of_into, out, of_out = sides
+            shown, weight = one.weight * one.residual, one.weight.astype(np.float32)
+            inside, outside = np.maximum(changes, 0), np.maximum(-changes, 0)
+            weights += [np.square(side) @ weight for side in (inside, outside)]
+            came += inside @ np.stack([shown, one.points, one.saturated, one.fading], axis=1, dtype=np.float32)
+            left += outside @ np.stack([-shown, one.points, one.were_saturated], axis=1, dtype=np.float32)
+        (into, of_inside, saturated, fading), (out, of_outside, were_saturated) = came.T, left.T
         area = 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         nothing = STILL_LIGHT.unseen_share * np.maximum(area - (1 - STILL_LIGHT.blind_counts) * blind, 0)
-        shown_by = (into / (of_into + nothing) + out / (of_out + nothing)) / 2
-        came, left = saturated / np.maximum(of_inside, 1), were_saturated / np.maximum(of_outside, 1)
+        shown_by = (into / (weights[0] + nothing) + out / (weights[1] + nothing)) / 2
+        came_bright = saturated / np.maximum(of_inside, 1)
+        left_bright = were_saturated / np.maximum(of_outside, 1)
         # What left a light that is not there any more says nothing of now.
-        bright = np.maximum(came, np.minimum(left, blind / area))
+        bright = np.maximum(came_bright, np.minimum(left_bright, blind / area))
         outshines = np.minimum(bright / STILL_LIGHT.saturated_share, 1)
         found.append(np.clip(shown_by * outshines, 0, 1))
         faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))

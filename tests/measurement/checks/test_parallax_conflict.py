@@ -125,7 +125,7 @@ def test_an_edge_before_a_scene_that_is_found_elsewhere_is_no_conflict():
     before[:, 40:100] = np.roll(scene, -12, axis=1)[:, 40:100]
     behind, edge = sought([(70, 20)], [(70, 20)]), sought([(53, 20)], [(53, 20)])
     before[:, 40:53] = scene[:, 40:53]
-    patches = {name: _patches(now, one.pixel)[0] for name, one in (("behind", behind), ("edge", edge))}
+    patches = {name: _patches(now, one.pixel, np.ones(1)) for name, one in (("behind", behind), ("edge", edge))}
     assert _in_halves(patches["behind"], before, behind, np.array([-12.0])).tolist() == [True]
     assert _in_halves(patches["edge"], before, edge, np.array([-12.0])).tolist() == [False]
 
