@@ -266,7 +266,7 @@ def measured_of(store: Store, recording: RecordingRecord) -> set[str]:
     return {one for one in seen if store.has_measurement(one)}
 
 
-def rigs_of(store: Store, recording: RecordingRecord) -> list[Rig]:
+def measured_rigs(store: Store, recording: RecordingRecord) -> list[Rig]:
     """The rigs that a recording was measured with."""
     return [store.rig(store.measurement(one).rig_id) for one in sorted(measured_of(store, recording))]
 

@@ -17,10 +17,10 @@ from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.judge import (
     fitting_calibration,
     judge_measurement,
+    measured_rigs,
     prior_for,
     refuse_earlier_counting,
     rigs_in_turn,
-    rigs_of,
 )
 from auditor.pipeline.measured import FEW, MOST_KNOWN, KnownFiles, Measured, MeasureTask, is_as_now
 from auditor.pipeline.reading import coverage_asked, frames_not_audited, reading_of, views_not_compared
@@ -258,7 +258,7 @@ class Judge:
     def _judge(self, stored: StoredMeasurement, rig: Rig) -> Judged:
         store, criteria = self._store, self._settings.criteria
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
-        measurement, name, rigs = stored.measurement_id, recording.name, rigs_of(store, recording)
+        measurement, name, rigs = stored.measurement_id, recording.name, measured_rigs(store, recording)
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
         lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
         told = (*reading.remarks, *filter(None, [lacking]))

@@ -18,7 +18,7 @@ from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
-from auditor.pipeline.judge import counted_earlier, fitting_calibration, prior_for, rigs_in_turn, rigs_of
+from auditor.pipeline.judge import counted_earlier, fitting_calibration, measured_rigs, prior_for, rigs_in_turn
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.measured import FEW, is_as_now
 from auditor.pipeline.reading import coverage_asked, frames_not_audited
@@ -244,7 +244,7 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
     """
     measurement = store.measurement(verdict.measurement_id)
     recording = store.recording(measurement.recording_id)
-    asked = coverage_asked(store.rig(measurement.rig_id), rigs_of(store, recording), criteria.min_coverage)
+    asked = coverage_asked(store.rig(measurement.rig_id), measured_rigs(store, recording), criteria.min_coverage)
     return measurement.measured > 0 and not (
         any(frames_not_audited(measurement, verdict, asked))
         or attacked_by_labels(store, measurement.measurement_id)
