@@ -66,6 +66,10 @@ class ThresholdsError(AuditorError):
     """No thresholds, or thresholds that were calibrated for something else."""
 
 
+class NothingMeasuredError(ThresholdsError):
+    """No frame in which anything was compared to calibrate on."""
+
+
 class StoreError(AuditorError):
     """A store that cannot be read or written."""
 

@@ -16,7 +16,14 @@ from auditor.model.rig import MOST_OFF_PX, Camera, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
 from auditor.pipeline.geometry import FirstFrames, RigDoubts, first_frames_of, rigs_through, rigs_to_begin_with
-from auditor.pipeline.reading import FrameCount, Reading, judge_reading, views_not_compared, why_not_compared
+from auditor.pipeline.reading import (
+    FrameCount,
+    Reading,
+    judge_reading,
+    looks_again,
+    views_not_compared,
+    why_not_compared,
+)
 from auditor.recordings import (
     Changes,
     FarAheadError,
@@ -81,8 +88,7 @@ _BY_OTHER_SCANS = (
 
 def short_pairs(rig: Rig) -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
-    wide = _pairs(rig)
-    return [pair for pair in rig.pairs if rig.lidar and pair not in wide]
+    return [pair for pair in rig.pairs if rig.lidar and pair not in conflict_pairs(rig)]
 
 
 def capabilities(rig: Rig) -> list[str]:
@@ -104,7 +110,7 @@ def capabilities(rig: Rig) -> list[str]:
 
 
 def _of_lidar(rig: Rig) -> list[str]:
-    wide, short = _pairs(rig), short_pairs(rig)
+    wide, short = list(conflict_pairs(rig)), short_pairs(rig)
     lines = []
     if not wide:
         lines.append(
@@ -150,10 +156,6 @@ def _of_cameras() -> list[str]:
         "without a LiDAR cameras are compared with each other only: the robust method does not notice a camera whose "
         "image is shifted along its rows"
     ]
-
-
-def _pairs(rig: Rig) -> list[Pair]:
-    return list(conflict_pairs(rig))
 
 
 def _listed(pairs: list[Pair]) -> str:
@@ -292,7 +294,7 @@ def _reading(
     reading = judge_reading(frames, health.coverage, balance, (*damage, *health.undecoded), no_sensors=no_sensors)
     if narrow := tuple(views_not_compared(rig, Criteria.min_view, no_sensors, rigs)):
         reading = Reading((*reading.remarks, *narrow), complete=False)
-    if first.compared or not first.measured:
+    if first.compared or not first.measured or looks_again(rig, rigs):
         return reading
     dark = f"in none of {first.measured} frames at its beginning {why_not_compared(rig)}"
     return Reading((*reading.remarks, dark), complete=False)

@@ -60,7 +60,9 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
             elif outcome.result is not None:
                 how = "measured" if outcome.result.fresh else "measured before"
                 if batch.shows_known or outcome.result.fresh:
-                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}", of=outcome.item)
+                    rigs = len(outcome.result.measurement_ids)
+                    by = f", by {rigs} rigs" if rigs > 1 else ""
+                    finished(f"{outcome.item}: {outcome.result.frames} frames {how}{by}", of=outcome.item)
                 else:
                     finished(of=outcome.item)
     before = sum(not one.fresh for one in scan.measured)

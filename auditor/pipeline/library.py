@@ -35,7 +35,7 @@ from auditor.model.verdict import Method, Statistic
 from auditor.pipeline.asking import PathLike, named_calibration
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
-from auditor.pipeline.calibrations.making import by_kind, make
+from auditor.pipeline.calibrations.making import by_kind, make_each
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
 from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, measure_all
@@ -245,7 +245,7 @@ def calibrate(
         relate(kept)
         measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(measured, stores)
-        made = [make(group, Criteria.r, frames, jobs=settings.jobs) for group in by_kind(clean)]
+        made = list(make_each(by_kind(clean), Criteria.r, frames, jobs=settings.jobs))
         for one in made:
             keep_calibrated(kept, one)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)

@@ -23,7 +23,7 @@ from auditor.pipeline.judge import (
     rigs_in_turn,
 )
 from auditor.pipeline.measured import FEW, MOST_KNOWN, KnownFiles, Measured, MeasureTask, is_as_now
-from auditor.pipeline.reading import coverage_asked, frames_not_audited, reading_of, views_not_compared
+from auditor.pipeline.reading import checked_by_past, frames_not_audited, looks_again, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all, shard_of
@@ -266,6 +266,8 @@ class Judge:
             refuse_earlier_counting(store, measurement)
             fitting = self._fitting(measurement)
             calibration = fitting or self._unfitted(measurement)
+            if calibration is None and looks_again(rig, rigs):
+                return Judged(name, measurement, complete=True)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             beside = rigs_in_turn(store, recording, measurement) if criteria.method is Method.ROBUST else ()
@@ -273,14 +275,16 @@ class Judge:
             judgement = earlier or self._judged(measurement, calibration, beside)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
+        asked = 0.0 if checked_by_past(rig, rigs) else criteria.min_coverage
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_not_audited(stored, judgement, coverage_asked(rig, rigs, criteria.min_coverage)),
+            *frames_not_audited(stored, judgement, asked),
             *views_not_compared(rig, criteria.min_view, criteria.no_sensors, rigs),
             *conflicts_of(store, recording),
         )
+        gaps = () if looks_again(rig, rigs) else gaps
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
         by = JudgedBy.LEARNT if fitting is not None else unfitted
         warnings = (
@@ -312,13 +316,15 @@ class Judge:
     def _fitting(self, measurement: str) -> Calibration | None:
         """The calibration that a measurement is judged by; None where there is none.
 
-        By triples LiDARs alone are never judged, and a calibration that was given for cameras is none for them.
+        By triples LiDARs alone are never judged. A calibration that was given for cameras is none for LiDARs alone, and
+        none for a camera's past.
         """
         given, kind = self._settings.calibration, self._rig(measurement).kind
-        if kind.compared_to in (ComparedTo.SCANS, ComparedTo.LIDARS):
-            if self._settings.criteria.method is Method.PAPER:
-                return None
-            given = given if given is not None and given.rig_kind.matches(kind) else None
+        by_triples = self._settings.criteria.method is Method.PAPER
+        if by_triples and kind.compared_to in (ComparedTo.SCANS, ComparedTo.LIDARS):
+            return None
+        if given is not None and kind.compared_to is not ComparedTo.CAMERAS and not given.rig_kind.matches(kind):
+            given = None
         return given or fitting_calibration(self._store, measurement, self._calibrations)
 
     def _rig(self, measurement: str) -> Rig:

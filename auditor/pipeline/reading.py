@@ -126,13 +126,9 @@ def checked_by_past(rig: Rig, beside: Sequence[Rig]) -> bool:
     return lies_too_close(rig) and all(camera.topic in lone for camera in rig.cameras)
 
 
-def coverage_asked(rig: Rig, beside: Sequence[Rig], min_coverage: float) -> float:
-    """The share of a rig's frames that have to be audited: none where rigs `beside` it look at the same.
-
-    So it is of a camera's past that names what a pair finds, and of a pair that lies too close together.
-    """
-    again = rig.n == 1 and any(rig.topic(1) in map(one.topic, one.sensors) for one in beside if conflict_pairs(one))
-    return 0.0 if again or checked_by_past(rig, beside) else min_coverage
+def looks_again(rig: Rig, beside: Sequence[Rig]) -> bool:
+    """Whether a camera's past names what rigs `beside` it find: it adds findings, and nothing is missing without it."""
+    return rig.n == 1 and any(rig.topic(1) in map(one.topic, one.sensors) for one in beside if conflict_pairs(one))
 
 
 def _share_beside(topic: str, beside: Sequence[Rig]) -> float:

@@ -26,7 +26,7 @@ SAID = "is looked at for what appears, by its own past alone: it is compared wit
 
 @pytest.fixture(scope="module")
 def drive() -> SyntheticDrive:
-    return make_drive(2, FRAMES, n_cameras=2, width_px=310, height_px=94)
+    return make_drive(2, FRAMES, n_cameras=3, width_px=310, height_px=94)
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,7 @@ def test_of_two_lidars_each_that_no_camera_takes_is_a_rig_of_its_own(
     assert remarks.count(SAID) == (1 if with_cameras else 2)
     assert "not compared with others" not in remarks
     rigs = ask(tmp_path / "audit", "SELECT n, attacked_names FROM rigs LEFT JOIN incidents USING (rig_id) ORDER BY n")
-    assert [row["n"] for row in rigs] == ([0, 2] if with_cameras else [0, 0])
+    assert [row["n"] for row in rigs] == ([0, 3] if with_cameras else [0, 0])
     assert [row["attacked_names"] for row in rigs if row["attacked_names"]] == [["S_0 side"]]
 
 

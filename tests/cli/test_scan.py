@@ -51,7 +51,8 @@ def store(measured: Path, tmp_path: Path) -> Path:
 def summary(store: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
     capfd.readouterr()
     assert run(["query", "summary", "--store", str(store), "--format", "json"]) == 0
-    return {row["name"]: row for row in json.loads(capfd.readouterr().out)}
+    rows = json.loads(capfd.readouterr().out)
+    return {row["name"]: row for row in sorted(rows, key=lambda row: row["rig_name"].endswith("cameras"))}
 
 
 @pytest.mark.parametrize("method", ["robust", "paper"])

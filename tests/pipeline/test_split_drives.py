@@ -17,6 +17,8 @@ from tests.making.small_drives import PERIOD_NS, START_NS, drive_frames
 from tests.making.split_drives import messages_of, some, write_messages, write_parts
 
 RIG = plane_rig((0.6, 0.0), lidar=True)
+RIGS = 3
+"""Of the pair, and of each camera by its own past."""
 COUNT = 6
 
 
@@ -68,9 +70,9 @@ def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
     done = measured(tmp_path / "audit", Location(path))
     store = Store.open(tmp_path / "audit")
     kept = [store.measurement(known) for known in done.measurement_ids]
-    assert [one.measured for one in kept] == [COUNT, COUNT]
-    assert [one.skipped for one in kept] == [{}, {}]
-    assert kept[1].first_stamp_ns == START_NS + COUNT * PERIOD_NS
+    assert [one.measured for one in kept] == [COUNT, COUNT] * RIGS
+    assert [one.skipped for one in kept] == [{}, {}] * RIGS
+    assert [one.first_stamp_ns for one in kept].count(START_NS + COUNT * PERIOD_NS) == RIGS
     assert any("the calibration changes at 0.6 s" in warning for warning in done.calibration_warnings)
     again = measured(tmp_path / "audit", Location(path))
     assert (again.fresh, again.measurement_ids) == (False, done.measurement_ids)
@@ -86,8 +88,8 @@ def test_a_change_behind_the_last_frame_makes_no_measurement(tmp_path: Path, mes
     infos = some(messages_of(".mcap", later, behind), lambda m: m.schema == schemas.CAMERA_INFO)
     path = write_messages(tmp_path / "a.mcap", [*messages, *infos])
     done = measured(tmp_path / "audit", Location(path))
-    assert len(done.measurement_ids) == 1
-    assert done.frames == COUNT
+    assert len(done.measurement_ids) == RIGS
+    assert done.frames == COUNT * RIGS
 
 
 def test_a_scan_of_the_parts_is_one_row_with_the_origin_of_the_first(
@@ -97,7 +99,9 @@ def test_a_scan_of_the_parts_is_one_row_with_the_origin_of_the_first(
     parts = write_parts(folder, ".mcap", messages, (START_NS + 3 * PERIOD_NS - 1,))
     call = ["scan", *map(str, parts), "--measure-only", "--store", str(tmp_path / "audit"), "--jobs", "1"]
     assert run([*call, "--path-pattern", "{vehicle}/{drive}_0.mcap"]) == 3
-    assert f"{folder / 'drive'}: 6 frames measured" in capfd.readouterr().err.replace("\n", " ")
+    assert f"{folder / 'drive'}: {COUNT * RIGS} frames measured, by {RIGS} rigs" in capfd.readouterr().err.replace(
+        "\n", " "
+    )
     store = Store.open(tmp_path / "audit")
     (known,) = store.ids("recordings")
     kept = store.recording(known)

@@ -38,7 +38,11 @@ def a_log(vehicle: Vehicle = WAGON, attack: Attack = NO_ATTACK, start_ns: int = 
 
 
 def summary(audit: Audit) -> dict[str, dict[str, Any]]:
-    return {row["name"]: row for row in audit("query", "summary", "--format", "json").rows}
+    """The row of each recording; where it has several rigs that of the cameras together."""
+    rows = sorted(
+        audit("query", "summary", "--format", "json").rows, key=lambda row: row["rig_name"].endswith("cameras")
+    )
+    return {row["name"]: row for row in rows}
 
 
 def clean_and_attacked(vehicle: Vehicle) -> tuple[Log, Log]:

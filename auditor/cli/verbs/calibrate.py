@@ -134,16 +134,16 @@ def _made(
     clean: "CleanMeasurements", r: Decimal, frames: range | None, *, recount: bool, jobs: int, one_file: bool
 ) -> "list[MadeCalibration]":
     """A calibration of each rig kind and procedure. Raises SettingError for several that are to be `one_file`."""
-    from auditor.pipeline.calibrations.making import by_kind, make  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.making import by_kind, make_each, without_pasts  # noqa: PLC0415
 
-    groups = by_kind(clean)
+    groups = without_pasts(by_kind(clean)) if one_file else by_kind(clean)
     if one_file and len(groups) > 1:
         raise SettingError(
             f"these recordings have {len(groups)} rig kinds or procedures, and a file holds one calibration",
             where="--out",
             remedy="leave it out, and write each with auditor calibration export",
         )
-    return [make(group, r, frames, recount=recount, jobs=jobs) for group in groups]
+    return list(make_each(groups, r, frames, recount=recount, jobs=jobs))
 
 
 def _show(made: "MadeCalibration", version: "Kept", store: "Store", method: str, r: Decimal, form: str) -> None:

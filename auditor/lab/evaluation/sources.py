@@ -36,7 +36,7 @@ def clean_recording(path: Path | Location, rig: Path | None, use: str) -> Iterat
         in_force = rigs_through(recording, survey(recording), rig)
         if in_force.withheld:
             raise RecordingError(in_force.withheld, where=path, remedy=f"{use} on recordings that fit")
-        yield recording, list(in_force.rigs)
+        yield recording, [one for one in in_force.rigs if not one.rig.by_time] or list(in_force.rigs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-from auditor.errors import ThresholdsError
+from auditor.errors import NothingMeasuredError, ThresholdsError
 from auditor.identification.cross_validation import (
     CleanErrors,
     ErrorsOfOthers,
@@ -31,7 +31,7 @@ from auditor.identification.systems import System
 from auditor.model.calibration import MOST_FRAMES_KEPT, Calibration, CleanFrames, RobustThresholds, read_later
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple
-from auditor.model.rig_kind import RigKind
+from auditor.model.rig_kind import ComparedTo, RigKind
 from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
@@ -191,11 +191,40 @@ def make(
         for found in _in_order(_sum_up, parts, jobs):
             sums.join(found)
     if asked.system.triples and not any(sums.samples.values()):
-        raise ThresholdsError(
+        raise NothingMeasuredError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
         )
     calibration = make_calibration(*_kind_and_procedure(*measurements[0]), kept, sums.contents)
     return MadeCalibration(calibration, clean, asked, sums.samples, CleanDrives(sums.drives), sums.errors, jobs)
+
+
+def make_each(
+    groups: Sequence[CleanMeasurements],
+    r: Decimal,
+    frames: range | None = None,
+    *,
+    recount: bool = False,
+    jobs: int = 1,
+) -> Iterator[MadeCalibration]:
+    """As `make`, of the measurements of each rig kind and procedure.
+
+    Cameras' pasts with which nothing was compared, as while the vehicle stands, are left out where there are others.
+    """
+    for group in groups:
+        try:
+            yield make(group, r, frames, recount=recount, jobs=jobs)
+        except NothingMeasuredError:
+            if len(groups) == 1 or not _is_of_pasts(group):
+                raise
+
+
+def without_pasts(groups: Sequence[CleanMeasurements]) -> list[CleanMeasurements]:
+    """Those that are not of cameras' pasts; all where there are no others."""
+    return [group for group in groups if not _is_of_pasts(group)] or [*groups]
+
+
+def _is_of_pasts(clean: CleanMeasurements) -> bool:
+    return any(_kind_and_procedure(*one)[0].compared_to is ComparedTo.PAST for one in clean.chosen[:1])
 
 
 def by_kind(clean: CleanMeasurements) -> list[CleanMeasurements]:
