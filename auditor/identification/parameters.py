@@ -200,6 +200,11 @@ class JointTail:
     independent: float = parameter(
         0.47, unit="power of the number of checks that so many independent ones are", source=_TAIL
     )
+    fall: float = parameter(
+        0.7,
+        unit="of what the quantile falls below that of the tail's rate, at larger r",
+        source="streets 7000 to 7059 at r = 2, 5, 10 and 20 %; streets 12100 to 12107 and real drives (docs/figures.md)",
+    )
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL, OTHERS, FittedOn
 from auditor.identification.statistics import median_of
 from auditor.model.arrays import Flags, Floats, Integers
@@ -155,13 +156,15 @@ def _left_after(D: int) -> float:
 def joint_limit(r: float, checks: int) -> float:
     """The standard deviations that the largest z of so many checks exceeds in a share r of clean frames.
 
-    They depend on each other, and are worth fewer; and the tails are heavier than the normal distribution's.
+    They depend on each other, and are worth fewer; and the tails are heavier than the normal distribution's. At r above
+    the tail's rate the limit falls by less, since a drive's own level raises scores there.
     """
     if r >= 1:
         return -inf
-    r = max(r, SMALLEST_R)
     independent = max(checks, 1) ** JOINT_TAIL.independent
-    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / independent))
+    rates = max(r, SMALLEST_R), INCIDENTS.tail_rate
+    limit, of_tail = (JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - rate) ** (1 / independent)) for rate in rates)
+    return max(limit, of_tail + JOINT_TAIL.fall * (limit - of_tail))
 
 
 def drive_values(values: Floats, prior: Prior | None) -> DriveValues:

@@ -105,6 +105,7 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
             result = SimpleNamespace(
                 recording=task.recording,
                 recording_id=str(task),
+                measurement_ids=(str(task),),
                 frames=1,
                 fresh=True,
                 calibration_warnings=("it does not fit",),

@@ -193,7 +193,7 @@ def test_the_limit_falls_with_r_and_rises_with_the_checks(r, other, checks, more
 
 def test_one_check_alone_has_the_limit_of_the_normal_distribution():
     assert joint_limit(0.01, 1) == pytest.approx(JOINT_TAIL.stretch * 2.3263, abs=1e-4)
-    assert joint_limit(0.5, 1) == pytest.approx(0, abs=1e-9)
+    assert joint_limit(0.5, 1) == pytest.approx((1 - JOINT_TAIL.fall) * JOINT_TAIL.stretch * 2.3263, abs=1e-4)
 
 
 def test_many_checks_are_worth_fewer_independent_ones():
