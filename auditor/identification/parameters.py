@@ -203,7 +203,7 @@ class JointTail:
     fall: float = parameter(
         0.7,
         unit="of what the quantile falls below that of the tail's rate, at larger r",
-        source="streets 7000 to 7059 at r = 2, 5, 10 and 20 %; streets 12100 to 12107 and real drives (docs/figures.md)",
+        source="streets 7000 to 7059 at r = 2 to 20 %; 12100 to 12107 and real drives alike (docs/figures.md)",
     )
 
 
