@@ -13,8 +13,9 @@ LEFT_OUT = "camera_gray_left"
 
 
 def drive(number: str) -> Path:
-    """The folder of one drive; AUDITOR_TEST_DATA names where they lie."""
-    return Path(os.environ["AUDITOR_TEST_DATA"]) / f"kitti_raw_2011_09_26_drive_{number}"
+    """The folder of one drive, 04 of KITTI's odometry; AUDITOR_TEST_DATA names where they lie."""
+    name = "kitti_odometry_04" if number == "04" else f"kitti_raw_2011_09_26_drive_{number}"
+    return Path(os.environ["AUDITOR_TEST_DATA"]) / name
 
 
 def without(rig: Rig, name: str) -> Rig:
