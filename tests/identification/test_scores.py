@@ -148,6 +148,15 @@ def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is
     assert learnt.causes[Cause.EXPOSURE, 2].usual == pytest.approx(1.4)
 
 
+def test_one_odd_drive_moves_what_is_usual_of_tones_less_than_its_share():
+    exposure = Cause.EXPOSURE, 2
+    alike = thresholds_from([clean(name, strengths={exposure: 1.0}) for name in "abcd"], CHECKS, 11, R)
+    drives = [clean(name, strengths={exposure: 1.0}) for name in "abcd"] + [clean("e", strengths={exposure: 6.0})]
+    with_odd = thresholds_from(drives, CHECKS, 11, R)
+    moved = with_odd.causes[exposure].usual - alike.causes[exposure].usual
+    assert 0 <= moved < (6.0 - 1.0) / 5
+
+
 def test_what_a_rig_always_shows_raises_its_fault_s_theta():
     dark = Cause.DARK, None
     usual, always = (

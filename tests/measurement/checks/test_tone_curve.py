@@ -143,3 +143,13 @@ def test_an_image_saturates_below_its_top_level_where_many_pixels_lie_there(high
     image[: int(share * image.size)] = highest
     image[0] = highest
     assert saturation_level(image.reshape(100, 100)) == level
+
+
+def test_two_below_its_top_level_an_image_is_not_crowded():
+    image = np.zeros((100, 100), np.uint8)
+    image[:10] = 233
+    image[0, 0] = 235
+    assert saturation_level(image) == 250
+    image[:10] = 234
+    image[0, 0] = 235
+    assert saturation_level(image) == 232
