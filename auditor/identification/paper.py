@@ -15,6 +15,7 @@ from auditor.errors import ThresholdsError
 from auditor.model.arrays import Flags
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
+from auditor.model.text import enumerated
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 ABOVE, NOT_ABOVE, NOT_MEASURED = "1", "0", "-"
@@ -102,8 +103,7 @@ def without(e: str, triples: Sequence[Triple], absent: frozenset[int]) -> str:
 
 def listed(sensors: Sequence[int]) -> str:
     """Sensors in words: S_1, S_2 and S_3."""
-    names = [f"S_{sensor}" for sensor in sensors]
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+    return enumerated([f"S_{sensor}" for sensor in sensors])
 
 
 def sensors_where(sensors: Sequence[int], chosen: Flags) -> list[frozenset[int]]:

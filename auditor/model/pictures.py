@@ -40,6 +40,10 @@ LIDAR_COLOURS = ("c8ebff", "2878ff", "5abe5a", "be5ac8", "e6c83c", "969696")
 """RGB of the LiDARs of a rig in pictures of all; the first two differ in their greys as well, 227 and 112 of 255."""
 
 
+DAMAGED_COLOUR = "ff3c3c"
+"""RGB of damaged points seen from above."""
+
+
 class Content(StrEnum):
     """What a picture of a frame shows.
 

@@ -166,6 +166,10 @@ class Rig:
         """One of the LiDARs as a rig of its own, in which it is S_0."""
         return Rig(self.lidars[sensor], ())
 
+    def lone(self, number: int) -> "Rig":
+        """A camera as a rig of its own, in which it is S_1, with the LiDAR if there is one."""
+        return Rig(self.lidar, (replace(self.camera(number), number=1),))
+
     def pair(self, i: int, k: int) -> "Rig":
         """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
         return Rig(self.lidar, (replace(self.camera(i), number=1), replace(self.camera(k), number=2)))

@@ -6,6 +6,7 @@ It is kept as it is, and made safe where it leaves: on a screen, on a page and i
 
 import re
 import unicodedata
+from collections.abc import Sequence
 
 _UNSAFE_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 """Controls, marks of format (also of direction), surrogates, characters without a meaning, ends of lines."""
@@ -19,6 +20,11 @@ _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
 def one_line(text: str) -> str:
     r"""Text on one line that a terminal or browser only shows: what else it could do is written out, as \n or \x1b."""
     return text if text.isascii() and text.isprintable() else "".join(map(_written_out, text))
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """Names in words: a, b and c."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def storable(text: str) -> str:

@@ -151,7 +151,7 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     if found.sentences or found.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
         return None
     rigs, changes = rigs_unless_changed(recording, surveyed)
-    return with_pasts(rigs), changes
+    return _with_pasts(rigs), changes
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
@@ -160,12 +160,12 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     Where its calibrations contradict each other, some frames are measured to tell which is right. Raises RigError.
     """
     if rig_file is None:
-        return with_pasts(settled_rigs(recording, surveyed))
+        return _with_pasts(settled_rigs(recording, surveyed))
     given = _always_in_force(recording, surveyed, given_rig(rig_file, surveyed))
-    return with_pasts(RigsInForce((given,)))
+    return _with_pasts(RigsInForce((given,)))
 
 
-def with_pasts(found: RigsInForce) -> RigsInForce:
+def _with_pasts(found: RigsInForce) -> RigsInForce:
     """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR."""
     alone = (replace(one, rig=rig) for one in found.rigs for rig in pasts_of(one.rig))
     return found._replace(rigs=(*found.rigs, *alone))
@@ -190,7 +190,7 @@ def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> Rig
             rigs = rigs_in_force(recording, candidate)
         except RigError:
             continue
-        for one in with_pasts(rigs).rigs:
+        for one in _with_pasts(rigs).rigs:
             if one.rig.rig_id == rig_id:
                 return one
     return None

@@ -252,7 +252,7 @@ def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> 
     """
     stored = store.measurement(measurement)
     topics = _topics(store.rig(stored.rig_id))
-    others = {one: store.measurement(one) for one in sorted(measured_of(store, recording) - {measurement})}
+    others = {one: store.measurement(one) for one in sorted(known_measurements(store, recording) - {measurement})}
     return tuple(
         one
         for one, other in others.items()
@@ -260,7 +260,7 @@ def rigs_in_turn(store: Store, recording: RecordingRecord, measurement: str) -> 
     )
 
 
-def measured_of(store: Store, recording: RecordingRecord) -> set[str]:
+def known_measurements(store: Store, recording: RecordingRecord) -> set[str]:
     """The measurements of a recording, by any rig, that the store has."""
     seen = (one for sighting in recording.sightings for one in sighting.measurements)
     return {one for one in seen if store.has_measurement(one)}
@@ -268,7 +268,7 @@ def measured_of(store: Store, recording: RecordingRecord) -> set[str]:
 
 def measured_rigs(store: Store, recording: RecordingRecord) -> list[Rig]:
     """The rigs that a recording was measured with."""
-    return [store.rig(store.measurement(one).rig_id) for one in sorted(measured_of(store, recording))]
+    return [store.rig(store.measurement(one).rig_id) for one in sorted(known_measurements(store, recording))]
 
 
 def _topics(rig: Rig) -> dict[int, str]:

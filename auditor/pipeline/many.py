@@ -23,7 +23,7 @@ from auditor.pipeline.judge import (
     rigs_in_turn,
 )
 from auditor.pipeline.measured import FEW, MOST_KNOWN, KnownFiles, Measured, MeasureTask, is_as_now
-from auditor.pipeline.reading import checked_by_past, frames_not_audited, looks_again, reading_of, views_not_compared
+from auditor.pipeline.reading import frames_not_audited, looks_again, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all, shard_of
@@ -261,12 +261,12 @@ class Judge:
         measurement, name, rigs = stored.measurement_id, recording.name, measured_rigs(store, recording)
         reading = reading_of(stored, criteria.min_coverage, criteria.no_sensors)
         lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
-        told = (*reading.remarks, *filter(None, [lacking]))
+        told, again = (*reading.remarks, *filter(None, [lacking])), looks_again(rig, rigs)
         try:
             refuse_earlier_counting(store, measurement)
             fitting = self._fitting(measurement)
             calibration = fitting or self._unfitted(measurement)
-            if calibration is None and looks_again(rig, rigs):
+            if calibration is None and again:
                 return Judged(name, measurement, complete=True)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
@@ -275,16 +275,15 @@ class Judge:
             judgement = earlier or self._judged(measurement, calibration, beside)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
-        asked = 0.0 if checked_by_past(rig, rigs) else criteria.min_coverage
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_not_audited(stored, judgement, asked),
+            *frames_not_audited(stored, judgement, criteria.min_coverage, rig, rigs),
             *views_not_compared(rig, criteria.min_view, criteria.no_sensors, rigs),
             *conflicts_of(store, recording),
         )
-        gaps = () if looks_again(rig, rigs) else gaps
+        gaps = () if again else gaps
         unfitted = JudgedBy.BATCH if measurement in self._settings.by_batch else JudgedBy.PRIOR
         by = JudgedBy.LEARNT if fitting is not None else unfitted
         warnings = (

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from auditor.identification.paper import listed
 from auditor.model.checks import conflict_pairs, lies_too_close
 from auditor.model.coverage import (
     TopicCoverage,
@@ -17,6 +18,7 @@ from auditor.model.frames import TopicBalance
 from auditor.model.optics.common_view import compared_shares
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria
+from auditor.model.text import enumerated
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import EDGE
 from auditor.store import StoredJudgement, StoredMeasurement
@@ -93,9 +95,8 @@ def views_not_compared(
     seen = {one.lidar.topic for one in beside if one.cameras and one.lidar} if rig.others else set()
     lidars = [] if rig.cameras else [one for one in rig.sensors if rig.topic(one) not in {*no_sensors, *seen}]
     if rig.others and min_view > 0 and lidars:
-        *first, last = (f"S_{one} {rig.name(one)}" for one in lidars)
-        named = " and ".join([*filter(None, [", ".join(first)]), last])
-        whose, own, they = ("each other's", "their", "they see") if first else ("another LiDAR's", "its", "it sees")
+        named, several = enumerated([f"S_{one} {rig.name(one)}" for one in lidars]), len(lidars) > 1
+        whose, own, they = ("each other's", "their", "they see") if several else ("another LiDAR's", "its", "it sees")
         yield (
             f"{named}: compared with {whose} points where both look, and else looked at for what appears, by {own} "
             f"own past alone; no camera of this rig sees what {they}"
@@ -108,7 +109,7 @@ def views_not_compared(
     if min_view > 0 and checked_by_past(rig, beside):
         yield (
             f"S_0 {rig.name(LIDAR)} is checked by each camera's own past alone: "
-            f"{_listed(rig)} lie too close together to check its ranges"
+            f"{listed([camera.number for camera in rig.cameras])} lie too close together to check its ranges"
         )
     for number, share in compared_shares(rig).items():
         if rig.by_time and max(share, _share_beside(rig.topic(number), beside)) < min_view:
@@ -137,11 +138,6 @@ def _share_beside(topic: str, beside: Sequence[Rig]) -> float:
     return max(shares, default=0.0)
 
 
-def _listed(rig: Rig) -> str:
-    *others, last = (f"S_{camera.number}" for camera in rig.cameras)
-    return f"{', '.join(others)} and {last}"
-
-
 def why_not_compared(rig: Rig) -> str:
     """What could not be done with frames of a rig in which nothing was compared, and the likely reason."""
     if not rig.cameras:
@@ -152,12 +148,15 @@ def why_not_compared(rig: Rig) -> str:
 
 
 def frames_not_audited(
-    measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float
+    measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float, rig: Rig, beside: Sequence[Rig]
 ) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged, and why where verdicts are withheld."""
+    """Whether too few frames of a recording could be judged, and why where verdicts are withheld.
+
+    None is too few of a rig that rigs `beside` it stand in for.
+    """
     if measurement.withheld:
         yield f"verdicts withheld: {measurement.withheld}"
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = FrameCount(measurement.measured, measurement.skipped).due
-    if audited < min_coverage * due:
+    if audited < min_coverage * due and not (checked_by_past(rig, beside) or looks_again(rig, beside)):
         yield f"{audited} of {due} frames audited"

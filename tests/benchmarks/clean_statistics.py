@@ -266,7 +266,7 @@ def scene_of(
     """Measure a source, or a stretch of it: from a frame to before another."""
     with source.open() as drives:
         drive = drives[0]
-        rig = drive.rig if camera is None else Rig(drive.rig.lidar, (replace(drive.rig.camera(camera), number=1),))
+        rig = drive.rig if camera is None else drive.rig.lone(camera)
         kinds: dict[int, str] = {}
 
         def frames() -> Iterator[Frame]:

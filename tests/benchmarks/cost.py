@@ -97,7 +97,7 @@ def recorded(sensors: str, count: int) -> tuple[Rig, list[Frame]]:
     rig, stream = frames(DRIVE, all_cameras=sensors != "3 cameras", colour=True)
     kept = list(stream)
     if sensors == "1 camera":
-        rig = Rig(rig.lidar, (replace(rig.camera(rig.n), number=1),))
+        rig = rig.lone(rig.n)
         kept = [alone(frame, len(frame.images)) for frame in kept]
     return rig, list(_repeated(kept, count))
 

@@ -49,7 +49,7 @@ def walls(count: int, seed: int) -> Iterator[tuple[str, BogusWall]]:
 
 def frames_of(source: Source, camera: int) -> tuple[Rig, list[Frame]]:
     with source.open() as drives:
-        rig, lone = drives[0].rig, Rig(drives[0].rig.lidar, (replace(drives[0].rig.camera(camera), number=1),))
+        rig, lone = drives[0].rig, drives[0].rig.lone(camera)
         whole = [frame for frame in drives[0].frames if isinstance(frame, Frame)]
         there = [frame for frame in whole if frame.cloud is not None and camera in frame.images]
         return lone, [alone(frame, camera) if rig.n > 1 else frame for frame in there]

@@ -10,16 +10,13 @@ and clean streets of two seconds, that are found.
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
-from io import StringIO
 from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from auditor.cli import run
 from auditor.lab.attacks.paper import draw_facula, draw_wall
 from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import make_drive
@@ -27,13 +24,13 @@ from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames as frames_of
+from tests.benchmarks.several_lidars import FOUND, quietly
 from tests.making.audits import ask
 
 DRIVES = ("0009", "0001", "04")
 WIDE = ((1, 3), (2, 4), (1, 4), (2, 3))
 PLACES = 2
 LASTS = ("a second", "all")
-FOUND = (1, 4)
 BASELINES_M = (0.12, 0.3, 0.54, 0.8)
 INCIDENTS = """
     SELECT incident.grade, attacked, list_transform(attacked, lambda one: rig.sensors[one + 1].name) AS names
@@ -43,11 +40,10 @@ INCIDENTS = """
 Attack = Callable[[Frame], Frame]
 
 
-def pair_of(rig: Rig, whole: Sequence[Frame], cameras: Sequence[int]) -> tuple[Rig, list[Frame]]:
-    """The LiDAR and some cameras of a drive, renumbered."""
+def pair_of(rig: Rig, whole: Sequence[Frame], cameras: tuple[int, int]) -> tuple[Rig, list[Frame]]:
+    """The LiDAR and two cameras of a drive, renumbered."""
     numbers = {old: new for new, old in enumerate(cameras, start=1)}
-    kept = Rig(rig.lidar, tuple(replace(rig.camera(old), number=new) for old, new in numbers.items()))
-    return kept, [
+    return rig.pair(*cameras), [
         replace(
             frame,
             images={numbers[s]: replace(image, sensor=numbers[s]) for s, image in frame.images.items() if s in numbers},
@@ -73,10 +69,10 @@ def attacks_of(rig: Rig, seed: int) -> Iterator[tuple[str, int, Attack]]:
 
 def scanned(rig: Rig, frames: Sequence[Frame], folder: Path) -> tuple[bool, list[dict[str, object]]]:
     """Whether a recording is found, and its incidents and alerts."""
-    with TemporaryDirectory(dir=folder) as here, redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+    with TemporaryDirectory(dir=folder) as here:
         path, store = Path(here) / "drive.mcap", Path(here) / "audit"
         write_mcap(path, rig, frames)
-        code = run(["scan", str(path), "--store", str(store), "--pictures", "none"])
+        code = quietly("scan", str(path), "--store", str(store), "--pictures", "none")
         return code in FOUND, ask(store, INCIDENTS)
 
 

@@ -215,10 +215,11 @@ def _compared(now: Glimpse, before: Glimpse, point_m: Matrix, here: Floats) -> _
     shown = before.nearest_m.take(place) >= depth_m[seen] * STILL_LIGHT.hidden_share
     seen, place = seen[shown], place[shown]
     here, there = here[:, seen], there[:, seen]
-    residual, saturated, were_saturated = _residual(now, before, _pixels(now, here), place)
+    shown_at = _pixels(now, here)
+    residual, saturated, were_saturated = _residual(now, before, shown_at, place)
     if np.count_nonzero(~(saturated & were_saturated)) < STILL_LIGHT.fewest_points:
         return None
-    fading = saturated & (now.fading.take(_pixels(now, here)) > 0)
+    fading = saturated & (now.fading.take(shown_at) > 0)
     return _by_cells(now, here, there, residual, saturated, were_saturated, fading)
 
 

@@ -9,14 +9,13 @@ import numpy as np
 from auditor.measurement.localisation.points import among
 from auditor.model.arrays import Floats, Image, Indices, Mask, Points
 from auditor.model.optics.geometry import Matrix
-from auditor.model.pictures import LIDAR_COLOURS
+from auditor.model.pictures import DAMAGED_COLOUR, LIDAR_COLOURS
 from auditor.model.rig import Rig
 
-_RED = (60, 60, 255)  # BGR
 _GROUND, _LINES, _WORDS = (28, 24, 22), (80, 72, 66), (190, 185, 180)
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.45
 
-_OF_LIDARS = tuple((rgb[2], rgb[1], rgb[0]) for rgb in map(bytes.fromhex, LIDAR_COLOURS))
+_RED, *_OF_LIDARS = ((rgb[2], rgb[1], rgb[0]) for rgb in map(bytes.fromhex, (DAMAGED_COLOUR, *LIDAR_COLOURS)))
 _WHITE = (255, 255, 255)
 
 _ABOVE_PX = 900
@@ -173,13 +172,13 @@ def range_image(points: Points, damaged: Mask, rig_SE3_lidar: Matrix, framed: Se
             _placed(-elevation, -highest, -lowest, height),
         )
         colours = _colours(-np.log(range_m[order]), -np.log(_FAR_M), -np.log(_NEAR_M))
-        colours[damaged[order]] = (255, 255, 255)
+        colours[damaged[order]] = _WHITE
         # Beams are sparser than rows: a point is three pixels high.
         for shift in (-1, 1, 0):
             drawn[np.clip(row + shift, 0, height - 1), column] = colours
         marked = damaged[order]
         for shift in (-1, 0, 1):
-            drawn[np.clip(row[marked] + shift, 0, height - 1), column[marked]] = (255, 255, 255)
+            drawn[np.clip(row[marked] + shift, 0, height - 1), column[marked]] = _WHITE
         words = (
             f"azimuth {azimuth.min():+.0f} to {azimuth.max():+.0f} deg, elevation {lowest:+.0f} to {highest:+.0f} deg; "
             f"red {_NEAR_M:.0f} m, blue {_FAR_M:.0f} m; {_count(damaged)} (white)"

@@ -4,7 +4,6 @@ Fault features separate faults from attacks; they are measured with every frame,
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import combinations, groupby
 from math import nan
@@ -128,9 +127,8 @@ def lies_too_close(rig: Rig) -> bool:
 
 def pasts_of(rig: Rig) -> tuple[Rig, ...]:
     """The cameras of a rig that names no sensor, each alone with the LiDAR: its own past tells which is attacked."""
-    if rig.lidar is None or rig.n < 2 or (rig.max_attacked > 0 and not lies_too_close(rig)):
-        return ()
-    return tuple(Rig(rig.lidar, (replace(camera, number=1),)) for camera in rig.cameras)
+    names_none = rig.lidar is not None and rig.n == 2
+    return tuple(rig.lone(camera.number) for camera in rig.cameras) if names_none or lies_too_close(rig) else ()
 
 
 @lru_cache(maxsize=64)

@@ -21,7 +21,7 @@ from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
 from auditor.pipeline.judge import counted_earlier, fitting_calibration, measured_rigs, prior_for, rigs_in_turn
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.measured import FEW, is_as_now
-from auditor.pipeline.reading import checked_by_past, frames_not_audited, looks_again
+from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all
 from auditor.store import Store, StoredJudgement, rows_of, run_sql
@@ -245,9 +245,8 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
     measurement = store.measurement(verdict.measurement_id)
     recording = store.recording(measurement.recording_id)
     rig, beside = store.rig(measurement.rig_id), measured_rigs(store, recording)
-    asked = 0.0 if checked_by_past(rig, beside) or looks_again(rig, beside) else criteria.min_coverage
     return measurement.measured > 0 and not (
-        any(frames_not_audited(measurement, verdict, asked))
+        any(frames_not_audited(measurement, verdict, criteria.min_coverage, rig, beside))
         or attacked_by_labels(store, measurement.measurement_id)
         or held_by(store, recording, among=recordings)
         or conflicts_of(store, recording)

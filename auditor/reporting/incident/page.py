@@ -9,7 +9,7 @@ from auditor.model.checks.kinds import found_of
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, not_compared_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
-from auditor.model.pictures import LIDAR_COLOURS
+from auditor.model.pictures import DAMAGED_COLOUR, LIDAR_COLOURS
 from auditor.model.rig import Triple
 from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.reporting.incident.cameras_beside import Beside, NamedByPast
@@ -292,6 +292,11 @@ class RecordingPart:
     def skipped_messages(self) -> int:
         """Messages of all topics that were skipped."""
         return sum(sum(topic.skipped.values()) for topic in self.balance)
+
+    @property
+    def damaged_colour(self) -> str:
+        """That of damaged points in pictures from above, in hexadecimal digits."""
+        return DAMAGED_COLOUR
 
     @property
     def lidars(self) -> tuple[tuple[SensorLine, str], ...]:
