@@ -46,7 +46,7 @@ VERBS = (
     "weights",
     "train-matcher",
 )
-"""In the order in which a newcomer meets them; each is a module of this package with a command of its name."""
+"""In the order in which a newcomer meets them; each is a module of `verbs`, which has it as `command`."""
 
 
 class _Verbs(click.Group):

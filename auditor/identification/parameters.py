@@ -1,7 +1,8 @@
-"""Every number that can change a verdict on what was measured.
+"""Numbers that can change a verdict on what was measured, and those that say what is kept beside it (`StandsOut`).
 
-A changed value asks for a new JUDGING_VERSION. z is the normalised score of a check or of a fault: how far it lies
-above its threshold theta.
+Other numbers of verdicts are those of evidence (`evidence_parameters`) and the priors of checks, which are declared
+with them (`model.checks.kinds`); JUDGING has all. A changed value asks for a new JUDGING_VERSION. z is the normalised
+score of a check or of a fault: how far it lies above its threshold theta.
 
 The network that comes with auditor has a prior of its own, as the statistics of its disparities are not those of
 SGBM's; checks that are not named there have the prior declared with them. It gives every pixel a disparity, also

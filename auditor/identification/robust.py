@@ -5,7 +5,7 @@
 3. Faults and dirt that may explain a finding as well make it suspect (`faults`).
 4. A sequential test over successive frames says which of them make an incident (`incidents`).
 5. Stretches of a second are judged as frames are: what is weak and lasts makes an incident as well (`events`).
-6. Findings that no incident holds are alerts where they come in a row, or make a tenth of the frames.
+6. Findings that no incident holds are alerts where they come in a row, make a tenth of the frames, or are very strong.
 
 Where the calibration changes within a recording, each rig has measurements of its own: they are judged as portions of
 one series, so that no change of a rig ends an attack.

@@ -1,4 +1,7 @@
-"""A frame becomes counts of inconsistent pixels for every triple, and the statistics of the checks on every pair."""
+"""A frame becomes a Measurement: counts for every triple, and for the checks counts on grids, or their statistics.
+
+What the counts on grids say is told by `identification.statistics`.
+"""
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing

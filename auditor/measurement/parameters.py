@@ -1,7 +1,9 @@
-"""Every number that can change a count or a measured statistic, and those that decide warnings beside them.
+"""Numbers of cameras and matching that can change a count or a measured statistic.
 
-A changed value asks for a new one of COUNTING_VERSIONS, of the rigs that it measures. Images are compared at half
-resolution: "half px" are pixels of it, px those of the full image.
+Those of points and of a camera's past have files of their own beside this one, and a check may have its own in its
+module, as NUMBERS; `checks.found` lists all of them, by what a rig compares. A changed value asks for a new one of
+COUNTING_VERSIONS, of the rigs that it measures. Images are compared at half resolution: "half px" are pixels of it, px
+those of the full image.
 """
 
 from dataclasses import dataclass

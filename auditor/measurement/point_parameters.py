@@ -1,4 +1,4 @@
-"""The numbers of the checks of the LiDAR's points that can change a count; part of `parameters.MEASURING`."""
+"""The numbers of the checks of the LiDAR's points that can change a count; part of `checks.found.MEASURING`."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The numbers of what a camera's own past says that can change a count; part of `parameters.MEASURING`."""
+"""The numbers of what a camera's own past says that can change a count; part of `checks.found.MEASURING`."""
 
 from dataclasses import dataclass
 

@@ -190,12 +190,12 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a frame of a clean drive is expected to have: a mean and a standard deviation.
+    """What a frame of a clean drive is expected to have: a mean, and how far from it z = 1 is.
 
     Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
-    `within` is the standard deviation within one drive, `between` that of the means of drives of the rig kind.
-    `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
-    the prior.
+    `deviation`, `within` one drive, and `between` the means of drives of the rig kind, are standard deviations times
+    the tail of the prior. `drives` is how many clean recordings they were learnt from, `samples` how many of their
+    frames; 0 where they are the prior.
     """
 
     mean: float

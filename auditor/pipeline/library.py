@@ -268,20 +268,25 @@ def scan(
     `measure_again`. `network` gives several settings of a network at once.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
-    before any work: SettingError, ThresholdsError, RigError, StoreError.
+    before any work: SettingError, ThresholdsError, RigError, StoreError. Of a store at an address what is wrong with
+    the store, a calibration or a rig raises when the first is asked for.
     """
-    if isinstance(address := path_or_address(store), Address):
-        return _mirrored(
-            address, lambda here: scan(recordings, store=here, network=network, on_progress=on_progress, **settings)
-        )
     judging = {name: value for name, value in settings.items() if name in settings_of(Criteria)}
     measuring = {name: value for name, value in settings.items() if name not in judging}
     if unknown := measuring.keys() - settings_of(MeasureSettings).keys():
         raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
-    folder = Path(store)
-    chosen = judge_settings(folder, criteria(judging))
-    batch = find_batch(_places(recordings), folder, _measuring(network, measuring))
-    return _scan(batch, folder, chosen, on_progress or _silent)
+    places, by, how = _places(recordings), criteria(judging), _measuring(network, measuring)
+
+    def into(folder: Path) -> Iterator[Scanned]:
+        chosen = judge_settings(folder, by)
+        return _scan(find_batch(places, folder, how), folder, chosen, on_progress or _silent)
+
+    return _at(path_or_address(store), into)
+
+
+def _at(place: Path | Address, steps: Callable[[Path], Iterator[Result]]) -> Iterator[Result]:
+    """What is done to a store, or to the mirror of one."""
+    return _mirrored(place, steps) if isinstance(place, Address) else steps(place)
 
 
 def _mirrored(address: Address, steps: Callable[[Path], Iterator[Result]]) -> Iterator[Result]:
@@ -314,11 +319,12 @@ def judge(
     The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
 
     Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
-    nothing has been measured.
+    nothing has been measured; of a store at an address the last two when the first is asked for.
     """
-    if isinstance(store, str) and isinstance(address := path_or_address(store), Address):
-        return _mirrored(address, lambda here: judge(here, jobs=jobs, **judging))
-    return judge_store(store if isinstance(store, Store) else Store.open(store), criteria(judging), jobs)
+    by = criteria(judging)
+    if isinstance(store, Store):
+        return judge_store(store, by, jobs)
+    return _at(path_or_address(store), lambda here: judge_store(Store.open(here), by, jobs))
 
 
 def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Iterator[Judged]:

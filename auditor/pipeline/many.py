@@ -1,4 +1,4 @@
-"""Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
+"""Many recordings: found, measured side by side, judged. What went wrong with one is a value of its own."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

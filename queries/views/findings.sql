@@ -1,4 +1,4 @@
--- One row a frame that belongs to an incident or an alert: attacked, unidentified or suspect. Incidents are runs of these.
+-- One row a frame of an event, an incident or an alert: attacked, unidentified or suspect.
 --
 -- By the paper's method these are the frames whose verdict is a finding; by the robust method the frames of its events,
 -- with their kind and sensors. What belongs to no event is in `verdicts` alone.

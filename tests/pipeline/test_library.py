@@ -34,6 +34,14 @@ def test_a_wrong_argument_is_refused_before_any_work(wrong: dict[str, object], t
     assert not (tmp_path / "audit").exists()
 
 
+@pytest.mark.parametrize("wrong", [{"method": "magic"}, {"r": "often"}, {"no_such_option": 1}])
+def test_a_wrong_argument_is_refused_before_a_store_at_an_address_is_asked(wrong: dict[str, object]) -> None:
+    with pytest.raises(auditor.SettingError):
+        auditor.scan("s3://nowhere/drives/", store="s3://nowhere/audit", **wrong)
+    with pytest.raises(auditor.SettingError):
+        auditor.judge("s3://nowhere/audit", **wrong)
+
+
 def test_an_unknown_calibration_is_refused_before_the_first_result(store: auditor.Store) -> None:
     add_recording(store)
     with pytest.raises(auditor.ThresholdsError):

@@ -26,7 +26,7 @@ from auditor.measurement.checks.free_space_conflict import (
     widths_m,
     within_reach,
 )
-from auditor.measurement.checks.scattered_returns import scattered, share_in_view
+from auditor.measurement.checks.scattered_returns import scattered, statistic_in_view
 from auditor.model.arrays import Floats32, Image, Indices, Mask, Points
 from auditor.model.optics.geometry import Matrix
 from auditor.model.parameters import BY_HAND, parameter
@@ -131,7 +131,7 @@ def _still(way: Shift) -> Image:
 
 def measure_contested_returns(points: Points, rig: Rig) -> float:
     """The statistic, 0 to 1, of those of the contested points (K, 3) that do not scatter as in dust."""
-    return share_in_view(points[~scattered(points, rig)], rig)
+    return statistic_in_view(points[~scattered(points, rig)], rig)
 
 
 def _things(now: Scan, xyz_m: Floats32) -> Image:

@@ -17,7 +17,7 @@ _MODULES = {check: import_module(f"{__package__}.{check.where}") for check in Ch
 
 
 def measuring(check: Check) -> Callable[..., Any]:
-    """The function that measures a check: `measure_` and its name, in its module."""
+    """The function that measures a check: `measure_` and its name, in its module; AttributeError where it has none."""
     made: Callable[..., Any] = getattr(_MODULES[check], f"measure_{check}")
     return made
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.scattered_returns import scattered, share_in_view
+from auditor.measurement.checks.scattered_returns import scattered, statistic_in_view
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.parameters import BY_HAND, parameter
@@ -203,7 +203,7 @@ class OwnScans:
 
 def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> float:
     """The statistic, 0 to 1, of those of the points (K, 3) in the view of a camera that do not scatter as in dust."""
-    return share_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
+    return statistic_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
 
 
 def _upright(points: Points, rig: Rig) -> Floats32:

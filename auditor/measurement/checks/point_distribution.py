@@ -76,7 +76,7 @@ def isolated_ratio(found: IsolatedShares) -> float | None:
     """The statistic of isolated points 8 to 40 m away, 0 to 1; half a per cent of the view's points give a half.
 
     Drops of rain are isolated nearby many times as often: half of the share there is subtracted. None where too few
-    points are in view.
+    points are in view, or where drops outweigh what is isolated farther away.
     """
     if isnan(found.isolated_beyond):
         return None

@@ -75,11 +75,11 @@ def scattered(points: Points, rig: Rig) -> Mask:
 
 def measure_scattered_returns(from_nowhere: Points, rig: Rig, *view: int) -> float:
     """The statistic, 0 to 1, of those of the points (K, 3) that scatter and lie in a view."""
-    return share_in_view(from_nowhere[scattered(from_nowhere, rig)], rig, *view)
+    return statistic_in_view(from_nowhere[scattered(from_nowhere, rig)], rig, *view)
 
 
-def share_in_view(points: Points, rig: Rig, *view: int) -> float:
-    """How many of the points (K, 3) lie in the view of a camera, 0 to 1; all without one."""
+def statistic_in_view(points: Points, rig: Rig, *view: int) -> float:
+    """The statistic n / (n + half_points) of the n points (K, 3) in the view of a camera, or of all without one."""
     if not len(points):
         return 0.0
     seen = lidar_view(PointCloud(0, points), rig, *view).returns if view else len(points)

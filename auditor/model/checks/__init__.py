@@ -25,7 +25,7 @@ DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counte
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
-"""The checks of a camera by the other cameras."""
+"""The checks of a camera by the others that look at grey levels: all but those of coloured and of striped light."""
 
 IMAGE_CHECKS = tuple(one for one in Check if one.kind.counted in (Counted.PIXELS, Counted.LIGHT))
 """All checks that are counted in the images of camera pairs."""

@@ -1,6 +1,7 @@
 """The checks. Each is declared here, once: all that knows checks by their names follows from this table.
 
-What is measured is found by name: of `Check.X` it is `measure_x` in the module `where` of `measurement/checks`. Its
+A check is measured in the module `where` of `measurement/checks`: most by `measure_x` of `Check.X`, which is found by
+its name. What is counted together (light, inconsistency, ranges, parallax) has functions of other names. Its
 prior, how its voters decide together, its rows in documents, and what queries and pages say of it are taken from here.
 """
 
