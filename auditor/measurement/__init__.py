@@ -8,7 +8,7 @@ from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import FrameArrays
-from auditor.measurement.thumbnails import Picture, PictureBook, draw
+from auditor.measurement.thumbnails import PictureBook, draw
 
 
 def use_one_thread() -> None:
@@ -26,7 +26,6 @@ __all__ = [
     "FaultFeatures",
     "FrameArrays",
     "GeometryFit",
-    "Picture",
     "PictureBook",
     "RepeatedData",
     "draw",

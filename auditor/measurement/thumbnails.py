@@ -1,6 +1,5 @@
 """Thumbnails: small images of the strongest frames, so that a report needs no recording."""
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
-from auditor.model.pictures import Pictures, Sampling
+from auditor.model.pictures import Picture, Pictures, Sampling
 from auditor.model.rig import LIDAR, Triple
 
 _JPEG_QUALITY = 80
@@ -22,20 +21,11 @@ _SECOND_NS = 10**9
 _MOST_PICTURES = 60
 
 
-@dataclass(frozen=True)
-class Picture:
-    """`views`: the half-resolution grey image of each camera as JPEG.
+def draw(arrays: FrameArrays, frame: int) -> Picture | None:
+    """Encode the views and the inconsistent pixels of a frame of this number; None where no triple was measured.
 
-    `mask`: the inconsistent pixels of the leftmost reference camera's triples as a transparent PNG of the same size.
+    Views are half-resolution grey images; pixels are those of the leftmost reference camera's triples.
     """
-
-    reference: int
-    views: Mapping[int, bytes]
-    mask: bytes
-
-
-def draw(arrays: FrameArrays) -> Picture | None:
-    """Encode the views and the inconsistent pixels of a frame; None where no triple was measured."""
     if not arrays.comparisons:
         return None
     reference = max(triple.k for triple in arrays.comparisons)
@@ -47,7 +37,7 @@ def draw(arrays: FrameArrays) -> Picture | None:
     triples = [triple for triple in arrays.comparisons if triple.k == reference]
     _paint(mask, arrays, [triple for triple in triples if triple.i != LIDAR], _CAMERA_COLOUR, size=1)
     _paint(mask, arrays, [triple for triple in triples if triple.i == LIDAR], _LIDAR_COLOUR, size=_DOT_PX)
-    return Picture(reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 6]))
+    return Picture(frame, reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 6]))
 
 
 def _paint(
@@ -77,7 +67,7 @@ class PictureBook:
     def __init__(self, pictures: Pictures = Pictures.ALL) -> None:
         self._pictures = pictures
         self._candidate: _Candidate | None = None
-        self._kept: list[tuple[tuple[bool, float], int, Picture]] = []
+        self._kept: list[tuple[tuple[bool, float], Picture]] = []
         self._sampling = Sampling()
 
     def offer(self, measurement: Measurement, arrays: FrameArrays, *, unusual: bool = True) -> None:
@@ -93,11 +83,10 @@ class PictureBook:
             return
         self._candidate = _Candidate(second, strength, measurement.number, arrays)
 
-    def pages(self) -> Iterator[tuple[int, Picture]]:
-        """The frame numbers and pictures kept, in the order of the frames."""
+    def pages(self) -> list[Picture]:
+        """The pictures kept, in the order of the frames."""
         self._settle()
-        for _, number, picture in sorted(self._kept, key=lambda kept: kept[1]):
-            yield number, picture
+        return sorted((picture for _, picture in self._kept), key=lambda one: one.frame)
 
     def _settle(self) -> None:
         """Draw the candidate if it is among the strongest so far."""
@@ -112,9 +101,9 @@ class PictureBook:
             if weakest[0] >= candidate.strength:
                 return
             self._kept.remove(weakest)
-        picture = draw(candidate.arrays)
+        picture = draw(candidate.arrays, candidate.number)
         if picture is not None:
-            self._kept.append((candidate.strength, candidate.number, picture))
+            self._kept.append((candidate.strength, picture))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """Which pictures and cells are kept in a store, or shown on a page."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -56,6 +57,19 @@ class Content(StrEnum):
     OVERLAY = "overlay"
     ABOVE = "above"
     RANGE = "range"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One frame as small files ready to be shown: what each camera saw (JPEG), by sensor.
+
+    `mask_png` holds the inconsistent pixels, transparent elsewhere, and lies over the view of the `reference` camera.
+    """
+
+    frame: int
+    reference: int
+    views: Mapping[int, bytes]
+    mask_png: bytes
 
 
 @dataclass(frozen=True)

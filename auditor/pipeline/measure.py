@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -18,6 +18,7 @@ from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
+    FrameArrays,
     PictureBook,
     RepeatedData,
     instruction_sets,
@@ -68,7 +69,6 @@ from auditor.resources import plug_ins
 from auditor.store import (
     FramesWriter,
     MeasurementRecord,
-    Picture,
     RecordingRecord,
     Store,
     StoredMeasurement,
@@ -162,14 +162,14 @@ class _Job:
         """Measure with some rigs; False, and nothing is kept, where `changes` finds one in the first read."""
         try:
             for rigs in self._together(todo.values()):
-                if not _measure(self, rigs, found, changes):
+                if not self._measure(rigs, found, changes):
                     return False
                 changes = None
         except FarAheadError:
             if changes is not None:
                 return False
             for one in todo.values():
-                _measure(self, [one], found, None)
+                self._measure([one], found, None)
         return True
 
     def _together(self, rigs: Collection[RigInForce]) -> list[list[RigInForce]]:
@@ -180,89 +180,118 @@ class _Job:
         together = all(one.reads_along for one in rigs) and not libraries(self.matcher)
         return [list(rigs)] if together else [[one] for one in rigs]
 
+    def _measure(self, rigs: Sequence[RigInForce], found: RigsInForce, changes: Changes | None) -> bool:
+        """Measure with some rigs in one read; False where `changes` finds that a calibration changes.
 
-def _measure(job: _Job, rigs: Sequence[RigInForce], found: RigsInForce, changes: Changes | None) -> bool:
-    """Measure a recording with some rigs in one read; False where `changes` finds that a calibration changes.
-
-    Then nothing is kept. Raises FarAheadError, and nothing is kept, where they cannot share a read.
-    """
-    recording = job.recording
-    streams = [synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches) for one in rigs]
-    passed = PoseMessages(recording) if all(one.survey.interleaved for one in rigs) else None
-    if libraries(job.matcher):
-        for one, stream in zip(rigs, streams, strict=True):
-            _preflight(recording, one.rig, job.matcher, stream, job.progress)
-    if passed is not None:
-        share_a_read(recording, streams, [passed] if changes is None else [changes, passed])
-    done = [0] * len(rigs)
-    with ExitStack() as stack:
-        measured = [
-            stack.enter_context(closing(_measured_with(job, one, found, stream, passed)))
-            for one, stream in zip(rigs, streams, strict=True)
-        ]
-        for place, frames in in_turn([iter(one.__next__, None) for one in measured]):
-            done[place] = frames
-            job.progress(recording.path.name, sum(done))
+        Then nothing is kept. Raises FarAheadError, and nothing is kept, where they cannot share a read.
+        """
+        recording = self.recording
+        streams = [synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches) for one in rigs]
+        passed = PoseMessages(recording) if all(one.survey.interleaved for one in rigs) else None
+        if libraries(self.matcher):
+            for one, stream in zip(rigs, streams, strict=True):
+                self._preflight(one.rig, stream)
+        if passed is not None:
+            share_a_read(recording, streams, [passed] if changes is None else [changes, passed])
+        done = [0] * len(rigs)
+        with ExitStack() as stack:
+            measurings = [
+                _Measuring(self, one, stream, stack.enter_context(self._writer(one.rig)))
+                for one, stream in zip(rigs, streams, strict=True)
+            ]
+            for place, frames in in_turn([stack.enter_context(closing(one.frames())) for one in measurings]):
+                done[place] = frames
+                self.progress(recording.path.name, sum(done))
+                if changes is not None and changes.any:
+                    return False
             if changes is not None and changes.any:
                 return False
-        if changes is not None and changes.any:
-            return False
-        for finished in measured:
-            next(finished, None)
-    return True
+            for measuring in measurings:
+                measuring.finish(found, passed)
+        return True
+
+    def _writer(self, rig: Rig) -> AbstractContextManager[FramesWriter]:
+        self.store.write_rig(rig)
+        return self.store.frames_writer(self.measurement_id(rig), rig)
+
+    def _preflight(self, rig: Rig, frames: FrameStream) -> None:
+        """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
+        count = sum(1 for _ in self.recording.messages({rig.topic(rig.n)}))
+        first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _PREFLIGHT_FRAMES))
+        for remark in preflight(self.matcher, rig, first, count):
+            self.progress(remark, 0)
 
 
-def _measured_with(
-    job: _Job, in_force: RigInForce, found: RigsInForce, stream: FrameStream, passed: PoseMessages | None
-) -> Generator[int | None]:
-    """Measure a recording with one rig; what is kept becomes visible with the last write.
+class _Measuring:
+    """The measuring of a recording with one rig: after its `frames`, `finish` makes visible what is kept."""
 
-    Yields how many frames are done, and None behind the last one: until then nothing is kept.
+    def __init__(self, job: _Job, in_force: RigInForce, stream: FrameStream, writer: FramesWriter) -> None:
+        self._job, self._in_force, self._stream, self._writer = job, in_force, stream, writer
+        self._cells, self._thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
+        self._check, self._repeated, self._fault_features = CalibrationCheck(), RepeatedData(), FaultFeatures()
+        self._sensor_checks = rig_sensor_checks(in_force.rig)
+        self._done, self._spent_s = 0, 0.0
 
-    An earlier measurement goes with its judgements before the first table of the new one is put in its place: a store
-    has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into force behind
-    the last frame.
-    """
-    rig = in_force.rig
-    recording, store, matcher, known = job.recording, job.store, job.matcher, job.measurement_id(rig)
-    cells, thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
-    check, repeated = CalibrationCheck(), RepeatedData()
-    store.write_rig(rig)
-    with (
-        store.frames_writer(known, rig) as writer,
-        closing(_measure_frames(stream, rig, matcher, writer, cells, thumbnails, check, repeated)) as measured,
-    ):
-        done, spent_s, since_s = 0, 0.0, perf_counter()
-        for done in measured:
-            spent_s += perf_counter() - since_s
-            yield done
-            since_s = perf_counter()
-        others = [one.rig for one in found.rigs if one.stretches == in_force.stretches]
+    def frames(self) -> Generator[int]:
+        """Measure and write every frame; yields how many frames, skipped ones included, are done."""
+        stream, since_s = self._stream, perf_counter()
+        with closing(measure_stream(stream, self._in_force.rig, self._job.matcher)) as measured:
+            for self._done, item in enumerate(measured, start=1):
+                if isinstance(item, Skipped):
+                    self._writer.skip(item)
+                else:
+                    self._keep(*item)
+                self._spent_s += perf_counter() - since_s
+                yield self._done
+                since_s = perf_counter()
+        # Behind the last frame others read the recording, too.
+        self._coverage, self._balance = stream.coverage, stream.balance
+        self._damage = (*map(str, stream.damage), *stream.undecoded)
+
+    def _keep(self, counted: Measurement, evidence: FrameArrays) -> None:
+        statistics = sensor_statistics(self._sensor_checks, counted.cells, counted.shares)
+        unusual = standing_out(self._sensor_checks, statistics)
+        regions = localise(evidence, unusual.sensors, self._in_force.rig)
+        measurement = replace(counted, fault_features=self._fault_features.update(evidence), regions=regions)
+        kept = self._cells.of(counted.stamp_ns, unusual=unusual.cells)
+        unmasked = unmasked_statistics(self._sensor_checks, counted)
+        self._writer.add(measurement, statistics, unmasked, with_cells=kept)
+        self._repeated.add(counted.fingerprints)
+        self._thumbnails.offer(counted, evidence, unusual=bool(unusual.sensors))
+        self._check.offer(evidence, measurement.fault_features)
+
+    def finish(self, found: RigsInForce, passed: PoseMessages | None) -> None:
+        """Keep the measurement of a rig, one of those that were found; it becomes visible with the last write.
+
+        An earlier measurement goes with its judgements before the first table of the new one is put in its place: a
+        store has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into
+        force behind the last frame.
+        """
+        job, rig, stream, writer = self._job, self._in_force.rig, self._stream, self._writer
+        recording, store, known = job.recording, job.store, job.measurement_id(rig)
+        if self._done == 0 and self._in_force.stretches[0].from_ns is not None:
+            return
+        others = [one.rig for one in found.rigs if one.stretches == self._in_force.stretches]
         beside = {topic for one in others for topic in map(one.topic, one.sensors)}
         beside -= {*map(rig.topic, rig.sensors)}  # what another rig audits is not left out
-        coverage = with_repeats([one for one in stream.coverage if one.topic not in beside], repeated.counts)
-        balance = stream.balance
-        damage = (*map(str, stream.damage), *stream.undecoded)
-        yield None  # from here on others read the recording, too
-        if done == 0 and in_force.stretches[0].from_ns is not None:
-            return
+        coverage = with_repeats([one for one in self._coverage if one.topic not in beside], self._repeated.counts)
         if writer.measured == 0:
-            why = filter(None, (coverage_line(coverage), *damage))
+            why = filter(None, (coverage_line(coverage), *self._damage))
             raise RigError(
                 "no frame with three overlapping sensors could be put together",
                 where=recording.path,
                 remedy="; ".join((*why, "see auditor inspect for its topics and sensors")),
             )
-        doubts = doubts_of(recording, in_force, check, found.withheld, stream)
+        doubts = doubts_of(recording, self._in_force, self._check, found.withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
-            procedure=procedure_by(matcher, rig.kind.compared_to),
-            balance=balance,
-            versions=_versions(matcher),
+            procedure=procedure_by(job.matcher, rig.kind.compared_to),
+            balance=self._balance,
+            versions=_versions(job.matcher),
             measured_at=datetime.now(UTC),
-            seconds=spent_s,
-            damage=damage,
+            seconds=self._spent_s,
+            damage=self._damage,
             calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
             withheld=doubts.withheld or None,
             remarks=doubts.remarks,
@@ -276,44 +305,10 @@ def _measured_with(
             writer.add_pose(pose)
         if store.has_measurement(known):
             remove_measurement(store, known)
-        files = [
-            file
-            for number, picture in thumbnails.pages()
-            for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
-        ]
+        files = [file for picture in self._thumbnails.pages() for file in store.write_picture(known, picture)]
         writer.commit(replace(record, pose_topics=poses.topics), files)
         if job.task.again:
             remove_counted_earlier(store, known)
-
-
-def _measure_frames(
-    stream: FrameStream,
-    rig: Rig,
-    matcher: Matcher,
-    writer: FramesWriter,
-    cells: CellsKept,
-    thumbnails: PictureBook,
-    check: CalibrationCheck,
-    repeated: RepeatedData,
-) -> Generator[int]:
-    """Measure and write every frame; yields how many frames, skipped ones included, are done."""
-    sensor_checks, fault_features = rig_sensor_checks(rig), FaultFeatures()
-    with closing(measure_stream(stream, rig, matcher)) as measured:
-        for done, item in enumerate(measured, start=1):
-            if isinstance(item, Skipped):
-                writer.skip(item)
-            else:
-                counted, evidence = item
-                statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
-                unusual = standing_out(sensor_checks, statistics)
-                regions = localise(evidence, unusual.sensors, rig)
-                measurement = replace(counted, fault_features=fault_features.update(evidence), regions=regions)
-                kept = cells.of(counted.stamp_ns, unusual=unusual.cells)
-                writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted), with_cells=kept)
-                repeated.add(counted.fingerprints)
-                thumbnails.offer(counted, evidence, unusual=bool(unusual.sensors))
-                check.offer(evidence, measurement.fault_features)
-            yield done
 
 
 def unmasked_statistics(
@@ -369,16 +364,6 @@ def _recording_record(
         superseded_by=known.superseded_by if known else None,
         conflicts=known.conflicts if known else None,
     )
-
-
-def _preflight(
-    recording: Recording, rig: Rig, matcher: Matcher, frames: FrameStream, progress: Callable[[str, int], None]
-) -> None:
-    """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
-    count = sum(1 for _ in recording.messages({rig.topic(rig.n)}))
-    first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _PREFLIGHT_FRAMES))
-    for remark in preflight(matcher, rig, first, count):
-        progress(remark, 0)
 
 
 @cache

@@ -325,20 +325,14 @@ def _work(
 
 
 def _outcome(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Outcome[Item, Result]:
-    try:
-        return Outcome(item, result=_run(task, item, progress))
-    except AuditorError as error:
-        return Outcome(item, error=error)
-
-
-def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:
     """Run the task; an unforeseen error is its item's error, too, in one line that can be reported."""
     try:
-        return task(item, progress)
-    except AuditorError:
-        raise
-    except Exception as error:
+        return Outcome(item, result=task(item, progress))
+    except AuditorError as error:
+        return Outcome(item, error=error)
+    except Exception as error:  # noqa: BLE001 - it is the outcome of its item, and said in full
         last = extract_tb(error.__traceback__)[-1]
         where = "/".join(Path(last.filename).parts[-2:])
         what = f"auditor failed on it: {type(error).__name__}: {error} ({where}:{last.lineno})"
-        raise AuditorError(what, where=item, remedy="this is a defect of auditor: please report this line") from error
+        remedy = "this is a defect of auditor: please report this line"
+        return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from auditor.store.export import leave_pandas_out, rows_of, table_of
     from auditor.store.folder import StoreFolder
     from auditor.store.frames_writer import FramesWriter
-    from auditor.store.pictures import Picture
     from auditor.store.queries import (
         Description,
         describe,
@@ -63,7 +62,6 @@ __all__ = [
     "JudgementRecord",
     "JudgingRules",
     "MeasurementRecord",
-    "Picture",
     "RecordingRecord",
     "Sighting",
     "SqlLimits",
@@ -98,7 +96,6 @@ _HOMES = {
     "export": "leave_pandas_out rows_of table_of",
     "folder": "StoreFolder",
     "frames_writer": "FramesWriter",
-    "pictures": "Picture",
     "queries": "Description describe list_queries list_views query run_query run_sql run_sqls",
     "records": "FrameErrors FrameStatistics JudgementRecord JudgingRules MeasurementRecord RecordingRecord Sighting "
     "StoredJudgement StoredMeasurement measurement_id",

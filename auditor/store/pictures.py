@@ -6,11 +6,10 @@ are judged, those that show incidents are kept at full resolution: `<frame>_S<k>
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
-from auditor.model.pictures import Content, FramePicture
+from auditor.model.pictures import Content, FramePicture, Picture
 from auditor.store.files import Written, checked_id, write_whole
 from auditor.store.log.entry import Output
 from auditor.store.log.runs import Run
@@ -18,19 +17,6 @@ from auditor.store.log.runs import Run
 _MASK = re.compile(r"(\d+)_S(\d+)\.png")
 _VIEW = re.compile(r"(\d+)_S(\d+)\.jpg")
 _FULL = re.compile(rf"(\d+)_S(\d+)\.({'|'.join(Content)})\.(jpg|png)")
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One frame as small files ready to be shown: what each camera saw (JPEG), by sensor.
-
-    `mask_png` holds the inconsistent pixels, transparent elsewhere, and lies over the view of the `reference` camera.
-    """
-
-    frame: int
-    reference: int
-    views: Mapping[int, bytes]
-    mask_png: bytes
 
 
 def write_picture(folder: Path, measurement_id: str, picture: Picture) -> tuple[Written, ...]:

@@ -12,7 +12,7 @@ import pyarrow as pa
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
-from auditor.model.pictures import FramePicture
+from auditor.model.pictures import FramePicture, Picture
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
@@ -32,7 +32,6 @@ from auditor.store.measurement_tables import (
     statistics_of,
 )
 from auditor.store.pictures import (
-    Picture,
     pictured_frames,
     read_frame_pictures,
     read_picture,

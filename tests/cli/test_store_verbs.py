@@ -140,7 +140,7 @@ def test_what_was_measured_stays_while_it_is_measured_again_in_vain(audit, night
         yield 1
         raise RecordingError("it cannot be read any more")
 
-    monkeypatch.setattr(measure, "_measure_frames", failing)
+    monkeypatch.setattr(measure._Measuring, "frames", failing)
     task = measure.MeasureTask(night / "drive.mcap", audit, again=True)
     with pytest.raises(RecordingError):
         measure.measure_recording(task, lambda *_: None)

@@ -20,10 +20,10 @@ from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, Skipped, TopicBalance
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
+from auditor.model.pictures import Picture
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.store.calibrations import make_calibration
-from auditor.store.pictures import Picture
 from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force

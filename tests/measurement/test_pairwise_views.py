@@ -166,7 +166,7 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
     cut = (rig.camera(3).intrinsics - evidence.rig.camera(3).intrinsics)[:2, 2]  # the reference view's own window
     assert (left + right) / 2 == pytest.approx(660 - cut[0], abs=50)
     assert (top + bottom) / 2 == pytest.approx(180 - cut[1], abs=50)
-    assert draw(evidence) is not None
+    assert draw(evidence, 0) is not None
     walls = []
     for one in (drive, through(drive, moved(drive.rig, tuple((-x, -y, -z) for x, y, z in ONE_ABOVE_ONE_AHEAD)))):
         walled = replace(one.frame(0), cloud=wall.apply(frame.cloud, one.rig))

@@ -46,18 +46,18 @@ def test_a_recording_that_changes_between_hashing_and_the_end_of_measuring_is_re
     drives, tmp_path, monkeypatch, change, end
 ):
     clean, attacked = drives
-    survey, measure_frames = measure.survey, measure._measure_frames
+    survey, measure_frames = measure.survey, measure._Measuring.frames
 
     def changing_at_start(recording):
         change(clean, attacked)
         return survey(recording)
 
-    def changing_at_end(*given):
-        yield from measure_frames(*given)
+    def changing_at_end(measuring):
+        yield from measure_frames(measuring)
         change(clean, attacked)
 
     if end:
-        monkeypatch.setattr(measure, "_measure_frames", changing_at_end)
+        monkeypatch.setattr(measure._Measuring, "frames", changing_at_end)
     else:
         monkeypatch.setattr(measure, "survey", changing_at_start)
     task = measure.MeasureTask(clean, tmp_path / "audit")

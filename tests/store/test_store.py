@@ -18,9 +18,9 @@ from auditor.identification.paper import judge_frames
 from auditor.model.checks import Check, CountedPair, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, TopicBalance
 from auditor.model.measurement import Cells, Counts, Coverage, Measurement, Statistic
+from auditor.model.pictures import Picture
 from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
 from auditor.store import files
-from auditor.store.pictures import Picture
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord, Sighting
 from auditor.store.schema import SCHEMA_VERSION
