@@ -5,7 +5,7 @@ on another row, or where it lay a frame ago; every LiDAR point agrees with stere
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,14 +18,8 @@ from auditor.identification.parameters import (
 from auditor.identification.statistics import measured_medians, window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import (
-    DIRECTION_CHECKS,
-    FEWEST_VOTERS,
-    LIDAR_CHECKS,
-    Check,
-    Pair,
-    relative_excess,
-)
+from auditor.model.checks import DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair
+from auditor.model.fault_features import ObservedFeatures, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
@@ -57,29 +51,6 @@ _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
 
 TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
 """Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
-
-
-@dataclass(frozen=True, eq=False)
-class ObservedFeatures:
-    """The fault features of F frames: `columns` holds (F, P) values by the names of COLUMNS.
-
-    `pairs` are the P matched pairs (i, k). `brightness` holds (F, C) values by the names of BRIGHTNESS for the
-    `cameras`. NaN where not measured.
-    """
-
-    pairs: tuple[Pair, ...]
-    columns: Mapping[str, Floats]
-    cameras: tuple[int, ...]
-    brightness: Mapping[str, Floats]
-
-    @property
-    def by_camera(self) -> dict[tuple[str, int], Floats]:
-        """(F,) values of the brightness by name and camera."""
-        return {
-            (name, camera): column
-            for name, values in self.brightness.items()
-            for camera, column in zip(self.cameras, values.T, strict=True)
-        }
 
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:

@@ -16,11 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.faults import fault_scores
 from auditor.identification.parameters import OTHER_LIDAR
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames, Marks, RobustThresholds, read_later
-from auditor.model.checks import COLUMNS, OF_LIDAR, Check, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import Check, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, OF_LIDAR, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.rig_kind import RigKind, Similarity

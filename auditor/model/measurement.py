@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.arrays import Image
-from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, SensorCheck
+from auditor.model.checks import CountedPair, Pair, SensorCheck
+from auditor.model.fault_features import PairFaultFeatures
 from auditor.model.frames import Presence
 from auditor.model.parameters import DISPARITY_ERROR_SAMPLES
 from auditor.model.rig_kind import ComparedTo

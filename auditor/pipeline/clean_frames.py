@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.identification.faults import ObservedFeatures, fault_scores, frozen
+from auditor.identification.faults import fault_scores, frozen
 from auditor.identification.statistics import sensor_statistics
 from auditor.identification.transfer import MACHINE
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import COLUMNS, SHARE_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
@@ -33,7 +34,7 @@ def _clean_frames(
 ) -> CleanFrames:
     known = measurement.measurement_id
     frames_of = frame_statistics(store, known, recount=recount)
-    features = observed_features(store, known)
+    features = store.load_fault_features(known)
     present = frames_of.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
     return CleanFrames(
@@ -71,12 +72,6 @@ def _unmasked(rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]) -> d
 def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
     """(F, S) flags by sensor, without the sensors that have none."""
     return {sensor: column for sensor, column in zip(rig.sensors, flags.T, strict=True) if column.any()}
-
-
-def observed_features(store: Store, measurement: str) -> ObservedFeatures:
-    """The stored fault features of a measurement."""
-    seen = store.load_fault_features(measurement)
-    return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.brightness)
 
 
 def frame_statistics(store: Store, measurement: str, *, recount: bool) -> FrameStatistics:

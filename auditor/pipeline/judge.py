@@ -43,7 +43,7 @@ from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method, Verdict, VerdictKind
-from auditor.pipeline.clean_frames import frame_statistics, observed_features
+from auditor.pipeline.clean_frames import frame_statistics
 from auditor.store import (
     FrameStatistics,
     JudgementRecord,
@@ -224,7 +224,7 @@ def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:
     if fitted.marks.other_lidar:
         thresholds = for_sparser_lidar(thresholds, fitted.halvings)
     thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
-    features = observed_features(store, fitted.stored.measurement_id)
+    features = store.load_fault_features(fitted.stored.measurement_id)
     series = FrameSeries.of_recording(
         frames.stamps_ns,
         frames.statistics,

@@ -8,7 +8,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.measurement import BRIGHTNESS, CASE_BRIGHTNESS, COUNTING_VERSIONS, NO_FINGERPRINT, Procedure
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import ComparedTo

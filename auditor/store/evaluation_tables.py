@@ -158,7 +158,7 @@ class CaseFeatures:
 
     By sensor whether it was `present`, its `fingerprint`, and what BRIGHTNESS names of cameras; None where it
     has none. `fault_features` are the fault features of one matched pair after the other, each in the order of
-    `checks.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame after this one, in
+    `fault_features.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame behind it, in
     which data of the frame before are compared as well. `returns` are the LiDAR points in the leftmost reference's
     view, None where there are none to compare.
     """

@@ -1,7 +1,7 @@
 """The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import groupby
 from math import isnan
 from operator import itemgetter
@@ -12,7 +12,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import ADDED_LATER, COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.checks import ADDED_LATER, Check, CountedPair, Pair, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, ObservedFeatures, PairFaultFeatures
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     BRIGHTNESS,
@@ -67,22 +68,6 @@ def _cells(row: Mapping[str, Any]) -> tuple[CountedPair, Cells]:
     return counted, Cells(valid.reshape(shape), total.reshape(shape))
 
 
-@dataclass(frozen=True, eq=False)
-class FrameFaultFeatures:
-    """The fault features of a measurement's F measured frames, skipped ticks left out.
-
-    `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `checks.COLUMNS` for the
-    matched `pairs`, `brightness` (F, C) values by those of BRIGHTNESS for the `cameras`. NaN where not measured.
-    """
-
-    frames: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
-    pairs: tuple[Pair, ...]
-    columns: Mapping[str, NDArray[np.float64]]
-    cameras: tuple[int, ...]
-    brightness: Mapping[str, NDArray[np.float64]]
-
-
 def fault_feature_rows(
     measurement_id: str, frame: int, fault_features: Mapping[Pair, PairFaultFeatures]
 ) -> Iterator[Row]:
@@ -92,9 +77,9 @@ def fault_feature_rows(
         yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
 
 
-def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: Source) -> FrameFaultFeatures:
+def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: Source) -> ObservedFeatures:
     """The fault features, from a file of their own, of frames that were read from another. Raises StoreError."""
-    frames, stamps_ns = measured["frame"].to_numpy(), measured["stamp_ns"].to_numpy()
+    frames = measured["frame"].to_numpy()
     coverage = {name: _where_kept(measured[name], len(rig.sensors), frames_path) for name in BRIGHTNESS}
     places = {pair: place for place, pair in enumerate(rig.pairs)}
     columns = {name: np.full((len(frames), len(rig.pairs)), np.nan) for name in COLUMNS}
@@ -106,7 +91,7 @@ def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: S
         values[row, column] = table[name].to_numpy()
     cameras = tuple(camera.number for camera in rig.cameras)
     of_cameras = {name: values[:, len(rig.sensors) - len(cameras) :] for name, values in coverage.items()}
-    return FrameFaultFeatures(frames, stamps_ns, rig.pairs, columns, cameras, of_cameras)
+    return ObservedFeatures(rig.pairs, columns, cameras, of_cameras)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
+from auditor.model.fault_features import ObservedFeatures
 from auditor.model.measurement import Region, Statistic
 from auditor.model.pictures import FramePicture, Picture
 from auditor.model.rig import Rig
@@ -23,7 +24,6 @@ from auditor.store.frames_writer import FramesWriter
 from auditor.store.log import Output, logged
 from auditor.store.measurement_tables import (
     FrameCells,
-    FrameFaultFeatures,
     errors_of,
     fault_features_of,
     read_cells,
@@ -207,7 +207,7 @@ class Store(StoreFolder):
         self.measurement(measurement_id)
         return read_cells(self.source("cells", measurement_id))
 
-    def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
+    def load_fault_features(self, measurement_id: str) -> ObservedFeatures:
         """The fault features of a finished measurement's frames."""
         return fault_features_of(*self._frames(measurement_id), self.source("fault_features", measurement_id))
 

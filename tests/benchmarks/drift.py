@@ -16,7 +16,8 @@ import numpy as np
 from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
 from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import LEAST_DEVIATIONS
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.rig import Rig
 from tests.benchmarks.turned_frames import AXES, DRIVES, STEPS, TURNED, TurnedFrame, kept_frames
 

@@ -21,7 +21,8 @@ from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import COLUMNS, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import Pair, SensorCheck, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline import judge
 from auditor.pipeline.refreshing.pool import Log

@@ -27,7 +27,7 @@ from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.refreshing.drives import shown_by
 from auditor.model.arrays import Floats
-from auditor.model.checks import COLUMNS
+from auditor.model.fault_features import COLUMNS
 from auditor.model.rig import LIDAR
 from tests.benchmarks.fleet_bank import (
     CHANGED,

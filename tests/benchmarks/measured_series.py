@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.drive_level import for_drive
-from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.faults import fault_scores
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
@@ -22,7 +22,8 @@ from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.checks import COLUMNS, Pair, rig_sensor_checks
+from auditor.model.checks import Pair, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.frames import Frame
 from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig

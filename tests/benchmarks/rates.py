@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.identification.drive_level import for_drive
-from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.faults import fault_scores
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import judge_frames
@@ -25,7 +25,8 @@ from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames, RobustThresholds, Thresholds
-from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, OF_LIDAR, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind

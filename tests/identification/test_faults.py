@@ -5,17 +5,12 @@ import numpy as np
 import pytest
 
 from auditor.identification.causes import Nearby, Seen, bounds_nearby, of_lens, seen_of
-from auditor.identification.faults import (
-    ObservedFeatures,
-    fault_hypotheses,
-    fault_scores,
-    faults_of,
-    weigh,
-)
+from auditor.identification.faults import fault_hypotheses, fault_scores, faults_of, weigh
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
-from auditor.model.checks import CAMERA_CHECKS, COLUMNS, sensor_checks_of
+from auditor.model.checks import CAMERA_CHECKS, sensor_checks_of
+from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS
 from auditor.model.rig import triples_of
 from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.faults import ObservedFeatures, fault_scores, faults_of
+from auditor.identification.faults import fault_scores, faults_of
 from auditor.identification.scores import TONES, thresholds_from
 from auditor.identification.thresholds import check_calibration
 from auditor.identification.transfer import (
@@ -19,7 +19,8 @@ from auditor.identification.transfer import (
     marks_of,
 )
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
-from auditor.model.checks import COLUMNS, Check, rig_sensor_checks
+from auditor.model.checks import Check, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS, Procedure
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity

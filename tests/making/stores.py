@@ -6,7 +6,8 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.model.calibration import Thresholds
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.frames import Presence, SensorState, Skipped
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig

@@ -11,7 +11,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS
+from auditor.model.fault_features import COLUMNS
 from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.pipeline import judge
 from auditor.store import Store

@@ -29,7 +29,8 @@ from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, matched
 from auditor.model.arrays import Image, Mask
-from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.checks import CountedPair, Pair, rig_sensor_checks
+from auditor.model.fault_features import PairFaultFeatures
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Cells, Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
-from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
+from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, fault_scores, frozen
 from auditor.identification.incidents.sequential import QUIET_FRAMES
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
@@ -22,7 +22,8 @@ from auditor.identification.statistics import runs_of, window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Indices, Integers, Mask
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.rig import LIDAR
 from auditor.store.case_arrays import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES, LASTING

@@ -7,7 +7,8 @@ from math import isnan, nan
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.lab.evaluation.experiments import Attacks, Case, Experiment
 from auditor.measurement.fault_features.collect import FeatureInputs
-from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
+from auditor.model.checks import Pair
+from auditor.model.fault_features import COLUMNS, PairFaultFeatures
 from auditor.model.measurement import CASE_BRIGHTNESS, NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
 from auditor.store.evaluation_tables import CaseFeatures

@@ -28,17 +28,9 @@ from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Indices, Points
-from auditor.model.checks import (
-    DIRECTION_CHECKS,
-    SHARE_CHECKS,
-    Check,
-    CountedPair,
-    IsolatedShares,
-    Pair,
-    SensorCheck,
-    resolves_depth,
-)
+from auditor.model.checks import DIRECTION_CHECKS, SHARE_CHECKS, Check, CountedPair, Pair, SensorCheck, resolves_depth
 from auditor.model.checks.kind import Of
+from auditor.model.fault_features import IsolatedShares
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
 

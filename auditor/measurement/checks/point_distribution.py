@@ -15,7 +15,7 @@ from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
 from auditor.model.arrays import Floats, Indices, Mask, Points
-from auditor.model.checks import IsolatedShares
+from auditor.model.fault_features import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
 _ACROSS = ISOLATED_POINTS.parts_across

@@ -21,7 +21,8 @@ from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import CALIBRATION_CHECK, GEOMETRY_FIT
-from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
+from auditor.model.checks import Pair
+from auditor.model.fault_features import PairFaultFeatures, relative_excess
 from auditor.model.rig import LIDAR, Rig
 
 _REPAIR = (

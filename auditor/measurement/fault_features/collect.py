@@ -18,7 +18,8 @@ from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Floats32, Image, Points
-from auditor.model.checks import Agreement, IsolatedShares, Pair, PairFaultFeatures, Rows, resolves_depth
+from auditor.model.checks import Pair, resolves_depth
+from auditor.model.fault_features import Agreement, IsolatedShares, PairFaultFeatures, Rows
 from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT
 

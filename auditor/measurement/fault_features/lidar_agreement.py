@@ -17,7 +17,7 @@ from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.model.arrays import Floats32, Indices
-from auditor.model.checks import Agreement
+from auditor.model.fault_features import Agreement
 
 FEWEST = 200
 """Points compared: shares of fewer say nothing."""

@@ -13,7 +13,8 @@ import numpy as np
 
 from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
 from auditor.model.arrays import Floats32, Image, Mask, Points
-from auditor.model.checks import Pair, Rows
+from auditor.model.checks import Pair
+from auditor.model.fault_features import Rows
 
 _LEVELS = 3  # of the pyramid: beyond these no corner is found again
 _ITERATIONS = 10  # at most: it bounds the work

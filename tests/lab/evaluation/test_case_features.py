@@ -18,7 +18,8 @@ from auditor.lab.evaluation.runner import InTime
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.fault_features import COLUMNS
 from auditor.model.frames import Presence, SensorState
 from auditor.model.measurement import CASE_BRIGHTNESS
 from auditor.model.rig import LIDAR

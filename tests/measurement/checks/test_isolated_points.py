@@ -12,7 +12,8 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.model.checks import Check, IsolatedShares, SensorCheck
+from auditor.model.checks import Check, SensorCheck
+from auditor.model.fault_features import IsolatedShares
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 

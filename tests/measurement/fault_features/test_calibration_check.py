@@ -13,7 +13,7 @@ from auditor.lab.attacks.paper import Facula
 from auditor.measurement import CalibrationCheck, FaultFeatures, measure_stream
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.fault_features.calibration_check import lags
-from auditor.model.checks import PairFaultFeatures, Rows
+from auditor.model.fault_features import PairFaultFeatures, Rows
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames

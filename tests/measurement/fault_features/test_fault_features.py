@@ -9,7 +9,7 @@ from auditor.lab.attacks.faults import ShiftedCamera
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.fault_features.lidar_agreement import BORDER, LidarComparison, agreement
-from auditor.model.checks import COLUMNS, PairFaultFeatures
+from auditor.model.fault_features import COLUMNS, PairFaultFeatures
 from tests.making.scenes import WIDTH, plane_cloud, plane_rig
 from tests.making.textured_scenes import DEPTH_M, RIG, scene
 
