@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from auditor.model.rig import LIDAR, Camera, Lidar, Rig, Triple
     from auditor.model.verdict import AttackLabel, Method, Verdict, VerdictKind
     from auditor.pipeline.asking import OpenedStore, open_store, query
+    from auditor.pipeline.judged import Judged
     from auditor.pipeline.library import (
         Calibrated,
         Scanned,
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
         scan,
         synchronise,
     )
-    from auditor.pipeline.many import Judged
     from auditor.recordings import Damage, FrameStream, Reader, Recording, Topic
     from auditor.reporting import render_incident_report
     from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
@@ -134,7 +134,7 @@ _HOMES = {
     "model.verdict": "AttackLabel Method Verdict VerdictKind",
     "pipeline.asking": "OpenedStore open_store query",
     "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
-    "pipeline.many": "Judged",
+    "pipeline.judged": "Judged",
     "recordings": "Damage FrameStream Reader Recording Topic",
     "reporting": "render_incident_report",
     "store": "Store StoredJudgement StoredMeasurement rows_of",

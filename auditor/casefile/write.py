@@ -16,10 +16,10 @@ from auditor.casefile.redaction import LEFT_OUT, NO_REDACTION, Redaction
 from auditor.casefile.rows import write_rows, write_ticket, write_timeline
 from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
-from auditor.pipeline.many import LimitsOf, limits_by_size
+from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.pictures import location_of
 from auditor.pipeline.remote.spool import Spool
-from auditor.pipeline.workers import run_within
+from auditor.pipeline.workers import LimitsOf, run_within
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.incident import Incident
 from auditor.reporting.incident.loading import Incidents, OneIncident

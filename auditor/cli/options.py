@@ -113,8 +113,8 @@ SENSOR = _Sensor()
 
 
 if TYPE_CHECKING:
-    from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.remote.addresses import Address
+    from auditor.pipeline.workers import LimitsOf
 
 Command = Callable[..., Any]
 

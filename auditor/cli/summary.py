@@ -12,7 +12,8 @@ from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.many import Batch, Judged
+    from auditor.pipeline.judged import Judged
+    from auditor.pipeline.many import Batch
     from auditor.pipeline.measured import Measured, MeasureTask
     from auditor.pipeline.scan import Scan
     from auditor.store import Store, StoredJudgement

@@ -53,6 +53,7 @@ from auditor.store import (
     StoredJudgement,
     StoredMeasurement,
 )
+from auditor.store.records import judgement_id
 
 Rows = list[tuple[int, int, Verdict]]
 
@@ -177,6 +178,29 @@ def _after(before: StoredJudgement | None) -> datetime:
     return now if before is None else max(now, before.judged_at + timedelta(microseconds=1))
 
 
+def is_as_now(
+    judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria, beside: Sequence[str] = ()
+) -> bool:
+    """Whether judging its measurement by a calibration, `beside` others of its recording, would give this again.
+
+    Raises ThresholdsError where the calibration does not fit.
+    """
+    stored = store.measurement(judgement.measurement_id)
+    _, similarity = _own(calibration, stored, store.rig(stored.rig_id), criteria)
+    now = judgement_id(
+        judgement.measurement_id,
+        calibration.calibration_id,
+        criteria.method,
+        criteria.incidents_per_hour if criteria.method is Method.ROBUST else criteria.statistic,
+        criteria.r,
+        judging_digest(fitted_on(stored.procedure)),
+        transferred=similarity is not Similarity.SAME,
+        recounted=criteria.recount,
+        judged_with=tuple(beside),
+    )
+    return now == judgement.judgement_id
+
+
 @lru_cache(maxsize=4)
 def _robust(
     calibration: Calibration, system: System, r: Decimal, incidents_per_hour: float | None, *, transferred: bool
@@ -207,12 +231,19 @@ def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Cri
     refuse_earlier_counting(store, measurement)
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
-    own = calibration_for(calibration, rig) or calibration
-    similarity = check_calibration(own, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
+    own, similarity = _own(calibration, stored, rig, criteria)
     frames = frame_statistics(store, measurement, recount=criteria.recount)
     halvings = halvings_of_points(own.clean, rig, frames.returns)
     marks = marks_of(own, similarity, stored.recording_id, halvings, stored.versions)
     return _Fitted(stored, rig, frames, own, halvings, marks)
+
+
+def _own(
+    calibration: Calibration, stored: StoredMeasurement, rig: Rig, criteria: Criteria
+) -> tuple[Calibration, Similarity]:
+    """What a calibration has of a rig's sensors, and how alike its rig kind is."""
+    own = calibration_for(calibration, rig) or calibration
+    return own, check_calibration(own, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
 
 
 def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:

@@ -38,7 +38,8 @@ from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import by_kind, make_each
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
-from auditor.pipeline.many import Batch, Judged, JudgeSettings, find_batch, measure_all
+from auditor.pipeline.judged import Judged, JudgeSettings
+from auditor.pipeline.many import Batch, find_batch, measure_all
 from auditor.pipeline.measured import Measured
 from auditor.pipeline.remote.addresses import Address, path_or_address
 from auditor.pipeline.remote.mirror import mirrored

@@ -1,4 +1,4 @@
-"""A recording to be measured, what becomes of it, and what is known already: files read before, verdicts that hold."""
+"""A recording to be measured, what becomes of it, and which files a store knows already."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -9,24 +9,18 @@ from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
-from auditor.identification.parameters import fitted_on, judging_digest
-from auditor.identification.thresholds import check_calibration
-from auditor.identification.transfer import calibration_for
 from auditor.measurement.checks.found import measuring_digest
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
-from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.pictures import Cells, Pictures, Sampling
-from auditor.model.rig_kind import ComparedTo, Similarity
-from auditor.model.settings import Criteria
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.text import storable
-from auditor.model.verdict import Method
 from auditor.pipeline.remote.finding import parts_of, together
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.location import StoredObject
 from auditor.recordings.parameters import synchronising_digest
-from auditor.store import RecordingRecord, Sighting, Store, StoredJudgement, StoredMeasurement
-from auditor.store.records import content_id, judgement_id
+from auditor.store import RecordingRecord, Sighting, Store, StoredMeasurement
+from auditor.store.records import content_id
 
 _UNKNOWN = Origin()
 
@@ -132,9 +126,6 @@ class CellsKept:
 FEW = 50
 """So many measurements are read one by one, and more of them all at once."""
 
-MOST_KNOWN = 50
-"""So many recordings of one batch are each shown, though they may be known; of more only those that are new."""
-
 
 def stamp_of(where: Path | Location, procedures: Sequence[Procedure], rig: Path | None) -> str | None:
     """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""
@@ -233,33 +224,3 @@ def _tells_more(origin: Origin, record: RecordingRecord) -> bool:
     """Whether an origin that is given is another than the store's."""
     known = Origin(record.vehicle, record.date, record.drive)
     return origin.over(known) != known
-
-
-def is_as_now(
-    judgement: StoredJudgement, store: Store, calibration: Calibration, criteria: Criteria, beside: Sequence[str] = ()
-) -> bool:
-    """Whether judging its measurement by a calibration, `beside` others of its recording, would give this again.
-
-    Raises ThresholdsError where the calibration does not fit.
-    """
-    stored = store.measurement(judgement.measurement_id)
-    rig = store.rig(stored.rig_id)
-    similarity = check_calibration(
-        calibration_for(calibration, rig) or calibration,
-        rig_kind=rig.kind,
-        procedure=stored.procedure,
-        transfer=criteria.transfer,
-    )
-    robust = criteria.method is Method.ROBUST
-    now = judgement_id(
-        judgement.measurement_id,
-        calibration.calibration_id,
-        criteria.method,
-        repr(criteria.incidents_per_hour) if robust else criteria.statistic.value,
-        criteria.r,
-        judging_digest(fitted_on(stored.procedure)),
-        transferred=similarity is not Similarity.SAME,
-        recounted=criteria.recount,
-        judged_with=tuple(beside),
-    )
-    return now == judgement.judgement_id

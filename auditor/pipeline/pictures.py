@@ -19,11 +19,10 @@ from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture, Pictures
 from auditor.model.rig import Rig
 from auditor.pipeline.geometry import in_force, rigs_through
-from auditor.pipeline.many import LimitsOf
 from auditor.pipeline.remote.finding import remote_of
 from auditor.pipeline.remote.measuring import Supply
 from auditor.pipeline.remote.spool import Spool
-from auditor.pipeline.workers import Limits, Outcome, run_all, run_from
+from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import FrameStream, Location, Recording, find_recordings, open_recording, survey, synchronise
 from auditor.resources import is_address
 from auditor.store import RecordingRecord, Store, rows_of, run_sql

@@ -17,7 +17,8 @@ from typing import Any
 from auditor.errors import AuditorError, LimitError, RigError
 from auditor.model.text import storable
 from auditor.pipeline.calibrations.batch import judge_batch
-from auditor.pipeline.many import Batch, Judged, JudgeSettings, judge_all, measure_all
+from auditor.pipeline.judged import Judged, JudgeSettings, judge_all
+from auditor.pipeline.many import Batch, measure_all
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.pictures import picture_incidents
 from auditor.pipeline.remote.mirror import put_back_if_due

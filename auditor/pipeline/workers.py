@@ -23,6 +23,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from auditor.errors import AuditorError, LimitError
 from auditor.model.settings import MeasureSettings
 from auditor.pipeline.fork_server import Worker, fork
+from auditor.recordings.location import Location
 from auditor.store.log import Run, adopt, current_runs
 
 MEMORY_MB = MeasureSettings.memory_limit
@@ -62,6 +63,10 @@ class Limits:
         if self.silent_s is not None and silent_s > self.silent_s:
             return f"it made no progress for {self.silent_s:.0f} s and was ended"
         return ""
+
+
+LimitsOf = Callable[[Path | Location | None], Limits]
+"""The budgets of a recording at a path; of what is made here where there is None."""
 
 
 def limits_of(size_bytes: int, *, seconds: float | None = None, memory_mb: float = MEMORY_MB) -> Limits:

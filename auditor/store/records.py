@@ -227,14 +227,11 @@ class JudgementRecord:
     def judgement_id(self) -> str:
         """The id that follows from the measurement and how it was judged."""
         thresholds = self.thresholds
-        special = (
-            thresholds.statistic.value if isinstance(thresholds, Thresholds) else repr(thresholds.incidents_per_hour)
-        )
         return judgement_id(
             self.measurement_id,
             thresholds.calibration_id,
             self.method,
-            special,
+            thresholds.statistic if isinstance(thresholds, Thresholds) else thresholds.incidents_per_hour,
             thresholds.r,
             self.rules.digest,
             judging_version=self.rules.judging_version,
@@ -296,7 +293,7 @@ def judgement_id(
     measurement: str,
     calibration: str,
     method: str,
-    special: str,
+    asked: Statistic | float | None,
     r: Decimal,
     rules: str,
     *,
@@ -307,7 +304,7 @@ def judgement_id(
 ) -> str:
     """Hash of a measurement and of what decides every verdict on it.
 
-    `special` is the statistic of the paper's method, or the incidents an hour of the robust one. `judged_with` are the
+    `asked` is the statistic of the paper's method, or the incidents an hour of the robust one. `judged_with` are the
     measurements that its frames were judged with as one series.
     """
     return content_id(
@@ -315,7 +312,7 @@ def judgement_id(
         measurement,
         calibration,
         method,
-        special,
+        asked.value if isinstance(asked, Statistic) else repr(asked),
         str(r.normalize()),
         transferred,
         judging_version,

@@ -132,7 +132,7 @@ def _judgement_id(
     measured: str, calibration: str, method: str, incidents_per_hour: float | None, r: Decimal, rules: str, **how: Any
 ) -> str:
     """The id that a judgement by the robust method has: a scan keeps its verdicts, where nothing has changed."""
-    return judgement_id(measured, calibration, method, repr(incidents_per_hour), r, rules, **how)
+    return judgement_id(measured, calibration, method, incidents_per_hour, r, rules, **how)
 
 
 def _of(ids: Mapping[str, str], table: str) -> dict[str, str]:

@@ -21,7 +21,7 @@ from auditor.pipeline.calibrations.batch import (
     drives_of,
     judge_batch,
 )
-from auditor.pipeline.many import Judged, JudgeSettings
+from auditor.pipeline.judged import Judged, JudgeSettings
 from auditor.store import Store
 from auditor.store.maintenance.verify import verify
 from auditor.store.records import GivenLabel

@@ -12,7 +12,7 @@ from auditor.errors import StoreError
 from auditor.identification import parameters
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, judge_measurement
-from auditor.pipeline.many import JudgeSettings, judge_all
+from auditor.pipeline.judged import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
 from auditor.store.queries import run_sql

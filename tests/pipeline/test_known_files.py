@@ -8,7 +8,7 @@ import pytest
 
 import auditor.store
 from auditor.cli import run
-from auditor.pipeline import library, many
+from auditor.pipeline import judged, library, many
 from auditor.pipeline import scan as scanning
 from auditor.pipeline.remote import measuring
 from auditor.recordings import Location
@@ -79,7 +79,7 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
     def picture_incidents(*_):
         raise AssertionError("pictures of an earlier scan are made again")
 
-    monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr(judged.Judged, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", 0)
     monkeypatch.setattr("auditor.pipeline.scan.picture_incidents", picture_incidents)
     assert scan(drive, folder) in {1, 3}
@@ -89,7 +89,7 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
 def test_the_library_pictures_what_is_known_as_the_command_does(known, read, monkeypatch, most):
     drive, folder = known
     asked = []
-    monkeypatch.setattr(many.Judged, "found", True)
+    monkeypatch.setattr(judged.Judged, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", most)
     monkeypatch.setattr(scanning, "picture_incidents", lambda store, found, *_: asked.append(list(found)) or [])
     [scanned] = library.scan(drive, store=folder)

@@ -12,7 +12,7 @@ from auditor.model.calibration import Marks
 from auditor.model.frames import Frame
 from auditor.model.rig_kind import Similarity
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap

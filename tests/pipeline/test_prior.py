@@ -12,7 +12,7 @@ from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, CleanFrames, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration

@@ -8,7 +8,7 @@ import pytest
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import Method, VerdictKind
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import Judge, JudgeSettings
+from auditor.pipeline.judged import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap

@@ -9,11 +9,11 @@ import pytest
 
 from auditor.cli import run, summary
 from auditor.errors import ThresholdsError
-from auditor.pipeline import many
+from auditor.pipeline import judged
 from auditor.pipeline.calibrations import batch as side_by_side
 from auditor.pipeline.calibrations.batch import judge_side_by_side
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.many import JudgeSettings, judge_all
+from auditor.pipeline.judged import JudgeSettings, judge_all
 from auditor.store import Store
 from auditor.store.log import entries
 from auditor.store.packs import packing
@@ -42,7 +42,7 @@ def verdicts(store: Store) -> dict[str, bytes]:
 def test_several_processes_judge_as_one_does(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, named: bool
 ) -> None:
-    monkeypatch.setattr(many, "FEW", 0)  # this process reads all recordings at once, the others one by one
+    monkeypatch.setattr(judged, "FEW", 0)  # this process reads all recordings at once, the others one by one
     known = store.ids("measurements")
     settings = JudgeSettings(Criteria(R), calibrate([(store, known[0])]) if named else None)
     other = Store.open(shutil.copytree(store.folder, tmp_path / "other"))

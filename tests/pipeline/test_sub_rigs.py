@@ -13,8 +13,8 @@ from auditor.model.frames import PointCloud
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS, Cause, Method
 from auditor.pipeline.judge import Criteria, fitting_calibration, judge_measurement
+from auditor.pipeline.judged import Judge, JudgeSettings
 from auditor.pipeline.labels import label_attack
-from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from auditor.lab.attacks.kinds import Kind, Option
     from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
-    from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.workers import LimitsOf
 
 _SECOND_NS = 10**9
 

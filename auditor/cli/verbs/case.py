@@ -11,7 +11,7 @@ from auditor.cli.options import PATH, FiniteRange, LocalPath
 from auditor.cli.output import answer, say
 
 if TYPE_CHECKING:
-    from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.workers import LimitsOf
 
 
 @click.command("case", short_help="One incident as a folder for other tools.")

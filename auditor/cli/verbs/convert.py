@@ -10,7 +10,7 @@ from auditor.cli import options
 from auditor.cli.options import PATH
 
 if TYPE_CHECKING:
-    from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.workers import LimitsOf
 
 
 @click.command("convert", short_help="Any recording becomes MCAP.")

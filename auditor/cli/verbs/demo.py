@@ -79,7 +79,7 @@ def _audit(kept: "Store", clean: "Sequence[Take]", suspected: "Sequence[Take]", 
     from auditor.pipeline.calibrations.clean import CleanMeasurements  # noqa: PLC0415
     from auditor.pipeline.calibrations.making import make  # noqa: PLC0415
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
-    from auditor.pipeline.many import JudgeSettings, judge_all  # noqa: PLC0415
+    from auditor.pipeline.judged import JudgeSettings, judge_all  # noqa: PLC0415
 
     of_clean, tally = Tally(), Tally()
     learnt, scan = (_scan_of(takes, kept, MeasureSettings(jobs=jobs)) for takes in (clean, suspected))

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from auditor.lab.evaluation import Evaluated, Source, Task
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.model.settings import MeasureSettings
-    from auditor.pipeline.many import LimitsOf
-    from auditor.pipeline.workers import Outcome, Progress
+    from auditor.pipeline.workers import LimitsOf, Outcome, Progress
     from auditor.recordings import Location
 
 SomeTask = TypeVar("SomeTask", bound="Task")

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from auditor.cli.exit_codes import Tally
-    from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.remote.addresses import Address
+    from auditor.pipeline.workers import LimitsOf
     from auditor.recordings import Location
 
 _MOST_TOPICS_SHOWN = 200

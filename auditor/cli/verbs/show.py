@@ -13,8 +13,8 @@ from auditor.cli.output import answer, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.model.frames import Frame
-    from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.pictures import ShownFrame
+    from auditor.pipeline.workers import LimitsOf
 
 _COLUMNS = ("sensor", "name", "topic", "state", "skew_ms", "data", "damaged")
 

@@ -16,7 +16,7 @@ from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.lab.training import Made, Point, SampleSource, SampleTask
-    from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.workers import LimitsOf
     from auditor.recordings import Location
 
 _FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on

@@ -15,8 +15,7 @@ from auditor.measurement import use_one_thread
 from auditor.measurement.drawing.clouds import changed_cloud, small_jpeg
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
-from auditor.pipeline.many import LimitsOf
-from auditor.pipeline.workers import run_all
+from auditor.pipeline.workers import LimitsOf, run_all
 from auditor.store import Store, rows_of, run_query
 from auditor.store.evaluation_tables import CaseKey, MissedPicture, case_key, missed_pictures, write_missed_pictures
 

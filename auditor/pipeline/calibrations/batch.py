@@ -18,9 +18,16 @@ from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements, attacked_by_labels, held_by
 from auditor.pipeline.calibrations.making import by_kind, is_of_kind, make
-from auditor.pipeline.judge import counted_earlier, fitting_calibration, measured_rigs, prior_for, rigs_in_turn
-from auditor.pipeline.many import Judged, JudgeSettings, judge_all
-from auditor.pipeline.measured import FEW, is_as_now
+from auditor.pipeline.judge import (
+    counted_earlier,
+    fitting_calibration,
+    is_as_now,
+    measured_rigs,
+    prior_for,
+    rigs_in_turn,
+)
+from auditor.pipeline.judged import Judged, JudgeSettings, judge_all
+from auditor.pipeline.measured import FEW
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all

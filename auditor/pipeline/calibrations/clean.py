@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from auditor.pipeline.judge import counted_earlier
-from auditor.pipeline.many import recording_name
+from auditor.pipeline.judged import recording_name
 from auditor.store import RecordingRecord, Store, StoredJudgement
 from auditor.store.reviews import false_alarms
 

@@ -23,7 +23,7 @@ from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.store import (
     RecordingRecord,
     Store,

@@ -10,7 +10,7 @@ from auditor.errors import AuditorError
 from auditor.model.settings import Criteria
 from auditor.pipeline.calibrations.versions import extent_of, version_of
 from auditor.pipeline.geometry import rigs_through
-from auditor.pipeline.many import JudgeSettings
+from auditor.pipeline.judged import JudgeSettings
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
 from auditor.pipeline.remote.addresses import Address

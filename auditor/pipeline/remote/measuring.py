@@ -17,7 +17,7 @@ from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.mirror import as_folder, place_of, synchronised
 from auditor.pipeline.remote.ray_cluster import Needs, connected
 from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
-from auditor.pipeline.workers import Limits, Outcome, run_all, run_from
+from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import Location
 from auditor.store.log import run, this_program
 
@@ -105,13 +105,10 @@ class Supply(Generic[Item]):
             return self._waiting.popleft()
 
 
-_LimitsOf = Callable[[Path | Location | None], Limits]
-
-
 def measure_here(
     tasks: Sequence[MeasureTask],
     jobs: int,
-    limits_of: _LimitsOf,
+    limits_of: LimitsOf,
     spool: Spool,
     on_progress: Callable[[object, str, int], None],
 ) -> Iterator[Outcome[MeasureTask, Measured]]:
@@ -134,7 +131,7 @@ def measure_here(
 
 
 def measure_on_cluster(
-    tasks: Sequence[MeasureTask], settings: MeasureSettings, limits_of: _LimitsOf
+    tasks: Sequence[MeasureTask], settings: MeasureSettings, limits_of: LimitsOf
 ) -> Iterator[Outcome[MeasureTask, Measured]]:
     """Measure some recordings on the machines of a cluster, which write into the one store themselves.
 
@@ -151,7 +148,7 @@ def measure_on_cluster(
 
 def _measure_there(
     settings: MeasureSettings,
-    limits_of: _LimitsOf,
+    limits_of: LimitsOf,
     place: Path | Address,
     command: Sequence[str],
     working: str,
