@@ -23,7 +23,7 @@ from auditor.measurement.checks.found import MEASURING
 from auditor.measurement.parameters import DISPARITY_ERROR, SGBM, TEXTURE
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.measurement import COUNTING_VERSIONS, EXPERIMENTS_VERSION
-from auditor.model.parameters import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.model.parameters import Parameter, canonical_values, digest, list_parameters, parameter
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.verdict import JUDGING_VERSION
 from auditor.recordings.parameters import ACCOUNTING, FINDING_FILES, RIG_FINDING, SYNCHRONISING
@@ -71,7 +71,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/ego_motion.py": ((0.99, 100, 3), "OpenCV's confidence and trials of RANSAC, and levels of a pyramid"),
     "measurement/disparity/lidar.py": ((7,), "points of which one is asked"),
     "model/calibration.py": ((100_000,), "frames that are kept in memory"),
-    "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
+    "model/coverage.py": ((6, 10, 1000), "sensors named in a line; tenths of a percent"),
+    "model/stamps.py": ((10, 9), "nanoseconds in a second"),
     "identification/paper.py": (
         (
             4,
@@ -80,18 +81,18 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "N - 3 is positive; N - 3",
     ),
     "measurement/own_past.py": (
-        (3, 10, 9, 14),
-        "no rotation, in three dimensions; nanoseconds; pictures that are held",
+        (3, 14),
+        "no rotation, in three dimensions; pictures that are held",
     ),
     "measurement/moving_things.py": ((3,), "cells that touch"),
     "measurement/checks/parallax_conflict.py": (
-        (10, 9, 256, 2048),
-        "nanoseconds; points and patches compared at once, to bound memory",
+        (256, 2048),
+        "points and patches compared at once, to bound memory",
     ),
     "measurement/checks/scattered_returns.py": ((3,), "the points that any plane goes through"),
     "measurement/checks/free_space_conflict.py": (
-        (10, 9, 3, 5, 1e6, 0.5),
-        "nanoseconds; cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
+        (3, 5, 1e6, 0.5),
+        "cells that touch, and gaps of a few beams; what has no range; the middle of a cell",
     ),
     "identification/causes.py": ((0.5,), "the score from which on a fault is as likely as an attack"),
     "identification/incidents/sequential.py": ((3600, 0.01), "seconds in an hour; a rate that no clean drives reach"),
@@ -100,12 +101,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (
             1.959963984540054,
             4,
-            9,
-            10,
             3600,
             200,
         ),
-        "the 95 % quantile and Wilson's formula; nanoseconds; thresholds that are made of others, which judge no scan",
+        "the 95 % quantile and Wilson's formula; an hour; thresholds that are made of others, which judge no scan",
     ),
     "identification/drift.py": (
         (0.6744897501960817, 4, 5, 3, 0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
@@ -117,8 +116,8 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "standard deviations in a median absolute deviation; Wallace's approximation",
     ),
     "identification/statistics.py": (
-        (10**9, 65_536, 0.2),
-        "nanoseconds; how much is held in memory; stretches that overlap",
+        (65_536, 0.2),
+        "how much is held in memory; stretches that overlap",
     ),
     "identification/transfer.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
@@ -201,7 +200,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (*set(COUNTING_VERSIONS.values()), EXPERIMENTS_VERSION, 7, 4),
         "versions; how sums and regions are stored",
     ),
-    "model/pictures.py": ((5, 9, 10), "seconds between what is kept of usual frames, which decides nothing"),
+    "model/pictures.py": ((5,), "seconds between what is kept of usual frames, which decides nothing"),
     "model/settings.py": (
         (0.99, 0.5, 4096, 16),
         "defaults and ranges of settings, which users choose and docs/settings.md lists",
@@ -274,7 +273,7 @@ def test_a_changed_value_changes_the_digest_and_its_unit_and_source_do_not() -> 
 
 
 def test_the_settings_are_canonical_json_of_all_values() -> None:
-    settings = canonical_json(*MEASURING)
+    settings = canonical_values(*MEASURING)
     values = json.loads(settings)
     assert values["disparity_error.absolute_px"] == 3.0
     assert values["row_alignment.blocks"] == [6, 20]
@@ -354,4 +353,4 @@ def test_decimals_are_written_exactly() -> None:
     class Rate:
         r: Decimal = parameter(Decimal("0.010"), unit="rate", source="somebody")
 
-    assert canonical_json(Rate()) == '{"rate.r":"0.010"}'
+    assert canonical_values(Rate()) == '{"rate.r":"0.010"}'

@@ -10,12 +10,11 @@ from auditor.casefile.folder import write_file
 from auditor.casefile.redaction import Redaction
 from auditor.model.measurement import Region
 from auditor.model.rig import LIDAR
+from auditor.model.stamps import NANOSECONDS
 from auditor.reporting.incident.incident import Incident
 from auditor.store import rows_of
 from auditor.store.export import Table
 from auditor.store.queries import run_sqls
-
-_NS_PER_S = 10**9
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class Case:
 
     def where(self, stamp: str) -> str:
         """A condition of SQL: rows of the measurement within the seconds."""
-        margin, part = round(self.seconds * _NS_PER_S), self.incident.part
+        margin, part = round(self.seconds * NANOSECONDS), self.incident.part
         low, high = part["from_ns"] - margin, part["to_ns"] + margin
         return f"measurement_id = '{self.incident.measurement_id}' AND {stamp} BETWEEN {low} AND {high}"
 

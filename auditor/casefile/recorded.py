@@ -5,12 +5,14 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Any
 
+import numpy as np
+
 from auditor.casefile.case import Case
-from auditor.casefile.ply import ply
 from auditor.casefile.sidecar import SidecarFrame, write_sidecar
 from auditor.errors import RecordingError, RigError
 from auditor.measurement import use_one_thread
 from auditor.measurement.drawing import blur_around, damaged_cloud, draw_frame, draw_overlays
+from auditor.model.arrays import Mask, Points
 from auditor.model.frames import Frame
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture
@@ -24,6 +26,10 @@ CLIP = "clip.mcap"
 
 _MOST_OVERLAYS = 100
 """Frames of an incident that the sidecar shows images of, those nearest to the strongest; at 10 Hz ten seconds."""
+
+_RED, _GREY = (255, 40, 40), (150, 150, 150)
+_VERTEX = np.dtype([("xyz", "<f4", 3), ("colour", "u1", 3), ("damaged", "u1")])
+"""A point of a cloud that is written as PLY, which every viewer of clouds opens."""
 
 LogTimes = Mapping[int, tuple[int, int]]
 """By frame: the first and the last log time of its messages."""
@@ -123,7 +129,25 @@ def _write_example(case: Case, frame: Frame, measurement_id: str) -> None:
         damaged = damaged_cloud(cloud, case.incident.rig, regions, sensor)
         of = "" if sensor == LIDAR else f"_S{sensor}"
         name = case.place_of(measurement_id, f"{frame.number}{of}.ply")
-        case.write(f"clouds/{name}", ply(cloud.xyz_m, damaged))
+        case.write(f"clouds/{name}", _ply(cloud.xyz_m, damaged))
+
+
+def _ply(points: Points, damaged: Mask) -> bytes:
+    """A binary PLY file of (N, 3) points in metres; (N,) `damaged` ones are red and have `damaged` 1."""
+    vertices = np.zeros(len(points), dtype=_VERTEX)
+    vertices["xyz"] = points
+    vertices["colour"] = np.where(damaged[:, None], _RED, _GREY)
+    vertices["damaged"] = damaged
+    header = (
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment metres in the frame of the LiDAR: see damaged",
+        f"element vertex {len(points)}",
+        *(f"property float {axis}" for axis in "xyz"),
+        *(f"property uchar {channel}" for channel in ("red", "green", "blue", "damaged")),
+        "end_header\n",
+    )
+    return "\n".join(header).encode() + vertices.tobytes()
 
 
 def _write_kept(case: Case, example: Example) -> int:

@@ -13,11 +13,12 @@ import numpy as np
 from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT, THROWN_LIGHT
 from auditor.identification.naming import name_attacked
 from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
-from auditor.identification.statistics import NANOSECONDS, window_bounds
+from auditor.identification.statistics import window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices, Integers
 from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, Cause, Evidence, FaultHypothesis, Verdict
 
 

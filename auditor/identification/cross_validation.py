@@ -15,19 +15,16 @@ from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, thresholds_from
-from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.identification.thresholds import BELOW_EVERY_ERROR, Largest, Ordered, checked, threshold_rank
 from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, Finding, VerdictKind
 
-NS_PER_HOUR = 3600 * 10**9
-
-INCIDENT_GAP_S = INCIDENTS.gap_s
-"""The default of the queries on incidents."""
+NS_PER_HOUR = 3600 * NANOSECONDS
 
 MOST_GROUPS = 200
 """Thresholds of the others are made no oftener: they take a time that grows with the number of recordings."""
@@ -207,7 +204,7 @@ def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> 
     """How many incidents the findings of F successive frames make.
 
     Frames of one event are one, and so are events of one kind and one set of sensors that are no further apart than
-    INCIDENT_GAP_S; alerts are none. Where the clock is set back a new one begins. The query `incidents`
+    INCIDENTS.gap_s; alerts are none. Where the clock is set back a new one begins. The query `incidents`
     counts the same.
     """
     clock = np.cumsum(np.diff(stamps_ns, prepend=stamps_ns[:1]) < 0)
@@ -217,7 +214,7 @@ def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> 
         if finding is not None and not finding.alert:
             key = finding.kind, finding.attacked, since
             event, before = latest.get(key, (0, -inf))
-            count += event != finding.event and stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
+            count += event != finding.event and stamp_ns - before > INCIDENTS.gap_s * NANOSECONDS
             latest[key] = finding.event, stamp_ns
     return count
 

@@ -35,7 +35,7 @@ from auditor.model.parameters import (
     PAIR_DEPTH,
     POINT_EXCESS,
     RIG_KIND_TOLERANCE,
-    canonical_json,
+    canonical_values,
     digest,
     parameter,
 )
@@ -376,7 +376,7 @@ def judging(fitted_on: FittedOn) -> tuple["DataclassInstance", ...]:
 
 def judging_settings(fitted_on: FittedOn = FittedOn.SGBM) -> str:
     """The values of `judging` as canonical JSON."""
-    return canonical_json(*judging(fitted_on))
+    return canonical_values(*judging(fitted_on))
 
 
 def judging_digest(fitted_on: FittedOn = FittedOn.SGBM) -> str:

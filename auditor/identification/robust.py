@@ -48,10 +48,10 @@ from auditor.identification.naming import attack_scores, sensor_scores
 from auditor.identification.paper import FEWEST_SENSORS, sensors_where
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
-from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
 _ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})

@@ -25,6 +25,7 @@ from auditor.model.checks import (
 from auditor.model.checks.kind import Counted, Vote
 from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.parameters import IMAGE_WINDOW
+from auditor.model.stamps import NANOSECONDS
 
 _STRETCH_STEP = 0.2  # of a stretch, after which the next begins: most of one is the next one's as well
 
@@ -32,7 +33,6 @@ _STRETCH_STEP = 0.2  # of a stretch, after which the next begins: most of one is
 Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (..., rows, columns)."""
 
-NANOSECONDS = 1_000_000_000
 
 _VALUES_AT_ONCE = 65_536
 """Values of which medians are taken in one call, of several columns where they are short: memory stays bounded."""

@@ -19,8 +19,8 @@ from auditor.measurement.time_parameters import PARALLAX_CONFLICT, STILL_LIGHT
 from auditor.model.checks import Check
 from auditor.model.checks.kind import Of
 from auditor.model.measurement import Counts
+from auditor.model.stamps import NANOSECONDS
 
-NANOSECONDS = 10**9
 _MOST_HELD = 14  # pictures, which are 7 m of way and more than is asked for: it bounds the memory
 
 _BY_THE_PAST = tuple(one for one in Check if one.kind.of is Of.LIDAR)

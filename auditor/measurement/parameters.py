@@ -21,8 +21,6 @@ from auditor.model.parameters import BY_HAND, COMMON_VIEW, PAIR_DEPTH, RIG_GEOME
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"
-_DECISIONS = "docs/decisions.md"
-_STREETS = "streets 2000 to 2053 in colour: chosen on them"
 _LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
 
 

@@ -16,13 +16,12 @@ from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.stereo import StereoMap, textured, within
 from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import HALF
-from auditor.model.arrays import Image
+from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import LIDAR, Rig, Triple
 
-Mask = NDArray[np.bool_]
 Maps = Mapping[Pair, StereoMap]
 
 

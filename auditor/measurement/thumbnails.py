@@ -11,13 +11,13 @@ from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.pictures import Picture, Pictures, Sampling
 from auditor.model.rig import LIDAR, Triple
+from auditor.model.stamps import NANOSECONDS
 
 _JPEG_QUALITY = 80
 _LIDAR_COLOUR = (255, 200, 0, 255)  # BGRA: light blue, drawn as dots over the cameras' areas
 _CAMERA_COLOUR = (0, 110, 255, 150)  # orange, half transparent
 _DOT_PX = 3
 
-_SECOND_NS = 10**9
 _MOST_PICTURES = 60
 
 
@@ -76,7 +76,7 @@ class PictureBook:
             return
         errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
         strength = unusual, sum(E for E in errors if E is not None)
-        second = measurement.stamp_ns // _SECOND_NS
+        second = measurement.stamp_ns // NANOSECONDS
         if self._candidate is None or self._candidate.second != second:
             self._settle()
         elif self._candidate.strength >= strength:
@@ -94,7 +94,7 @@ class PictureBook:
         if candidate is None:
             return
         unusual, _ = candidate.strength
-        if not unusual and not self._sampling.takes(candidate.second * _SECOND_NS):
+        if not unusual and not self._sampling.takes(candidate.second * NANOSECONDS):
             return
         if len(self._kept) >= _MOST_PICTURES:
             weakest = min(self._kept, key=lambda kept: kept[0])

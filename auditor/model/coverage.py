@@ -4,7 +4,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-_SECOND_NS = 10**9
+from auditor.model.stamps import NANOSECONDS
+
 _MOST_NAMED = 6  # sensors or topics in one line
 _DECLARED = "declared by --no-sensor to be neither camera nor LiDAR"
 
@@ -207,4 +208,4 @@ def _percent(share: float) -> str:
 
 
 def _seconds(time_ns: int) -> str:
-    return f"{time_ns / _SECOND_NS:.1f} s"
+    return f"{time_ns / NANOSECONDS:.1f} s"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.arrays import Image
+from auditor.model.canonical import canonical_json
 from auditor.model.checks import CountedPair, Pair, SensorCheck
 from auditor.model.fault_features import PairFaultFeatures
 from auditor.model.frames import Presence
@@ -194,5 +195,5 @@ def procedure_of(
     `measuring` is the digest of what can change a count, `synchronising` that of what makes frames.
     """
     values = {**json.loads(settings), "measuring": measuring, "synchronising": synchronising}
-    text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+    text = canonical_json(values)
     return Procedure(matcher, text, COUNTING_VERSIONS[compared_to])

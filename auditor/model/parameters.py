@@ -14,13 +14,14 @@ Here are those that shared modules need: no room may import another, so they can
 
 import dataclasses
 import hashlib
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
+
+from auditor.model.canonical import canonical_json
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -61,20 +62,20 @@ def list_parameters(*groups: "DataclassInstance") -> tuple[Parameter, ...]:
     return tuple(found for group in groups for found in _parameters(group))
 
 
-def canonical_json(*groups: "DataclassInstance") -> str:
-    """All values as JSON with sorted keys and no spaces: what is equal here measures or judges alike."""
-    return _canonical_json(groups)
+def canonical_values(*groups: "DataclassInstance") -> str:
+    """All values as canonical JSON: what is equal here measures or judges alike."""
+    return _canonical_values(groups)
 
 
 @cache
-def _canonical_json(groups: tuple["DataclassInstance", ...]) -> str:
+def _canonical_values(groups: tuple["DataclassInstance", ...]) -> str:
     values = {f"{one.group}.{one.name}": one.value for one in list_parameters(*groups)}
-    return json.dumps(values, sort_keys=True, separators=(",", ":"), default=str)
+    return canonical_json({name: str(one) if isinstance(one, Decimal) else one for name, one in values.items()})
 
 
 def digest(*groups: "DataclassInstance") -> str:
-    """The beginning of the SHA-256 of `canonical_json`, 12 hexadecimal digits."""
-    return hashlib.sha256(canonical_json(*groups).encode()).hexdigest()[:_DIGEST_LENGTH]
+    """The beginning of the SHA-256 of `canonical_values`, 12 hexadecimal digits."""
+    return hashlib.sha256(canonical_values(*groups).encode()).hexdigest()[:_DIGEST_LENGTH]
 
 
 def _parameters(group: "DataclassInstance") -> Iterator[Parameter]:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from auditor.model.stamps import NANOSECONDS
+
 
 class Pictures(StrEnum):
     """How many pictures: people and number plates stand in them."""
@@ -20,7 +22,7 @@ class Cells(StrEnum):
     ALL = "all"
 
 
-_SAMPLED_NS = 5 * 10**9
+_SAMPLED_NS = 5 * NANOSECONDS
 
 
 class Sampling:

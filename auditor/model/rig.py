@@ -1,7 +1,6 @@
 """Rigs: the LiDAR and the cameras of a vehicle, their triples and pairs."""
 
 import hashlib
-import json
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
+from auditor.model.canonical import canonical_json
 from auditor.model.fields import Fields
 from auditor.model.optics.geometry import Matrix, beside_line_m
 from auditor.model.optics.sensors import LIDAR, MOST_BITS, PINHOLE, PIXEL_BITS, Camera, Lens, Lidar, Sweep
@@ -212,9 +212,13 @@ class Rig:
 
     @cached_property
     def rig_id(self) -> str:
-        """sha256 (hex) of the rig's canonical description."""
-        text = json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(text.encode()).hexdigest()
+        """sha256 (hex) of the rig's description."""
+        return hashlib.sha256(self.description.encode()).hexdigest()
+
+    @property
+    def description(self) -> str:
+        """The rig as canonical JSON, as the store keeps it."""
+        return canonical_json(self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """A plain description that `from_dict` reads back; every number survives exactly."""

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from auditor.errors import SettingError, StoreError
 from auditor.model.rig import Rig
+from auditor.model.stamps import NANOSECONDS
 from auditor.store import Store
 from auditor.store.files import locked
 from auditor.store.records import GivenLabel, RecordingRecord, StoredMeasurement
 from auditor.store.tables import read_table
 
-_NS = 10**9
 _FRAME = re.compile(r"\d+")
 _SECONDS = re.compile(r"(\d+)(?:\.(\d{1,9}))?\s*s")
 _FRACTION = re.compile(r"\.(\d{1,9})")
@@ -135,7 +135,7 @@ def _stamp(
     if _FRAME.fullmatch(text):
         return _stamp_of_frame(store, measurement, int(text), option)
     if (found := _SECONDS.fullmatch(text)) and start_ns is not None:
-        return start_ns + int(found[1]) * _NS + int((found[2] or "").ljust(_DIGITS, "0"))
+        return start_ns + int(found[1]) * NANOSECONDS + int((found[2] or "").ljust(_DIGITS, "0"))
     if recording.clock == "relative":
         what = f"{text!r} is no frame and no number of seconds, and this recording's clock does not tell the time"
         raise SettingError(what, where=option, remedy=_HOW)
@@ -161,4 +161,4 @@ def _stamp_of_time(text: str, option: str) -> int:
             f"{text!r} is no frame, no number of seconds and no time", where=option, remedy=_HOW
         ) from None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return round(moment.timestamp()) * _NS + int((fraction[1] if fraction else "").ljust(_DIGITS, "0"))
+    return round(moment.timestamp()) * NANOSECONDS + int((fraction[1] if fraction else "").ljust(_DIGITS, "0"))

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames, read_later
+from auditor.model.canonical import canonical_json
 from auditor.model.checks import Check, Pair, SensorCheck
 from auditor.model.measurement import COUNTING_VERSIONS, Procedure, Statistic
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.files import Announce
-from auditor.store.records import canonical_json, id_of_json, rig_kind_fields, rig_kind_of, to_utc
+from auditor.store.records import id_of_json, rig_kind_fields, rig_kind_of, to_utc
 from auditor.store.tables import Row, listed, read_table, row_groups, writing
 
 KEPT_CALIBRATIONS = 4

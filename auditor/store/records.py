@@ -2,7 +2,6 @@
 
 import datetime
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.calibration import NO_MARKS, Marks, RobustThresholds, Thresholds
+from auditor.model.canonical import canonical_json
 from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import PoseTopic, TopicBalance
 from auditor.model.measurement import Procedure, Statistic
@@ -320,11 +320,6 @@ def judgement_id(
         *(["recounted"] if recounted else []),
         *judged_with,
     )
-
-
-def canonical_json(value: object) -> str:
-    """A value as JSON with sorted keys and no spaces."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
 
 
 def content_id(*parts: object) -> str:

@@ -116,7 +116,7 @@ def rig_row(rig: Rig) -> Row:
         "sensors": [{"sensor": s, "name": rig.name(s), "topic": rig.topic(s)} for s in rig.sensors],
         "reference_cameras": list(rig.references),
         "max_attacked": rig.max_attacked,
-        "description": json.dumps(rig.to_dict(), sort_keys=True, separators=(",", ":")),
+        "description": rig.description,
     }
 
 

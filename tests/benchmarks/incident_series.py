@@ -28,9 +28,10 @@ from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
 from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import normalised_scores
-from auditor.identification.statistics import NANOSECONDS, runs_of
+from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.model.calibration import RobustThresholds
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, Finding, Verdict
 from tests.benchmarks.long_drives import poisson_interval
 from tests.benchmarks.rates import ByOtherFamilies, brightness_of, clean_frames, frames_of, system_of

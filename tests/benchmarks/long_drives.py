@@ -23,8 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.cross_validation import INCIDENT_GAP_S, count_incidents, hours_of
-from auditor.identification.statistics import NANOSECONDS
+from auditor.identification.cross_validation import count_incidents, hours_of
+from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Finding, VerdictKind
 from tests.benchmarks.clustered import clustered_interval
 from tests.benchmarks.rates import ByOtherFamilies, Judged, judge_scene, system_of
@@ -106,7 +107,7 @@ def alerts_alone(drive: Sequence[Judged]) -> list[str]:
 def _goes_on(before: Judged, one: Judged) -> bool:
     event = before.robust.finding and before.robust.finding.event
     later_ns = one.case.stamp_ns - before.case.stamp_ns
-    return (one.robust.finding and one.robust.finding.event) == event or later_ns <= INCIDENT_GAP_S * NANOSECONDS
+    return (one.robust.finding and one.robust.finding.event) == event or later_ns <= INCIDENTS.gap_s * NANOSECONDS
 
 
 def stamps(drive: Sequence[Judged]) -> np.ndarray:

@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import pytest
 
-from auditor.identification.cross_validation import INCIDENT_GAP_S
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import Criteria, judge_measurement, system_of
@@ -86,4 +86,4 @@ def test_a_calibration_remembers_which_sensors_were_missing_or_frozen(measured):
 
 def test_an_incident_s_gap_is_that_of_the_query():
     (gap,) = [one for one in describe("incidents").parameters if one.name == "gap_s"]
-    assert float(gap.default) == INCIDENT_GAP_S
+    assert float(gap.default) == INCIDENTS.gap_s

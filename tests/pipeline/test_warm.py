@@ -9,7 +9,7 @@ from auditor.pipeline.measure import library_versions
 from auditor.pipeline.workers import Limits, run_within
 from auditor.store.schema import TABLES, table_schema
 
-MADE = (table_schema, library_versions, parameters._canonical_json)
+MADE = (table_schema, library_versions, parameters._canonical_values)
 
 
 def made_anew(_: Path) -> list[int]:

@@ -14,14 +14,13 @@ from auditor.cli import options
 from auditor.cli.options import PATH, SENSOR, FiniteRange, LocalPath
 from auditor.cli.output import answer
 from auditor.errors import SettingError
+from auditor.model.stamps import NANOSECONDS
 
 if TYPE_CHECKING:
     from auditor.lab.attacks.kinds import Kind, Option
     from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
     from auditor.pipeline.workers import LimitsOf
-
-_SECOND_NS = 10**9
 
 
 class _Kinds(click.ParamType[str]):
@@ -201,7 +200,7 @@ def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
 
 
 def _at(start_ns: int, seconds: float | None) -> int | None:
-    return None if seconds is None else start_ns + round(seconds * _SECOND_NS)
+    return None if seconds is None else start_ns + round(seconds * NANOSECONDS)
 
 
 def _check_span(from_s: float | None, to_s: float | None) -> None:
@@ -227,7 +226,7 @@ def _not_attacked(attacker: "Attacker", start_ns: int) -> SettingError:
     sensor = f"S_{attacker.plan.sensor}"
     if attacker.newest_ns is None:
         return SettingError(f"no data of {sensor} could be decoded, so nothing was attacked", where="--on")
-    long_s = (attacker.newest_ns - start_ns) / _SECOND_NS
+    long_s = (attacker.newest_ns - start_ns) / NANOSECONDS
     return SettingError(
         f"nothing was done to {sensor}, whose data ends {long_s:.1f} s after the recording's start",
         where="--from, --to",

@@ -10,12 +10,11 @@ from auditor.cli import options
 from auditor.cli.logged import logged
 from auditor.cli.options import SENSOR
 from auditor.cli.output import print_rows, say
+from auditor.model.stamps import NANOSECONDS
 
 if TYPE_CHECKING:
     from auditor.store import Store
     from auditor.store.records import RecordingRecord
-
-_NS_PER_S = 10**9
 
 
 @click.command("label", short_help="Ground truth for attacks made elsewhere.")
@@ -93,7 +92,7 @@ def _row(recording: "RecordingRecord", number: int | None, label: dict[str, Any]
     def seconds(stamp_ns: int | None) -> str | None:
         if stamp_ns is None or recording.from_ns is None:
             return None
-        return f"{(stamp_ns - recording.from_ns) / _NS_PER_S:.3f}s"
+        return f"{(stamp_ns - recording.from_ns) / NANOSECONDS:.3f}s"
 
     return {
         "number": number,

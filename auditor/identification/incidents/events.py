@@ -19,10 +19,11 @@ from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
 from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, Event, Evidence, periods_of, places_of
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import joint_limit, prior_of_check
-from auditor.identification.statistics import NANOSECONDS, measured_medians
+from auditor.identification.statistics import measured_medians
 from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import SensorCheck
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 
 _AT_ONCE = 512

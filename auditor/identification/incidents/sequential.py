@@ -25,8 +25,8 @@ import numpy as np
 from auditor.identification.evidence_parameters import ALERTS, INCIDENTS
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
-from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Flags, Floats, Integers
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Verdict
 
 _S_PER_HOUR = 3600

@@ -14,10 +14,10 @@ from auditor.identification.prior import joint_limit
 from auditor.identification.refresh_parameters import CLEAN_DRIVE
 from auditor.identification.robust import findings_alone, judge_frames
 from auditor.identification.scores import CleanDrives
-from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS
 
 _FOLDS = 5  # groups of vehicles, and groups of days, that judge each other

@@ -18,9 +18,9 @@ from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.parameters import BY_HAND, parameter
 from auditor.model.rig import Rig
+from auditor.model.stamps import NANOSECONDS
 
 _CHOSEN = "three real drives and streets 42000 to 43023, clean and attacked: chosen on them (docs/decisions.md)"
-_SECOND_NS = 10**9
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class Scan:
 
     def after_s(self, before: "Scan") -> float:
         """The seconds from another scan to this one."""
-        return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
+        return (self.stamp_ns - before.stamp_ns) / NANOSECONDS
 
     def follows(self, before: "Scan") -> bool:
         """Whether the other scan is the one of a moment ago."""

@@ -27,6 +27,7 @@ from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera
+from auditor.model.stamps import NANOSECONDS
 
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
@@ -37,7 +38,6 @@ _SMOOTH = PARALLAX_CONFLICT.smooth_px, PARALLAX_CONFLICT.smooth_px
 _HALVES = np.stack([_DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0], axis=1).astype(np.float32)
 """(pixels, 4) which pixels of a patch are of its upper, lower, left and right half."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
-_SECOND_NS = 10**9
 _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px + 1, dtype=np.float64)
 _AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)[:, None]
 _FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_OFFSETS) > _BESIDE))
@@ -69,7 +69,7 @@ class Moment:
 
     def after_s(self, before: "Moment") -> float:
         """The seconds from another moment to this one."""
-        return (self.stamp_ns - before.stamp_ns) / _SECOND_NS
+        return (self.stamp_ns - before.stamp_ns) / NANOSECONDS
 
     def follows(self, before: "Moment") -> bool:
         """Whether the other moment is earlier, and not too long ago to be compared with."""

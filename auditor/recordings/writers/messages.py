@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from auditor.model.frames import Pose
 from auditor.model.optics.geometry import Matrix, quaternion_from_rotation
 from auditor.model.optics.sensors import NO_LENS, POLYNOMIAL, Lens
+from auditor.model.stamps import NANOSECONDS
 from auditor.recordings import schemas
 from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, TIMESTAMP, Field, Kind
 from auditor.recordings.decoding.pictures import encode_picture
@@ -22,7 +23,6 @@ Form = Literal["raw", "png", "jpeg"]
 
 CLOUD_FIELDS = ("x", "y", "z", "intensity")
 _FLOAT32 = 7
-_NANOSECONDS = 10**9
 
 
 class MessageMaker:
@@ -158,7 +158,7 @@ class MessageMaker:
 
     def header(self, stamp_ns: int, frame_id: str) -> object:
         """std_msgs/Header."""
-        seconds, nanoseconds = divmod(stamp_ns, _NANOSECONDS)
+        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
         stamp = self._made("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         counter = {"seq": 0} if self.encoding == "ros1" else {}
         return self._made("std_msgs/msg/Header", **counter, stamp=stamp, frame_id=frame_id)

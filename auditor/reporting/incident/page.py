@@ -11,6 +11,7 @@ from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid
 from auditor.model.pictures import DAMAGED_COLOUR, LIDAR_COLOURS
 from auditor.model.rig import Triple
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.reporting.incident.cameras_beside import Beside, NamedByPast
 from auditor.reporting.incident.contradictions import Contradiction
@@ -18,7 +19,6 @@ from auditor.reporting.incident.examples import ShownExample
 from auditor.reporting.incident.provenance import Provenance
 from auditor.reporting.plots import Figure
 
-NS_PER_S = 1_000_000_000
 EDGE = "edge"
 
 
@@ -33,7 +33,7 @@ class Clock:
         """A point in time, to the millisecond."""
         if not self.utc:
             return f"{self.seconds(stamp_ns):.3f} s after the first frame"
-        return f"{self._utc(stamp_ns):%Y-%m-%d %H:%M:%S}.{stamp_ns % NS_PER_S // 1_000_000:03d} UTC"
+        return f"{self._utc(stamp_ns):%Y-%m-%d %H:%M:%S}.{stamp_ns % NANOSECONDS // 1_000_000:03d} UTC"
 
     def brief(self, stamp_ns: int) -> str:
         """The same for a table, whose note gives what t counts from."""
@@ -41,10 +41,10 @@ class Clock:
 
     def seconds(self, stamp_ns: int) -> float:
         """Seconds after the recording's first frame."""
-        return (stamp_ns - self.origin_ns) / NS_PER_S
+        return (stamp_ns - self.origin_ns) / NANOSECONDS
 
     def _utc(self, stamp_ns: int) -> datetime:
-        return datetime.fromtimestamp(stamp_ns // NS_PER_S, UTC)
+        return datetime.fromtimestamp(stamp_ns // NANOSECONDS, UTC)
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class IncidentPart:
     @property
     def duration_s(self) -> float:
         """Time from its first frame to its last."""
-        return (self.to_ns - self.from_ns) / NS_PER_S
+        return (self.to_ns - self.from_ns) / NANOSECONDS
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from typing import Any
 
 from auditor import __version__
 from auditor.errors import StoreError
+from auditor.model.canonical import canonical_json
 from auditor.resources import plug_ins
 from auditor.store.files import Written, hash_stream
 
@@ -118,7 +119,7 @@ class Entry:
 
 
 def _canonical(fields: Mapping[str, Any]) -> bytes:
-    return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
+    return canonical_json(fields).encode()
 
 
 _VERSIONED = ("duckdb", "numpy", "onnxruntime", "opencv-python-headless", "pyarrow", "torch")

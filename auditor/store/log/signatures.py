@@ -5,7 +5,6 @@ Keys are PEM files, as `openssl genpkey -algorithm ed25519` makes them.
 
 import base64
 import hashlib
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auditor.errors import SettingError, needing
+from auditor.model.canonical import canonical_json
 from auditor.store.log.chains import LOG, Chain
 from auditor.store.log.entry import Entry, Kind
 
@@ -122,4 +122,4 @@ def signs(key: "Ed25519PublicKey", content: bytes, signature: str) -> bool:
 
 
 def _signed(heads: Mapping[str, str]) -> bytes:
-    return json.dumps({"format": _FORMAT, "heads": dict(heads)}, sort_keys=True, separators=(",", ":")).encode()
+    return canonical_json({"format": _FORMAT, "heads": dict(heads)}).encode()

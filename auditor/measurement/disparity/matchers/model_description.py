@@ -6,7 +6,6 @@ fields carry rules: `divisor: Annotated[float, POSITIVE] = 255.0`. What concerns
 
 import dataclasses
 import hashlib
-import json
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.measurement.disparity.half_resolution import grey
+from auditor.model.canonical import canonical_json
 from auditor.safety.budget import MAX_MODEL_BYTES
 
 
@@ -63,7 +63,7 @@ class Described:
     def settings(self, model_sha256: str) -> str:
         """Canonical JSON of a description and of its model's hash."""
         values = dataclasses.asdict(self) | {"model_sha256": model_sha256}
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return canonical_json(values)
 
 
 @dataclass(frozen=True)

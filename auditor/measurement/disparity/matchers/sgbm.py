@@ -1,6 +1,5 @@
 """Semi-global matching with OpenCV: dense, since pixels without a match are where an attack hides."""
 
-import json
 from dataclasses import dataclass, replace
 from math import ceil
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.parameters import EQUALISING, SGBM
 from auditor.model.arrays import Image, Indices
+from auditor.model.canonical import canonical_json
 
 _LEVELS = 256
 _WHITE = 255
@@ -74,7 +74,7 @@ class SgbmMatcher:
             "range_px": self.range_px,
             "step": self.step,
         }
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return canonical_json(values)
 
     def reaching(self, disparity_1m_px: float) -> "SgbmMatcher":
         """The same that searches no nearer than `nearest_m`: a pair 7 cm apart takes half of the time."""

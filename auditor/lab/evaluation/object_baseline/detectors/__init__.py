@@ -16,6 +16,7 @@ from auditor.lab.evaluation.object_baseline.detectors.interface import (
     SolidBox,
     SolidDetection,
 )
+from auditor.model.canonical import canonical_json
 
 STREETS = "streets"
 """The two networks that come with auditor."""
@@ -48,7 +49,7 @@ class Detectors:
         networks = {"camera": self.camera, "cloud": self.cloud}
         values = {name: json.loads(one.settings) for name, one in networks.items() if one}
         values |= {"agreement": _AGREEMENT} if values else {}
-        return json.dumps(values | {GEOMETRIC: SETTINGS}, sort_keys=True, separators=(",", ":"))
+        return canonical_json(values | {GEOMETRIC: SETTINGS})
 
 
 def find_detectors(names: Sequence[str]) -> Detectors:

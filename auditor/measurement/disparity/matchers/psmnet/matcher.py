@@ -1,6 +1,5 @@
 """PSMNet as a stereo matcher: dense, without a single pixel left out."""
 
-import json
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TypeVar
@@ -14,6 +13,7 @@ from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.interface import MatcherOptions
 from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, make_engine, seen
 from auditor.measurement.disparity.matchers.psmnet.weights import Weights, load_weights, settle, shipped_weights
+from auditor.model.canonical import canonical_json
 
 _LARGEST_BATCH = 16
 
@@ -88,7 +88,7 @@ class PsmnetMatcher:
             "step": self.step,
             "weights_sha256": self._weights.sha256,
         }
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return canonical_json(values)
 
     def match(self, left: Image, right: Image) -> Disparity:
         """Disparities (ceil(H / step), ceil(W / step)) in full-resolution pixels, none of them NaN."""

@@ -1,7 +1,6 @@
 """The network of both detectors: a map of how sure it is of an object's middle, and the numbers of its box."""
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from torch.nn import functional
 from auditor.errors import SettingError
 from auditor.lab.evaluation.object_baseline.detectors.interface import CAR
 from auditor.model.arrays import Floats, Floats32
+from auditor.model.canonical import canonical_json
 
 STRIDE = 4
 """Pixels (or cells) of the input to one of the map, each way."""
@@ -110,7 +110,7 @@ class StreetDetector:
     def settings(self) -> str:
         """Canonical JSON of all that can change a box."""
         given = {"sha256": self.trained.sha256, "least_score": LEAST_SCORE, "most_overlap": MOST_OVERLAP}
-        return json.dumps(given, sort_keys=True, separators=(",", ":"))
+        return canonical_json(given)
 
     @property
     def libraries(self) -> Mapping[str, str]:
