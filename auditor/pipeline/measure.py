@@ -50,6 +50,7 @@ from auditor.recordings import (
     FarAheadError,
     FrameStream,
     FrameTimes,
+    Location,
     Origin,
     PoseMessages,
     Recording,
@@ -95,7 +96,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     stamp = stamp_of(task.recording, procedures, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         surveyed = survey(recording)  # first: what it reads is hashed meanwhile
-        entry.used("recording", recording.recording_id, storable(_shown(task, recording)))
+        where = replace(task.location, path=recording.path)
+        entry.used("recording", recording.recording_id, storable(str(where)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
         by_id, fresh = _Job(task, recording, store, matcher, progress).measure(surveyed)
@@ -105,19 +107,13 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
             kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-            record = _recording_record(recording, task, kept, measurements, unchanged)
+            record = _recording_record(recording, task, where, kept, measurements, unchanged)
             if fresh:
                 record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
             if record != kept:
                 store.write_labels(recording.recording_id, recording.labels(), next(iter(by_id.values())).rig)
                 store.write_recording(record)
-        path = recording.path if task.location.remote is None else task.location
-        return measured_of(path, recording.recording_id, measurements, fresh=fresh)
-
-
-def _shown(task: MeasureTask, recording: Recording) -> str:
-    """A recording as it was named."""
-    return str(recording.path if task.location.remote is None else task.location)
+        return measured_of(where.here, recording.recording_id, measurements, fresh=fresh)
 
 
 @dataclass(frozen=True)
@@ -334,6 +330,7 @@ def unmasked_statistics(
 def _recording_record(
     recording: Recording,
     task: MeasureTask,
+    where: Location,
     known: RecordingRecord | None,
     measurements: Sequence[StoredMeasurement],
     stamp: str | None,
@@ -342,13 +339,12 @@ def _recording_record(
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
     ids = [one.measurement_id for one in measurements]
-    place = storable(str(recording.path.resolve()) if task.location.remote is None else task.location.place)
     before = known.sightings if known is not None else ()
-    sightings = sighted(before, storable(recording.path.name), place, stamp, ids)
+    sightings = sighted(before, storable(where.name), storable(where.place), stamp, ids)
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=sightings[0].name,
-        path=place,
+        path=storable(where.place),
         files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(located(task.recording).first) or format_of(recording.files[0]),

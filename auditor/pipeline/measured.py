@@ -211,7 +211,7 @@ class KnownFiles:
                 continue
             if one.measurements and all(map(self._store.has_measurement, one.measurements)):
                 known = [self._store.measurement(measurement) for measurement in one.measurements]
-                return measured_of(location.path if location.remote is None else location, record.recording_id, known)
+                return measured_of(location.here, record.recording_id, known)
         return None
 
 

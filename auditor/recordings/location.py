@@ -77,6 +77,11 @@ class Location:
         return str(self.path) if self.remote is None else self.remote.address
 
     @property
+    def here(self) -> "Path | Location":
+        """Its path; itself where it lies on an object store, and its path is that of a copy."""
+        return self.path if self.remote is None else self
+
+    @property
     def place(self) -> str:
         """Where people find it again: its whole path, or its address."""
         return str(self.path.resolve()) if self.remote is None else self.remote.address
