@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.collect import Disputed, with_scans
+from auditor.measurement.checks.collect import with_scans
 from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.disparity.matchers.interface import Matcher, PairMatcher, for_pair, pairs_at_once, takes_pairs
 from auditor.measurement.disparity.rectification import PairView, rectification
@@ -23,9 +23,9 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_m
 from auditor.measurement.drawn_pixels import DrawnPixels
 from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.collect import fingerprints
+from auditor.measurement.lidars_alone import LidarsAlone
 from auditor.measurement.own_past import OwnPast
 from auditor.measurement.pairwise_views import OF_TWO, join
-from auditor.measurement.several_lidars import SeveralLidars
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Check, CountedPair, Pair
@@ -124,36 +124,25 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
 class _Past:
     """What frames of a recording are compared with: the LiDAR's last scan, and of a lone camera its own past.
 
-    `drawn` is what was drawn into the pictures of cameras that others are compared with. Several LiDARs without cameras
-    have a past of their own.
+    `drawn` is what was drawn into the pictures of cameras that others are compared with. LiDARs without cameras have a
+    past of their own.
     """
 
     scans: OwnScans
     camera: OwnPast | None
     drawn: DrawnPixels
-    lidars: SeveralLidars | None = None
+    lidars: LidarsAlone | None = None
 
     @classmethod
     def of(cls, rig: Rig) -> "_Past":
         own = OwnPast() if rig.by_time and rig.cameras else None
-        return cls(OwnScans(), own, DrawnPixels(), SeveralLidars(rig) if rig.others else None)
+        return cls(OwnScans(), own, DrawnPixels(), None if rig.cameras else LidarsAlone(rig))
 
     def with_scans(self, frame: Frame, arrays: FrameArrays) -> FrameArrays:
         """The arrays with what the LiDAR's last scan says of its points."""
         from_nowhere = self.scans.conflicts(frame.cloud, arrays.rig)
         checks = with_scans(arrays.frame_checks, from_nowhere, arrays.lidar, arrays.rig)
         return replace(arrays, frame_checks=checks)
-
-    def of_clouds(self, frame: Frame, arrays: FrameArrays) -> tuple[FrameArrays, dict[int, Coverage]]:
-        """The arrays and the coverage of a frame of LiDARs alone."""
-        if self.lidars is None:
-            arrays, coverage = self.with_scans(frame, arrays), _of_scan(frame, self.scans.asked_share)
-            checks, from_nowhere = arrays.frame_checks, arrays.frame_checks.from_nowhere
-            if frame.cloud is not None and from_nowhere is not None:
-                checks = replace(checks, disputed={(LIDAR, LIDAR): Disputed(from_nowhere, len(frame.cloud.xyz_m))})
-            return replace(arrays, frame_checks=checks), coverage
-        shares, coverage, disputed = self.lidars.compare(frame)
-        return replace(arrays, frame_checks=replace(arrays.frame_checks, of_lidars=shares, disputed=disputed)), coverage
 
     def hide(self, prepared: _PreparedFrame) -> _PreparedFrame:
         """The frame without what was drawn into its pictures, where these are compared with others."""
@@ -257,11 +246,12 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Mea
     else:
         arrays = compare(prepared.whole, maps[0])
     frame, comparisons = prepared.whole.frame, arrays.comparisons
-    if arrays.rig.cameras:
+    if past.lidars is None:
         arrays = past.with_scans(frame, arrays)
         coverage = _coverage(prepared, arrays)
     else:
-        arrays, coverage = past.of_clouds(frame, arrays)
+        shares, coverage, disputed = past.lidars.compare(frame)
+        arrays = replace(arrays, frame_checks=replace(arrays.frame_checks, of_lidars=shares, disputed=disputed))
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
@@ -303,14 +293,6 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
             compared_by_two_share=looked[LIDAR].by_two,
         )
     return coverage
-
-
-def _of_scan(frame: Frame, asked_share: float) -> dict[int, Coverage]:
-    """The coverage of a LiDAR alone, of whose points, all in view, a share would be told by its last scan."""
-    if frame.cloud is None:
-        return {}
-    returns = len(frame.cloud.xyz_m)
-    return {LIDAR: Coverage(returns=returns, compared_share=asked_share, compared_by_two_share=0.0)}
 
 
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:

@@ -68,12 +68,12 @@ class FrameChecks:
 
     `by_direction` are counts of the LiDAR's points, or of surfaces, by its directions, `counts` what cameras see
     otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what the
-    reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera, or of
-    a LiDAR alone in none, (); `of_pasts` what its own past says of a camera; None where it cannot be told.
+    reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera, as
+    (k,); `of_pasts` what its own past says of a camera; None where it cannot be told.
     `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
     `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
     LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
-    `of_lidars` are the statistics of several LiDARs without cameras. `disputed` is what LiDAR k says is not there of
+    `of_lidars` are the statistics of LiDARs without cameras. `disputed` is what LiDAR k says is not there of
     what LiDAR i has, by (i, k), where there are no cameras; (i, i) is its own last scan.
     `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted: they are not stored.
     """
@@ -81,7 +81,7 @@ class FrameChecks:
     by_direction: Mapping[Check, Mapping[Pair, Cells]]
     counts: Mapping[Pair, PairCounts]
     of_pairs: Mapping[Check, Mapping[Pair, tuple[float | None, float | None]]]
-    of_views: Mapping[Check, Mapping[tuple[int, ...], float | None]]
+    of_views: Mapping[Check, Mapping[tuple[int], float | None]]
     isolated_shares: Mapping[int, IsolatedShares]
     thinned: Mapping[int, bool]
     ranges: Mapping[Pair, PairRanges]
@@ -239,8 +239,7 @@ def with_scans(found: FrameChecks, from_nowhere: Points | None, views: Iterable[
     """The checks of a frame and of what conflicts with the LiDAR's last scan, (K, 3) points; None where none was."""
     if from_nowhere is None:
         return found
-    in_views: list[tuple[int, ...]] = [(k,) for k in views] if rig.cameras else [()]
-    said = {check: {view: measuring(check)(from_nowhere, rig, *view) for view in in_views} for check in BY_SCANS}
+    said = {check: {(k,): measuring(check)(from_nowhere, rig, k) for k in views} for check in BY_SCANS}
     return replace(found, of_views={**found.of_views, **said}, from_nowhere=from_nowhere)
 
 

@@ -10,7 +10,7 @@ import pytest
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
 from auditor.lab.simulation.vehicles import rotation
-from auditor.measurement.several_lidars import SeveralLidars
+from auditor.measurement.lidars_alone import LidarsAlone
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import motion
@@ -35,7 +35,7 @@ def said(rig: Rig, frames: Iterable[Frame]) -> list[tuple[float | None, float | 
 
 
 def shares(rig: Rig, frames: Iterable[Frame]) -> Iterator[dict[SensorCheck, float | None]]:
-    several = SeveralLidars(rig)
+    several = LidarsAlone(rig)
     return (several.compare(frame).shares for frame in frames)
 
 
@@ -102,7 +102,7 @@ def test_slightly_wrong_places_make_no_finding(drive: tuple[Rig, list[Frame]]) -
 
 def test_the_share_that_another_lidar_looked_at_is_told(drive: tuple[Rig, list[Frame]]) -> None:
     rig, frames = drive
-    several = SeveralLidars(rig)
+    several = LidarsAlone(rig)
     before, both = (several.compare(frame).coverage for frame in frames[:2])
     assert [one.compared_share for one in before.values()] == [0, 0]
     assert all(0.05 < (one.compared_share or 0) < 0.6 and one.compared_by_two_share == 0 for one in both.values())

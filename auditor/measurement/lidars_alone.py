@@ -1,4 +1,4 @@
-"""A rig of LiDARs without cameras: each is compared with its own last scan, and with the others' scans of its frame."""
+"""A rig of LiDARs without cameras: each is compared with its own last scan, and with others' scans of its frame."""
 
 from itertools import permutations
 from typing import NamedTuple
@@ -27,8 +27,8 @@ class OfLidars(NamedTuple):
     disputed: dict[Pair, Disputed]
 
 
-class SeveralLidars:
-    """Compares the LiDARs of one recording, frame after frame.
+class LidarsAlone:
+    """Compares the LiDARs of one recording, or the only one with its past, frame after frame.
 
     Two are compared with each other where both have a scan of just before: by that is known how the vehicle moves.
     """
@@ -38,7 +38,7 @@ class SeveralLidars:
         self._own = {sensor: OwnScans() for sensor in rig.lidars}
 
     def compare(self, frame: Frame) -> OfLidars:
-        """What the next frame shows; the shares of points that others look at are the coverage."""
+        """What the next frame shows; of several the shares of points that others look at are the coverage."""
         shares: dict[SensorCheck, float | None] = {}
         disputed: dict[Pair, Disputed] = {}
         clouds = frame.clouds
@@ -62,12 +62,16 @@ class SeveralLidars:
                 share = measure_contested_returns(points, self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
                 disputed[i, k] = Disputed(points, len(clouds[i].xyz_m))
-        coverage = {sensor: _coverage(len(cloud.xyz_m), lookers.get(sensor)) for sensor, cloud in clouds.items()}
+        coverage = {one: self._coverage(one, len(cloud.xyz_m), lookers.get(one)) for one, cloud in clouds.items()}
         return OfLidars(shares, coverage, disputed)
 
+    def _coverage(self, sensor: int, points: int, lookers: Indices | None) -> Coverage:
+        """Of a LiDAR of so many points, of which those within reach (M,) were looked at by so many others.
 
-def _coverage(points: int, lookers: Indices | None) -> Coverage:
-    """Of a LiDAR of so many points, of which those within reach (M,) were looked at by so many others."""
-    by_one, by_two = (0 if lookers is None else np.count_nonzero(lookers >= least) for least in (1, 2))
-    whole = max(points, 1)
-    return Coverage(returns=points, compared_share=by_one / whole, compared_by_two_share=by_two / whole)
+        Of the only one it is the share that would be told by its last scan.
+        """
+        if not self._rig.others:
+            return Coverage(returns=points, compared_share=self._own[sensor].asked_share, compared_by_two_share=0.0)
+        by_one, by_two = (0 if lookers is None else np.count_nonzero(lookers >= least) for least in (1, 2))
+        whole = max(points, 1)
+        return Coverage(returns=points, compared_share=by_one / whole, compared_by_two_share=by_two / whole)
