@@ -7,13 +7,9 @@ import numpy as np
 
 from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
-from auditor.model.checks import ADDED_LATER, CAMERA_CHECKS, Check, SensorCheck, counting_checks
+from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
-
-_RARE = frozenset({*ADDED_LATER})
-"""Checks whose prior is wider than clean frames are: what they find is strong."""
-
 
 _OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
 
@@ -55,11 +51,11 @@ class System:
     def judged_without(self, absent: frozenset[int]) -> int:
         """How many checks a frame without these sensors is judged by; all of two cameras alone are one, being alike.
 
-        Those that clean frames hardly ever exceed a limit by do not count: what they find need not make it higher.
+        Those that clean frames hardly ever exceed a limit by do not count (`Kind.common`).
         """
         checks = [self.sensor_checks[column] for column in self.detecting(absent).tolist()]
         pairs = {frozenset(one.nameable) for one in checks if len(one.nameable) > 1}
-        return sum(len(one.nameable) == 1 and one.check not in _RARE for one in checks) + len(pairs)
+        return sum(len(one.nameable) == 1 and one.check.kind.common for one in checks) + len(pairs)
 
     def detecting(self, absent: frozenset[int]) -> Indices:
         """The checks one of which must exceed the limit in a finding: those that count, and those of two cameras alone.

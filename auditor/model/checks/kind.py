@@ -79,7 +79,8 @@ class Kind:
     `priors` are those of one other sensor, of two, and of more; of any number where there is one. `where` is the module
     that measures it, that of its own name unless told. `of_colours`: only colour cameras take part, and two tell which
     of them it is. `of_light`: darkness makes it never fire. `of_aerosol`: dust, steam or exhaust explain what it finds.
-    `opposite_of` is the check whose counts it takes, with the other sign.
+    `opposite_of` is the check whose counts it takes, with the other sign. `common`: clean frames exceed limits by it as
+    its prior says, so that it makes the limit of all checks together higher; by others they hardly ever do.
     """
 
     of: Of
@@ -92,3 +93,4 @@ class Kind:
     of_light: bool = False
     of_aerosol: bool = False
     opposite_of: str = ""
+    common: bool = False

@@ -42,6 +42,7 @@ class Check(StrEnum):
             (PriorOf("conflict", (-1.4, 0.45, 0.29, 1.0), _PRIOR),),
             Counted.POINTS,
             Vote.MEAN,
+            common=True,
         ),
     )
     ADDED_LIGHT = (
@@ -65,6 +66,7 @@ class Check(StrEnum):
             Vote.LIGHT,
             where="light",
             of_light=True,
+            common=True,
         ),
     )
     REMOVED_LIGHT = (
@@ -89,6 +91,7 @@ class Check(StrEnum):
             where="light",
             of_light=True,
             opposite_of="added_light",
+            common=True,
         ),
     )
     PHOTOMETRIC_INCONSISTENCY = (
@@ -111,6 +114,7 @@ class Check(StrEnum):
             Counted.PIXELS,
             Vote.SMALLEST,
             where="photometric_consistency",
+            common=True,
         ),
     )
     POINT_DROPOUT = (
@@ -126,6 +130,7 @@ class Check(StrEnum):
             ),
             (PriorOf("point_dropout", (-0.35, 0.38, 0.22, 1.35), _PRIOR),),
             where="point_distribution",
+            common=True,
         ),
     )
     ISOLATED_POINTS = (
@@ -141,6 +146,7 @@ class Check(StrEnum):
             ),
             (PriorOf("isolated_points", (-2.0, 0.46, 0.33, 1.0), _PRIOR),),
             where="point_distribution",
+            common=True,
         ),
     )
     COLOURED_LIGHT = (
