@@ -39,7 +39,7 @@ _SATURATED = 254  # the two top levels of a byte are reported as saturated
 
 Item = TypeVar("Item")
 
-Measured = tuple[Measurement, FrameArrays]
+MeasuredFrame = tuple[Measurement, FrameArrays]
 
 _POLL_S = 0.05
 
@@ -110,7 +110,7 @@ class _PreparedFrame:
         return list(self.parts.values()) if self.views else [self.whole]
 
 
-def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
+def measure(frame: Frame, rig: Rig, matcher: Matcher) -> MeasuredFrame:
     """Compare all disparity maps of a frame: each pair of cameras is matched once, the LiDAR projected once a view.
 
     Images are (H, W) or (H, W, 3) uint8 of the rig's sizes; cameras that are not rectified are so first. A triple with
@@ -153,12 +153,12 @@ class _Past:
         return replace(prepared, whole=self.drawn.hidden(prepared.whole))
 
 
-def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> Measured:
+def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> MeasuredFrame:
     prepared = past.hide(_prepare(frame, rig, matcher))
     return _compare(prepared, _match([prepared], matcher)[0], past)
 
 
-def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
+def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | MeasuredFrame]:
     """What `measure` gives for each frame, in their order; skipped ones pass through. A lone camera has its own past.
 
     A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
@@ -237,7 +237,7 @@ def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) ->
     return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
-def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> Measured:
+def _compare(prepared: _PreparedFrame, maps: Sequence[Maps], past: _Past) -> MeasuredFrame:
     if past.camera is not None:
         arrays = past.camera.compare(prepared.whole)
     elif prepared.views:

@@ -17,7 +17,7 @@ from auditor.store.schema import WRITTEN
 from auditor.store.tables import Row, TableWriter
 
 
-class Looked:
+class LookedShares:
     """How much of each sensor others were compared with, over the measured frames in which it was there."""
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class FramesWriter:
         self._tables = tables
         self._measured = 0
         self._skipped: Counter[str] = Counter()
-        self._looked = Looked()
+        self._looked = LookedShares()
         self._first_stamp_ns: int | None = None
         self._numbers, self._stamps_ns = array("q"), array("q")
         self._last_stamp_ns: int | None = None

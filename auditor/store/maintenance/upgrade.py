@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from auditor.errors import StoreError
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.folder import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
-from auditor.store.frames_writer import Looked
+from auditor.store.frames_writer import LookedShares
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.packs.index import Packs, Part
 from auditor.store.schema import MANIFESTS, SCHEMA_VERSION, TABLES, newer_version
@@ -112,7 +112,7 @@ def _write(old: Path, new: Path, version: int) -> Upgraded:
 
 def _looked(frames: Path) -> Row:
     """How much of each sensor was looked at, by the frames of a measurement. Raises StoreError."""
-    looked = Looked()
+    looked = LookedShares()
     for frame in read_table("frames", frames, ["state", "compared_share", "compared_by_two_share"]).to_pylist():
         if frame["state"] is not None:  # of a skipped tick it is
             looked.add(frame)
