@@ -58,10 +58,10 @@ def robust_thresholds(
     in [0, 1].
     """
     found = _drives_of(calibration, system).thresholds(system.judged_together, r, calibration.calibration_id)
-    limit = found.score
+    limit = found.evidence_limit
     if incidents_per_hour is not None:
         limit = incident_limit(incidents_per_hour, left_out_peaks(calibration, system, r), clean_hours(calibration))
-    return replace(found, score=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
+    return replace(found, evidence_limit=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:

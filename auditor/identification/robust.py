@@ -105,8 +105,8 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     evidence = joined([judge.evidence() for judge in judges], order)
     raised = np.concatenate([judge.raised for judge in judges])[order]
     audited = np.concatenate([judge.audited for judge in judges])[order]
-    thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.score)
-    incidents = events(evidence, raised, thresholds.score)
+    thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.evidence_limit)
+    incidents = events(evidence, raised, thresholds.evidence_limit)
     lasting = _lasting(judges, order)
     needed = {
         *wanted,
@@ -115,7 +115,7 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
         *(place for one in lasting for place in one.frames),
     }
     verdicts = _verdicts_of(judges, order, needed)
-    incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.score)]
+    incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.evidence_limit)]
     found = with_lasting([held_of(one, verdicts, evidence) for one in incidents], lasting)
     held = _flags(len(raised), (place for one in found for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))

@@ -55,7 +55,7 @@ class System:
         """
         checks = [self.sensor_checks[column] for column in self.detecting(absent).tolist()]
         pairs = {frozenset(one.nameable) for one in checks if len(one.nameable) > 1}
-        return sum(len(one.nameable) == 1 and one.check.kind.common for one in checks) + len(pairs)
+        return sum(1 for one in checks if len(one.nameable) == 1 and one.check.kind.common) + len(pairs)
 
     def detecting(self, absent: frozenset[int]) -> Indices:
         """The checks one of which must exceed the limit in a finding: those that count, and those of two cameras alone.

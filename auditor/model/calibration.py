@@ -225,8 +225,8 @@ class RobustThresholds:
 
     `limit` is how many standard deviations the strongest check of a clean frame exceeds at rate r, all checks taken
     together. `drives` are the clean recordings that they were learnt from; with none they are the prior. The summed
-    evidence of an incident must exceed `score`, which clean recordings do no more than `incidents_per_hour` times an
-    hour; None is the usual rate.
+    evidence of an incident must exceed `evidence_limit`, which that of clean recordings does no more than
+    `incidents_per_hour` times an hour; None is the usual rate.
     """
 
     calibration_id: str
@@ -235,7 +235,7 @@ class RobustThresholds:
     expected: Mapping[SensorCheck, Expected]
     causes: Mapping[CauseIn, Scale]
     drives: int
-    score: float = 0.0
+    evidence_limit: float = 0.0
     incidents_per_hour: float | None = None
     transferred: bool = False
 

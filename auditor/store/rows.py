@@ -247,7 +247,7 @@ def _threshold_columns(judgement: JudgementRecord, rig: Rig) -> Row:
         "z_offset": rules.z_offset,
         "z_range": list(rules.z_range),
         "drives": thresholds.drives,
-        "score_threshold": thresholds.score,
+        "score_threshold": thresholds.evidence_limit,
         "incidents_per_hour": thresholds.incidents_per_hour,
     }
 

@@ -32,7 +32,7 @@ from auditor.lab.attacks.spoofing import RandomRanges
 from auditor.lab.evaluation.sources import CleanDrive, Recorded, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.measurement.frame import Measured
+from auditor.measurement.frame import MeasuredFrame
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.arrays import Floats, Image
 from auditor.model.checks import rig_sensor_checks
@@ -129,12 +129,12 @@ def measured(
             before.append(frame)
 
 
-def measure_all(frames: Iterable[Frame], rig: Rig) -> Iterator[Measured]:
+def measure_all(frames: Iterable[Frame], rig: Rig) -> Iterator[MeasuredFrame]:
     """What is measured of frames that follow one another."""
     return (one for one in measure_stream(frames, rig, MATCHER) if not isinstance(one, Skipped))
 
 
-def _last(frames: Sequence[Frame], rig: Rig) -> Measured:
+def _last(frames: Sequence[Frame], rig: Rig) -> MeasuredFrame:
     """What is measured of the last of some frames that follow one another."""
     *_, last = measure_all(frames, rig)
     return last

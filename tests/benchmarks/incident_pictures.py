@@ -34,7 +34,7 @@ from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR
 from auditor.lab.attacks.kinds import Drawing
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import Matcher
-from auditor.measurement.frame import Measured
+from auditor.measurement.frame import MeasuredFrame
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud, Skipped
 from auditor.model.pictures import Content
@@ -133,10 +133,10 @@ class Kept:
 
 def measure_repeated(log: Path, store: Path) -> None:
     """Measure a log: of frames that are repeated what was measured of the first."""
-    known: dict[bytes, Measured] = {}
+    known: dict[bytes, MeasuredFrame] = {}
     kept = Kept()
 
-    def repeated(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
+    def repeated(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | MeasuredFrame]:
         kept.keep(rig_sensor_checks(rig))
         for item in frames:
             if isinstance(item, Skipped):

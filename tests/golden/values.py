@@ -142,7 +142,7 @@ def judged() -> dict[str, Any]:
         rows = run_sql(store, f"SELECT {COLUMNS} FROM verdicts ORDER BY frame").to_pylist()
         thresholds = robust_thresholds(calibration, system_of(rig), R, HIGH_RATE)
     return {
-        "score": thresholds.score,
+        "score": thresholds.evidence_limit,
         "thresholds": {
             _named(check): [one.mean, one.deviation, one.drives, one.samples]
             for check, one in thresholds.expected.items()

@@ -98,7 +98,7 @@ def test_left_out_peaks_are_those_of_each_recording_by_the_others():
     hard = recording("hard", lidar_conflicts=range(8, 14))
     assert left_out_peaks(calibration(recording("easy")), SYSTEM, R) == []
     [peak] = left_out_peaks(calibration(recording("easy"), hard), SYSTEM, R)
-    assert peak > robust_thresholds(calibration(), SYSTEM, R).score
+    assert peak > robust_thresholds(calibration(), SYSTEM, R).evidence_limit
     assert left_out_peaks(calibration(), SYSTEM, R) == []
 
 
@@ -135,11 +135,12 @@ def test_allowed_incidents_and_clean_recordings_set_the_limit_of_incidents():
     hard = recording("hard", 3_600, lidar_conflicts=[*range(100, 110), *range(1000, 1010)])
     clean = calibration(recording("easy", 3_600), hard)
     usual = robust_thresholds(clean, SYSTEM, R)
-    assert (usual.score, usual.incidents_per_hour) == (incident_limit(), None)
+    assert (usual.evidence_limit, usual.incidents_per_hour) == (incident_limit(), None)
     limits = [robust_thresholds(clean, SYSTEM, R, incidents_per_hour=rate) for rate in (10, 1, 0)]
     peaks = left_out_peaks(clean, SYSTEM, R)
-    assert [one.score for one in limits] == [incident_limit(rate, peaks, clean_hours(clean)) for rate in (10, 1, 0)]
-    assert usual.score < limits[1].score < limits[2].score
+    expected = [incident_limit(rate, peaks, clean_hours(clean)) for rate in (10, 1, 0)]
+    assert [one.evidence_limit for one in limits] == expected
+    assert usual.evidence_limit < limits[1].evidence_limit < limits[2].evidence_limit
     assert limits[2].incidents_per_hour == 0
 
 

@@ -49,7 +49,7 @@ def series_of(hit=(), sensor=1, *, check=Check.ADDED_LIGHT, frozen=(), missing=(
 
 
 def judge(*hit, score=None, **what):
-    thresholds = THRESHOLDS if score is None else replace(THRESHOLDS, score=score)
+    thresholds = THRESHOLDS if score is None else replace(THRESHOLDS, evidence_limit=score)
     return judge_frames(series_of(*hit, **what), SYSTEM, thresholds)
 
 
@@ -82,7 +82,7 @@ def test_the_evidence_of_an_incident_must_exceed_the_score():
     series = series_of(range(5, 10))  # too few for a stretch
     peak = max(clean_peaks(series, SYSTEM, THRESHOLDS))
     for score, incident in ((0.99 * peak, True), (1.01 * peak, False)):
-        verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, score=score))
+        verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, evidence_limit=score))
         assert any(v.in_incident for v in verdicts) is incident
         assert verdicts[8].kind is VerdictKind.ATTACKED
 
@@ -265,13 +265,13 @@ def test_findings_that_no_incident_holds_are_alerts_in_a_row_or_as_a_tenth_of_th
 def test_findings_of_one_sensor_make_no_alert_of_another_ones():
     series = series_of([3, 9, 12], z=4.0)
     series.statistics[np.ix_([6], columns_of(3, Check.ADDED_LIGHT))] = statistic_at(0.0)
-    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, score=99.0))
+    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, evidence_limit=99.0))
     assert verdicts[6].attacked == (3,)
     assert [f for f, v in enumerate(verdicts) if v.in_alert] == [3, 9, 12]
 
 
 def test_the_larger_r_is_the_more_findings_an_alert_needs():
-    often = replace(THRESHOLDS, r=Decimal("0.2"), score=99.0)
+    often = replace(THRESHOLDS, r=Decimal("0.2"), evidence_limit=99.0)
     series = series_of([3, 4, 9], z=4.0)
     assert not [v for v in judge_frames(series, SYSTEM, often) if v.finding]
     assert [v for v in judge_frames(series, SYSTEM, replace(often, r=Decimal("0.01"))) if v.in_alert]

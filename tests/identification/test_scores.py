@@ -37,7 +37,7 @@ def test_without_clean_frames_every_check_has_the_prior():
     found = thresholds_from([], CHECKS, 11, R, "prior")
     assert set(found.expected) == set(CHECKS)
     assert all(found.expected[check] == expected(prior_of_check(check), []) for check in CHECKS)
-    assert (found.calibration_id, found.r, found.drives, found.score) == ("prior", R, 0, incident_limit())
+    assert (found.calibration_id, found.r, found.drives, found.evidence_limit) == ("prior", R, 0, incident_limit())
     assert found.limit == joint_limit(0.01, 11)
 
 

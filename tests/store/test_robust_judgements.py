@@ -49,7 +49,7 @@ def judged(tmp_path):
     loaded = store.load_statistics(known)
     system = System(CHECKS, RIG.triples, RIG.sensors, RIG.fallback)
     thresholds = RobustThresholds(
-        "c" * 32, Decimal("0.01"), 3.5, expected, {}, drives=3, score=1.0, incidents_per_hour=2.0
+        "c" * 32, Decimal("0.01"), 3.5, expected, {}, drives=3, evidence_limit=1.0, incidents_per_hour=2.0
     )
     present = loaded.states == "present"
     series = FrameSeries.of_recording(loaded.stamps_ns, loaded.statistics, present, loaded.fingerprints, {})
