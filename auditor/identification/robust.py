@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.causes import Nearby, bounds_nearby, name_beside_aerosols, seen_of
+from auditor.identification.causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.faults import fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.incidents.events import (
@@ -44,7 +44,7 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
-from auditor.identification.naming import attack_scores, sensor_scores
+from auditor.identification.naming import attack_scores, name_beside_aerosols, sensor_scores
 from auditor.identification.paper import FEWEST_SENSORS, sensors_where
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from auditor.identification.causes import name_beside_aerosols, of_aerosol
+from auditor.identification.causes import of_aerosol
+from auditor.identification.naming import name_beside_aerosols
 from auditor.identification.systems import System
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.rig import LIDAR, triples_of
