@@ -88,7 +88,7 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
         *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
         *((cause, camera) for camera in cameras for cause in (Cause.WHITE_BALANCE, Cause.BLURRED) if len(cameras) > 1),
-        *((Cause.BLIND, camera) for camera in cameras if len(cameras) == 1),
+        *((Cause.BLIND, camera) for camera in cameras),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
     )
@@ -112,8 +112,9 @@ def fault_scores(
     if len(seen.cameras) > 1:
         for cause, of_each in ((Cause.WHITE_BALANCE, _warmth), (Cause.BLURRED, _blurred)):
             found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each(seen), strict=True)}
-    else:
-        found |= {(Cause.BLIND, camera): _blind(seen, stamp_ns, runs) for camera in seen.cameras}
+    found |= {
+        (Cause.BLIND, camera): one for camera, one in zip(seen.cameras, _blind(seen, stamp_ns, runs), strict=True)
+    }
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
@@ -275,14 +276,18 @@ def _blurred(seen: ObservedFeatures) -> list[Floats]:
     return found
 
 
-def _blind(seen: ObservedFeatures, stamp_ns: Integers, runs: Integers | None) -> Floats:
-    """How much less of a lone camera's image has texture than of its best seconds before or after, as a logarithm.
+def _blind(seen: ObservedFeatures, stamp_ns: Integers, runs: Integers | None) -> list[Floats]:
+    """By camera, how much less of its image has texture than of the best other camera's, as a logarithm.
 
-    What it never showed is not missed: nobody says whether it is night.
+    That of a lone camera is compared with its best seconds before or after: what it never showed is not missed, since
+    nobody says whether it is night.
     """
-    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"][:, 0], _LEAST_TEXTURE))
-    best = window_maxima(shares, stamp_ns, TEMPORAL_WINDOW.lasting_s, runs)
-    return np.asarray((best - shares) / FAULT_SCORES.blind)
+    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], _LEAST_TEXTURE))
+    if len(seen.cameras) == 1:
+        best = [window_maxima(shares[:, 0], stamp_ns, TEMPORAL_WINDOW.lasting_s, runs)]
+    else:
+        best = [np.fmax.reduce(np.delete(shares, place, axis=1).T) for place in range(len(seen.cameras))]
+    return [np.asarray((other - own) / FAULT_SCORES.blind) for other, own in zip(best, shares.T, strict=True)]
 
 
 def _enough(values: Floats) -> Flags:

@@ -279,9 +279,15 @@ told AS (
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
         grouped.largest_gap,
-        CASE WHEN grouped.weak THEN 'no single frame: weak evidence that lasts' ELSE carried.evidence END AS evidence,
+        CASE
+            WHEN grouped.weak OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
+                THEN 'no single frame: weak evidence that lasts'
+            ELSE carried.evidence
+        END AS evidence,
         shared.shares,
-        alternatives_in_words(strongest.alternatives, strongest.posterior) AS alternatives,
+        alternatives_in_words(
+            list_filter(strongest.alternatives, lambda other: other['attacked'] <> grouped.attacked), strongest.posterior
+        ) AS alternatives,
         grouped.posterior,
         grouped.log10_ratio,
         ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,

@@ -98,9 +98,11 @@ def test_a_lone_camera_that_shows_less_for_long_is_in_the_dark_and_not_blind():
     assert (blindness([0.6, 0.2, 0.09]) < 1).all()  # a lorry beside the camera leaves a seventh and more
 
 
-def test_cameras_that_others_check_are_blurred_and_a_lone_one_is_blind():
-    assert {cause for cause, _ in faults_of((0, 1))} & {Cause.BLURRED, Cause.BLIND} == {Cause.BLIND}
-    assert {cause for cause, _ in faults_of(SENSORS)} & {Cause.BLURRED, Cause.BLIND} == {Cause.BLURRED}
+def test_a_camera_is_blind_where_it_shows_hardly_any_of_the_detail_that_another_one_shows():
+    assert (Cause.BLIND, 2) in likeliest(textureless=(0.4, 0.97, 0.5))
+    assert {*likeliest(textureless=(0.99, 0.5, 0.99))} >= {(Cause.BLIND, 1), (Cause.BLIND, 3)}  # two of three are
+    assert Cause.BLIND not in dict(likeliest(textureless=(0.97, 0.98, 0.99)))  # night
+    assert (Cause.BLIND, 2) in likeliest(textureless=(0.4, 0.97, 0.5), level=(90.0, 3.0, 90.0))  # however dark it is
 
 
 @pytest.mark.parametrize(
