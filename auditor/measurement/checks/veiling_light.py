@@ -42,7 +42,11 @@ def measure_veiling_light(seen: Seen, i: int, k: int) -> tuple[float | None, flo
     row, column = row * step, column * step
     there = np.rint(matches.column[row, column]).astype(np.intp).clip(0, seen.half_res[i].shape[1] - 1)
     lighter = _darkest(seen.half_res[i][row, there]) - _darkest(seen.half_res[k][row, column])
-    return tuple(float(np.clip(sign * lighter - NUMBERS.usual, 0, 1)) for sign in (1, -1))
+    return _shown(lighter), _shown(-lighter)
+
+
+def _shown(lighter: float) -> float:
+    return min(max(lighter - NUMBERS.usual, 0.0), 1.0)
 
 
 def _darkest(levels: Image) -> float:
