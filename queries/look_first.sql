@@ -26,7 +26,7 @@ WITH candidate AS (
         largest_gap AS gap,
         grade
     FROM incidents
-    WHERE strongest_frame IS NOT NULL
+    WHERE strongest_frame IS NOT NULL AND same_as IS NULL
     UNION ALL BY NAME
     SELECT measurement_id, frame, kind, attacked, gap
     FROM verdicts

@@ -5,7 +5,7 @@
 -- column recordings: Number of recordings.
 -- column frames: Frames and skipped ticks, without those at the recordings' edges.
 -- column audited: Those that have a verdict other than not_auditable.
--- column incidents: Number of incidents and alerts.
+-- column incidents: Number of incidents and alerts, each once however many rigs say it.
 -- column excused: Those that a review calls a false alarm, or known.
 SELECT
     summary.vehicle,
@@ -20,6 +20,7 @@ JOIN recordings AS recording USING (recording_id)
 LEFT JOIN (
     SELECT measurement_id, count(*) AS incidents, count(*) FILTER (review IN ('false-alarm', 'known')) AS excused
     FROM incidents
+    WHERE same_as IS NULL
     GROUP BY measurement_id
 ) AS found USING (measurement_id)
 GROUP BY ALL

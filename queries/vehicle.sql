@@ -38,7 +38,7 @@ found AS (
     UNION ALL BY NAME
     SELECT from_ns, to_ns, grade AS what, finding_in_words(kind, attacked_names) AS found, frames, first_frame, measurement_id
     FROM incidents
-    WHERE vehicle = $vehicle
+    WHERE vehicle = $vehicle AND same_as IS NULL
     UNION ALL BY NAME
     SELECT
         from_ns,

@@ -309,13 +309,14 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
     if incidents:
-        shown_rows = [_incident(row) for row in incidents]
+        shown_rows = _each_once(incidents)
         told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
         alerts = any(row["grade"] == "alert" for row in incidents)
         graded = (_INCIDENT_COLUMNS[0], "grade", *_INCIDENT_COLUMNS[1:]) if alerts else _INCIDENT_COLUMNS
+        several = ["rigs"] if len(shown_rows) < len(incidents) else []
         print_rows(
             shown_rows,
-            (*graded, *told),
+            (*graded, *several, *told),
             "Incidents and alerts" if alerts else "Incidents",
             expendable=("gap", "seconds", "incident"),
             wrapped=("sensors", *told),
@@ -340,6 +341,13 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
 def _named(one: Mapping[str, Any]) -> str:
     """A set of attacked sensors with its number of frames, as 'S_0 + S_2 (3)'."""
     return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
+
+
+def _each_once(incidents: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The incidents with the number of rigs that say each; those that say the same as one of them are left out."""
+    known = {row["incident_id"] for row in incidents}
+    said = Counter(row["same_as"] for row in incidents)
+    return [_incident(row) | {"rigs": 1 + said[row["incident_id"]]} for row in incidents if row["same_as"] not in known]
 
 
 def _incident(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,12 +15,11 @@ from auditor.identification.parameters import (
     FAULT_SCORES,
     TEMPORAL_WINDOW,
 )
-from auditor.identification.statistics import measured_medians, window_means
+from auditor.identification.statistics import measured_medians, window_maxima, window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair
 from auditor.model.fault_features import ObservedFeatures, relative_excess
-from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
     FINDINGS,
@@ -36,13 +35,13 @@ from auditor.model.verdict import (
 _LEAST_LISTED = 0.2  # the score from which on a cause is listed; from ENOUGH on it explains
 _LEAST_TEXTURE = 0.01  # the share with texture that is told from none, so that its logarithm is finite
 
-LONGEST_WINDOW_S = max(TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.lasting_s)
+LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds + TEMPORAL_WINDOW.lasting_s
 """No fault score depends on frames further away than half of this."""
 
-MIN_FRAMES = 2
-"""Frames that must be equal to the one before them: one repeat alone occurs where frames are faster than a sensor."""
+OF_DETAIL = frozenset({Cause.BLURRED, Cause.BLIND})
+"""Causes that a camera shows less detail, as light makes it do as well."""
 
-FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED, Cause.BLURRED})
+FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED}) | OF_DETAIL
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
 _OF_LIGHT = frozenset(one for one in Check if one.kind.of_light)
@@ -60,6 +59,7 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
         *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
         *((cause, camera) for camera in cameras for cause in (Cause.WHITE_BALANCE, Cause.BLURRED) if len(cameras) > 1),
+        *((Cause.BLIND, camera) for camera in cameras),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
     )
@@ -83,6 +83,9 @@ def fault_scores(
     if len(seen.cameras) > 1:
         for cause, of_each in ((Cause.WHITE_BALANCE, _warmth), (Cause.BLURRED, _blurred)):
             found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each(seen), strict=True)}
+    found |= {
+        (Cause.BLIND, camera): one for camera, one in zip(seen.cameras, _blind(seen, stamp_ns, runs), strict=True)
+    }
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
@@ -94,7 +97,7 @@ def fault_scores(
         scores[:, those] = window_means(scores[:, those], stamp_ns, seconds, runs)
     of_window = dict(zip(found, np.ascontiguousarray(scores.T), strict=True))
     # Light hides detail: the frames beside an attack are not blurred by it.
-    return {key: np.fmin(found[key], one) if key[0] is Cause.BLURRED else one for key, one in of_window.items()}
+    return {key: np.fmin(found[key], one) if key[0] in OF_DETAIL else one for key, one in of_window.items()}
 
 
 def fault_hypotheses(
@@ -167,35 +170,6 @@ def _explaining(
             yield True
         else:
             yield z_of(one) >= min(lead, FAULT_SCALE.highest)
-
-
-def frozen(prints: Integers, present: Flags) -> Flags:
-    """(F, S) whether a sensor's data are frozen in a frame, from the fingerprints (F, S) of F successive frames.
-
-    They are where they equal those of the frame before, at two successive steps or more, while another sensor's data
-    changed at each of these steps. Where no sensor's data change no sensor is frozen, but the frame is `repeated`. A
-    sensor that is not `present` (F, S), or has no fingerprint, is not frozen.
-    """
-    still, changed = _steps(prints, present)
-    return np.asarray(_in_long_runs(still & changed.any(axis=1, keepdims=True), MIN_FRAMES))
-
-
-def repeated(prints: Integers, present: Flags) -> Flags:
-    """(F,) whether a frame has nothing new: at least one sensor repeats its data of the frame before, and none changes.
-
-    `prints` and `present` are those of `frozen`.
-    """
-    still, changed = _steps(prints, present)
-    return np.asarray(still.any(axis=1) & ~changed.any(axis=1))
-
-
-def _steps(prints: Integers, present: Flags) -> tuple[Flags, Flags]:
-    """(F, S) whether a sensor's data are those of the frame before, and (F, S) whether they are others."""
-    known = present & (prints != NO_FINGERPRINT)
-    both, same = known[1:] & known[:-1], prints[1:] == prints[:-1]
-    still, changed = np.zeros((2, *present.shape), dtype=np.bool_)
-    still[1:], changed[1:] = both & same, both & ~same
-    return still, changed
 
 
 def _lagging(seen: ObservedFeatures, camera: int) -> Floats:
@@ -273,6 +247,20 @@ def _blurred(seen: ObservedFeatures) -> list[Floats]:
     return found
 
 
+def _blind(seen: ObservedFeatures, stamp_ns: Integers, runs: Integers | None) -> list[Floats]:
+    """By camera, how much less of its image has texture than of the best other camera's, as a logarithm.
+
+    That of a lone camera is compared with its best seconds before or after: what it never showed is not missed, since
+    nobody says whether it is night.
+    """
+    shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], _LEAST_TEXTURE))
+    if len(seen.cameras) == 1:
+        best = [window_maxima(shares[:, 0], stamp_ns, TEMPORAL_WINDOW.lasting_s, runs)]
+    else:
+        best = [np.fmax.reduce(np.delete(shares, place, axis=1).T) for place in range(len(seen.cameras))]
+    return [np.asarray((other - own) / FAULT_SCORES.blind) for other, own in zip(best, shares.T, strict=True)]
+
+
 def _enough(values: Floats) -> Flags:
     """(F,) whether two or more were measured in each row."""
     return np.asarray(np.count_nonzero(~np.isnan(values), axis=1) >= FEWEST_VOTERS)
@@ -316,17 +304,6 @@ def _mean(values: Floats) -> Floats:
 def _least(values: Sequence[Floats], seen: ObservedFeatures) -> Floats:
     """(F,) the least of those measured, NaN where none was."""
     return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.brightness["level"]), np.nan)
-
-
-def _in_long_runs(still: Flags, length: int) -> Flags:
-    """The entries that belong to a run of at least `length` down a column."""
-    starts = np.ones((max(len(still) - length + 1, 0), still.shape[1]), dtype=np.bool_)
-    for step in range(length):
-        starts &= still[step : step + len(starts)]
-    result = np.zeros_like(still)
-    for step in range(length):
-        result[step : step + len(starts)] |= starts
-    return result
 
 
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:

@@ -70,7 +70,7 @@ def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], 
     likeliest set above it, at least one of each sensor, and what exceeds it outside, the strongest first; `named` is
     Algorithm 2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which
     sensors a frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no
-    three sensors were compared is not auditable.
+    three sensors were compared is not auditable, nor one in which cameras that could did not check the LiDAR.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
@@ -139,14 +139,16 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     why_not = _why_not_compared(system, present, outside)
     states = cache(lambda which, fired: _states(system, columns, which, fired, absent))
     algorithm_2 = cache(lambda e: _algorithm_2(e, system, present))
+    lidar_checked = cache(lambda which: _is_lidar_checked(system, columns, which))
     remarks = cache(lambda which, by_fallback: _remarks(system, columns, which, present, by_fallback=by_fallback))
     verdicts = []
     for f, (value, which) in enumerate(zip(score.tolist(), _rows(~np.isnan(z[:, columns])), strict=True)):
         found = explained.get(f)
         fired = frozenset() if found is None else _fired(found, limit)
         e, audited = states(which, fired)
-        if found is None and not audited:
-            verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=why_not))
+        if found is None and not (audited and lidar_checked(which)):
+            reason = _LIDAR_UNCHECKED if audited else why_not
+            verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=reason))
             continue
         verdict = Verdict(
             VerdictKind.CLEAN,
@@ -321,6 +323,17 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
     conflicts = system.by_time or any(one.check is Check.LIDAR_CONFLICT for one in _measured(system, columns, measured))
     unchecked = _LIDAR_UNCHECKED if LIDAR in present and not conflicts else ""
     return "; ".join(filter(None, (without, alone, unchecked)))
+
+
+def _is_lidar_checked(system: System, columns: Indices, measured: bytes) -> bool:
+    """Whether pairs of cameras checked the LiDAR in a frame, where those that are there can."""
+    flags = np.frombuffer(measured, dtype=np.bool_)
+    pairs = [flag for column, flag in zip(columns.tolist(), flags, strict=True) if _is_conflict(system, column)]
+    return any(pairs) or not pairs
+
+
+def _is_conflict(system: System, column: int) -> bool:
+    return system.sensor_checks[column].check is Check.LIDAR_CONFLICT
 
 
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:

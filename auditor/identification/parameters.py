@@ -109,6 +109,7 @@ _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/method.md)"
 _BLURRED = (
     "three real drives: 0.96 of the least other camera's or more; blurred by 8 px 0.60 or less (docs/decisions.md)"
 )
+_BLIND = "three real drives, four cameras: 0.40 at most; white, black or grey from one frame on 3.6 to 4.4"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/method.md)"
 _LEVELS = "three real drives, and streets of one vehicle: 0.03 within and 0.04 between drives, over 0.2"
 _WARMTH = "three real drives: within drives 0.03, between them 0.065, between the two cameras of one 0.02"
@@ -274,6 +275,9 @@ class FaultScores:
     rain: float = parameter(0.01, unit="share of isolated points nearby", source=_RAIN)
     blurred: float = parameter(
         0.3, unit="logarithm of the share with texture, less than that of any other camera", source=_BLURRED
+    )
+    blind: float = parameter(
+        2.0, unit="logarithm of the share with texture, less than within 2.5 s before or after", source=_BLIND
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from auditor.identification.causes import Nearby, bounds_nearby, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.faults import fault_hypotheses, is_finding, weigh, z_of
+from auditor.identification.faults import OF_DETAIL, fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.incidents.events import (
     LastingEvent,
     held_of,
@@ -196,7 +196,7 @@ class _Judge:
         faults = [()] * len(still) if without_causes else _fault_hypotheses(series, thresholds)
         fired = self._scores > thresholds.limit
         self._hypotheses = [
-            _with_frozen(sensors, _without_blurred(others) if one else others)
+            _with_frozen(sensors, _without_hidden_detail(others) if one else others)
             for sensors, others, one in zip(still, faults, fired.tolist(), strict=True)
         ]
         self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
@@ -300,9 +300,9 @@ def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequ
     return fault_hypotheses(series.fault_scores, thresholds.causes)
 
 
-def _without_blurred(causes: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
+def _without_hidden_detail(causes: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
     """The causes of a frame in which a check fired: light hides detail, and adds no second finding by it."""
-    return tuple(one for one in causes if one.cause is not Cause.BLURRED)
+    return tuple(one for one in causes if one.cause not in OF_DETAIL)
 
 
 def _fault_z(causes: Sequence[FaultHypothesis]) -> float:

@@ -23,7 +23,7 @@ from auditor.model.checks import (
     SensorCheck,
 )
 from auditor.model.checks.kind import Counted, Vote
-from auditor.model.measurement import LIGHT_STEPS, Cells
+from auditor.model.measurement import LIGHT_STEPS, NO_FINGERPRINT, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 from auditor.model.stamps import NANOSECONDS
 
@@ -33,6 +33,8 @@ _STRETCH_STEP = 0.2  # of a stretch, after which the next begins: most of one is
 Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (..., rows, columns)."""
 
+MIN_FRAMES = 2
+"""Frames that must be equal to the one before them: one repeat alone occurs where frames are faster than a sensor."""
 
 _VALUES_AT_ONCE = 65_536
 """Values of which medians are taken in one call, of several columns where they are short: memory stays bounded."""
@@ -291,6 +293,14 @@ def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[I
     return first, end
 
 
+def window_maxima(values: Floats, stamp_ns: Integers, seconds: float, runs: Integers | None = None) -> Floats:
+    """(F,) the largest measured of values (F,) in the windows of `window_means`; NaN where nothing was."""
+    first, end = window_bounds(stamp_ns, seconds, runs_of(stamp_ns) if runs is None else runs)
+    known = np.where(np.isnan(values), -np.inf, values)
+    largest = np.array([known[one:after].max() for one, after in zip(first.tolist(), end.tolist(), strict=True)])
+    return np.where(np.isfinite(largest), largest, np.nan)
+
+
 def window_means(z: Floats, stamp_ns: Integers, seconds: float, runs: Integers | None = None) -> Floats:
     """(F, M) means of the measured scores within `seconds` / 2 of each frame, never across two runs.
 
@@ -304,3 +314,43 @@ def window_means(z: Floats, stamp_ns: Integers, seconds: float, runs: Integers |
     count = np.vstack([np.zeros((1, z.shape[1])), np.cumsum(measured, axis=0)])
     number = count[end] - count[first]
     return np.where(number > 0, (total[end] - total[first]) / np.maximum(number, 1), np.nan)
+
+
+def frozen(prints: Integers, present: Flags) -> Flags:
+    """(F, S) whether a sensor's data are frozen in a frame, from the fingerprints (F, S) of F successive frames.
+
+    They are where they equal those of the frame before, at two successive steps or more, while another sensor's data
+    changed at each of these steps. Where no sensor's data change no sensor is frozen, but the frame is `repeated`. A
+    sensor that is not `present` (F, S), or has no fingerprint, is not frozen.
+    """
+    still, changed = _steps(prints, present)
+    return np.asarray(_in_long_runs(still & changed.any(axis=1, keepdims=True), MIN_FRAMES))
+
+
+def repeated(prints: Integers, present: Flags) -> Flags:
+    """(F,) whether a frame has nothing new: at least one sensor repeats its data of the frame before, and none changes.
+
+    `prints` and `present` are those of `frozen`.
+    """
+    still, changed = _steps(prints, present)
+    return np.asarray(still.any(axis=1) & ~changed.any(axis=1))
+
+
+def _steps(prints: Integers, present: Flags) -> tuple[Flags, Flags]:
+    """(F, S) whether a sensor's data are those of the frame before, and (F, S) whether they are others."""
+    known = present & (prints != NO_FINGERPRINT)
+    both, same = known[1:] & known[:-1], prints[1:] == prints[:-1]
+    still, changed = np.zeros((2, *present.shape), dtype=np.bool_)
+    still[1:], changed[1:] = both & same, both & ~same
+    return still, changed
+
+
+def _in_long_runs(still: Flags, length: int) -> Flags:
+    """The entries that belong to a run of at least `length` down a column."""
+    starts = np.ones((max(len(still) - length + 1, 0), still.shape[1]), dtype=np.bool_)
+    for step in range(length):
+        starts &= still[step : step + len(starts)]
+    result = np.zeros_like(still)
+    for step in range(length):
+        result[step : step + len(starts)] |= starts
+    return result

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 31
+JUDGING_VERSION = 32
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -75,9 +75,9 @@ class Cause(StrEnum):
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
     SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. BLURRED: a camera shows far
-    less detail than the others, out of focus or behind something that scatters light. EXPOSURE: a camera's
-    exposure, gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not.
-    DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
+    less detail than the others, out of focus or behind something that scatters light. BLIND: it shows hardly any of
+    the detail that another one shows, or a camera alone showed seconds before or after. EXPOSURE: a camera's exposure,
+    gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not. DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
     AEROSOL: it has returns that scatter as those of dust, steam and exhaust.
     """
 
@@ -86,6 +86,7 @@ class Cause(StrEnum):
     DISPLACED = "displaced"
     SOILED = "soiled"
     BLURRED = "blurred"
+    BLIND = "blind"
     EXPOSURE = "exposure"
     WHITE_BALANCE = "white_balance"
     DARK = "dark"

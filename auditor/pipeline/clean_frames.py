@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.identification.faults import fault_scores, frozen
-from auditor.identification.statistics import sensor_statistics
+from auditor.identification.faults import fault_scores
+from auditor.identification.statistics import frozen, sensor_statistics
 from auditor.identification.transfer import MACHINE
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import SHARE_CHECKS, SensorCheck, rig_sensor_checks

@@ -20,10 +20,12 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria
 from auditor.model.text import enumerated
 from auditor.model.verdict import VerdictKind
-from auditor.recordings.synchronisation.counts import EDGE
+from auditor.recordings.synchronisation.counts import BETWEEN, EDGE
 from auditor.store import StoredJudgement, StoredMeasurement
 
 _MOST_DAMAGE = 3  # pieces of damage in one remark
+_MOST_FASTER = 3  # sensors in one remark
+_MANY_BETWEEN = 1 / 3  # of a sensor's messages
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,23 @@ def judge_reading(
     lost = f"damaged: {'; '.join(damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}" if damage or damaged else ""
     enough = min(messages, time) >= min_coverage and frames.measured >= min_coverage * frames.due
     return Reading(
-        tuple(filter(None, (coverage_line(topics), unread, not_compared, left_out_line(topics), lost))),
+        tuple(
+            filter(None, (coverage_line(topics), unread, not_compared, left_out_line(topics), lost, _between(balance)))
+        ),
         enough and not unread and not not_compared and not lost,
     )
+
+
+def _between(balance: Sequence[TopicBalance]) -> str:
+    """Which sensors are faster than frames are, so that some of what they recorded is in none; empty where none is."""
+    faster = [
+        f"{topic.topic} {between} of {topic.read}"
+        for topic in balance
+        if topic.sensor is not None and (between := topic.skipped.get(BETWEEN, 0)) >= _MANY_BETWEEN * topic.read
+    ]
+    more = f" and {len(faster) - _MOST_FASTER} more" if len(faster) > _MOST_FASTER else ""
+    told = f"{', '.join(faster[:_MOST_FASTER])}{more}"
+    return f"messages between frames, which the slowest sensor sets, are not looked at: {told}" if faster else ""
 
 
 def reading_of(

@@ -47,7 +47,7 @@ def render_fleet_report(store: Store, *, out: Path, pictures: Pictures = Picture
     """
     incidents = Incidents(store, pictures)
     rows = by_gravity(incidents.rows)
-    page = load_fleet(store, rows)
+    page = load_fleet(store, [row for row in rows if row["same_as"] is None])
     former = _former_names(store, rows, out / INCIDENTS)
     # by measurement, so that what incidents of one recording share is read once
     for row in sorted(rows[:MOST_INCIDENTS], key=lambda row: row["measurement_id"]):
@@ -72,7 +72,7 @@ def by_gravity(incidents: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def load_fleet(store: Store, incidents: Sequence[Row]) -> dict[str, Any]:
-    """Everything that the index shows; `incidents` are all of the store, the gravest first.
+    """Everything that the index shows; `incidents` are all of the store, each once, the gravest first.
 
     What is listed is bounded; the counts are of everything. Raises StoreError where nothing was measured.
     """

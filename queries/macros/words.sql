@@ -61,6 +61,7 @@ CREATE MACRO cause_in_words(cause, sensor) AS
         WHEN 'displaced' THEN 'S_' || sensor || ' has turned since it was calibrated'
         WHEN 'soiled' THEN 'something changes what S_' || sensor || ' sees and adds no light, as dirt does'
         WHEN 'blurred' THEN 'S_' || sensor || ' shows far less detail than the others, as out of focus or behind fog'
+        WHEN 'blind' THEN 'S_' || sensor || ' shows hardly any of the detail that others do, or it did seconds before or after, as dazzled or covered'
         WHEN 'exposure' THEN 'S_' || sensor || ' as a whole is brighter or darker than usual beside the others'
         WHEN 'white_balance' THEN 'S_' || sensor || ' as a whole is redder or bluer than usual beside the others'
         WHEN 'dark' THEN 'all cameras are dark'

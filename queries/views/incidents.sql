@@ -31,7 +31,8 @@
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
 -- column causes: What else than an attack may lie behind it, in words.
--- column review: What somebody said of it (auditor review): confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
+-- column same_as: The incident of another rig of its recording that says the same, of all of its time: that names the same sensors, or names what this one cannot; NULL where this one stands by itself.
+-- column review: What somebody said of it (auditor review), or else of the incident that says the same: confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
 -- column reviewed_seconds: How long the incident was when that was said; it may have grown since.
 WITH placed AS MATERIALIZED (
@@ -278,13 +279,31 @@ told AS (
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
         grouped.largest_gap,
-        CASE WHEN grouped.weak THEN 'no single frame: weak evidence that lasts' ELSE carried.evidence END AS evidence,
+        CASE
+            WHEN grouped.weak OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
+                THEN 'no single frame: weak evidence that lasts'
+            ELSE carried.evidence
+        END AS evidence,
         shared.shares,
-        alternatives_in_words(strongest.alternatives, strongest.posterior) AS alternatives,
+        alternatives_in_words(
+            list_filter(strongest.alternatives, lambda other: other['attacked'] <> grouped.attacked), strongest.posterior
+        ) AS alternatives,
         grouped.posterior,
         grouped.log10_ratio,
         ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,
-        causes_in_words(grouped.causes) AS causes
+        causes_in_words(grouped.causes) AS causes,
+        [sensor.topic FOR sensor IN grouped.sensors] AS topics,
+        [sensor.topic FOR sensor IN grouped.sensors IF list_contains(grouped.attacked, sensor.sensor)] AS attacked_topics,
+        [
+            sensor.topic FOR sensor IN grouped.sensors
+            IF list_contains([cause.sensor FOR cause IN grouped.causes], sensor.sensor)
+        ] AS explained_topics,
+        {
+            alert: grouped.alert,
+            unnamed: grouped.kind <> 'attacked',
+            seconds: grouped.from_ns - grouped.to_ns,
+            ratio: -coalesce(grouped.log10_ratio, 0)
+        } AS place_among_rigs
     FROM grouped
     JOIN whole USING (line, kind, attacked, run)
     LEFT JOIN carried USING (line, kind, attacked, run)
@@ -300,6 +319,30 @@ found AS (
         FROM told
     )
 ),
+-- Rigs of one recording share sensors: what one of them names, others see as well, and name it or cannot.
+same AS (
+    SELECT
+        found.incident_id,
+        arg_min(other.incident_id, {place: other.place_among_rigs, id: other.incident_id}) AS same_as
+    FROM found
+    JOIN found AS other
+        ON other.drive_id = found.drive_id
+            AND other.rig_id <> found.rig_id
+            AND list_has_any([part.recording_id FOR part IN other.parts], [part.recording_id FOR part IN found.parts])
+            AND other.from_ns <= found.from_ns + $gap_s * 1e9
+            AND other.to_ns >= found.to_ns - $gap_s * 1e9
+            AND {place: other.place_among_rigs, id: other.incident_id}
+                < {place: found.place_among_rigs, id: found.incident_id}
+            AND CASE
+                WHEN other.kind = 'suspect'
+                    THEN found.kind = 'suspect' AND list_sort(found.explained_topics) = list_sort(other.explained_topics)
+                WHEN other.kind = 'attacked' AND found.kind = 'attacked'
+                    THEN list_sort(found.attacked_topics) = list_sort(other.attacked_topics)
+                ELSE other.kind = 'attacked' AND found.kind = 'unidentified'
+                    AND list_has_all(found.topics, other.attacked_topics)
+            END
+    GROUP BY found.incident_id
+),
 last AS (
     SELECT found.incident_id, arg_max(reviews, {moment: reviews.reviewed_at, id: reviews.review_id}) AS review
     FROM found
@@ -309,12 +352,20 @@ last AS (
         reviews.places, reviews.sensors, reviews.from_ns, reviews.to_ns
     )
     GROUP BY found.incident_id
+),
+reviewed AS (
+    SELECT found.incident_id, same.same_as, coalesce(last.review, of_same.review) AS review
+    FROM found
+    LEFT JOIN same USING (incident_id)
+    LEFT JOIN last USING (incident_id)
+    LEFT JOIN last AS of_same ON of_same.incident_id = same.same_as
 )
 SELECT
-    found.*,
-    CASE WHEN last.review.in_effect THEN last.review.verdict END AS review,
-    CASE WHEN last.review.in_effect THEN last.review.reason END AS review_reason,
-    CASE WHEN last.review.in_effect THEN (last.review.to_ns - last.review.from_ns) / 1e9 END AS reviewed_seconds
+    found.* EXCLUDE (topics, attacked_topics, explained_topics, place_among_rigs),
+    reviewed.same_as,
+    CASE WHEN reviewed.review.in_effect THEN reviewed.review.verdict END AS review,
+    CASE WHEN reviewed.review.in_effect THEN reviewed.review.reason END AS review_reason,
+    CASE WHEN reviewed.review.in_effect THEN (reviewed.review.to_ns - reviewed.review.from_ns) / 1e9 END AS reviewed_seconds
 FROM found
-LEFT JOIN last USING (incident_id)
+JOIN reviewed USING (incident_id)
 ORDER BY name, from_ns, kind, attacked, first_frame

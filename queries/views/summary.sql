@@ -10,7 +10,7 @@
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
--- column looked_share: Of the camera of which least is looked at: the share of its picture that two others at least were compared with, in rigs of one or two cameras the other one or its own past; of several LiDARs without cameras the share of the points of one that another was compared with; NULL where that was not measured.
+-- column looked_share: Of the camera of which least is looked at: the share of its picture that two others at least were compared with, in rigs of two or three sensors with another one, or its own past; of several LiDARs without cameras the share of the points of one that another was compared with; NULL where that was not measured.
 -- column attacked_sensors: Sensors that an incident or an alert names; by the robust method a frame that belongs to neither names none, though `attacked` counts it.
 -- column alerts: Frames with a finding that belong to an alert, and to no incident.
 -- column attacked_names: The recording's own names of these sensors.
@@ -41,7 +41,7 @@ SELECT
         / nullif(measurement.frames - coalesce(measurement.skipped['edge'], 0), 0) AS audited_share,
     list_min(
         CASE
-            WHEN rig.n > 2 THEN measurement.compared_by_two_share
+            WHEN len(rig.sensors) > 3 AND rig.n > 0 THEN measurement.compared_by_two_share
             ELSE measurement.compared_share
         END[if(rig.sensors[1].sensor = 0 AND (rig.n > 0 OR len(rig.sensors) = 1), 2, 1):]
     ) AS looked_share,

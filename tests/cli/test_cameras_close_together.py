@@ -71,6 +71,23 @@ def test_a_wide_pair_detects_a_wall_and_the_past_of_its_cameras_names_the_lidar_
     assert re.search(r"Compared with the past of camera_\d, lidar was attacked in \d+\sframes", words)
 
 
+def test_what_several_rigs_say_of_one_attack_is_shown_once_and_reviewed_once(
+    recordings: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert scan(recordings["wide"], tmp_path) == 1
+    shown = re.findall(r"^ ([0-9a-f]{8}) .* (\d)\s*$", capfd.readouterr().out, re.MULTILINE)
+    rows = ask(tmp_path, "SELECT incident_id, kind, attacked, same_as FROM incidents")
+    ((one, rigs),) = shown
+    assert [(row["kind"], row["attacked"]) for row in rows if row["same_as"] is None] == [("attacked", [0])]
+    assert len(rows) == int(rigs) > 1
+    assert {row["same_as"][:8] for row in rows if row["same_as"]} == {one}
+    assert run(["report", "--store", str(tmp_path)]) == 0
+    assert re.search(r"<title>Sensor audit: 1\sincident in ", (tmp_path / "reports" / "index.html").read_text())
+    assert run(["review", one, "--as", "false-alarm", "--reason", "a bus", "--store", str(tmp_path)]) == 0
+    assert {row["review"] for row in ask(tmp_path, "SELECT review FROM incidents")} == {"false-alarm"}
+    assert run(["judge", "--store", str(tmp_path)]) == 0
+
+
 def test_a_clean_drive_says_what_the_lidar_is_checked_by_and_is_complete_where_that_will_do(
     recordings: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -69,6 +69,37 @@ def test_a_frame_beside_blurred_ones_is_not_blurred_itself():
     assert (blurred[4:] > 1).all()
 
 
+def blindness(textured, seconds_apart=0.1):
+    """The score of a camera alone that shows these shares of texture, one after another."""
+    stamps_ns = (np.arange(len(textured)) * seconds_apart * 1e9).astype(np.int64)
+    shown = {name: np.full((len(textured), 1), NAN) for name in BRIGHTNESS}
+    shown |= {"textureless_share": 1 - np.array(textured)[:, None], "level": np.full((len(textured), 1), 90.0)}
+    columns = {name: np.full((len(textured), 0), NAN) for name in COLUMNS}
+    return fault_scores(ObservedFeatures((), columns, (1,), shown), stamps_ns, (0, 1))[Cause.BLIND, 1]
+
+
+def test_a_lone_camera_is_blind_where_it_shows_hardly_any_of_the_detail_of_seconds_before_or_after():
+    sees, blind = 8 * [0.6], 8 * [0.01]
+    for dazzled in ([*sees, *blind], [*blind, *sees]):
+        score = blindness(dazzled)
+        hidden = np.array(dazzled) < 0.1
+        assert (score[hidden] > 1).all()
+        assert (score[~hidden] <= 0).all()
+
+
+def test_a_lone_camera_that_shows_less_for_long_is_in_the_dark_and_not_blind():
+    assert (blindness(40 * [0.01]) <= 0).all()
+    assert (blindness([0.6, *(40 * [0.01])])[27:] <= 0).all()  # from 2.75 s on nothing else is known
+    assert (blindness([0.6, 0.2, 0.09]) < 1).all()  # a lorry beside the camera leaves a seventh and more
+
+
+def test_a_camera_is_blind_where_it_shows_hardly_any_of_the_detail_that_another_one_shows():
+    assert (Cause.BLIND, 2) in likeliest(textureless=(0.4, 0.97, 0.5))
+    assert {*likeliest(textureless=(0.99, 0.5, 0.99))} >= {(Cause.BLIND, 1), (Cause.BLIND, 3)}  # two of three are
+    assert Cause.BLIND not in dict(likeliest(textureless=(0.97, 0.98, 0.99)))  # night
+    assert (Cause.BLIND, 2) in likeliest(textureless=(0.4, 0.97, 0.5), level=(90.0, 3.0, 90.0))  # however dark it is
+
+
 @pytest.mark.parametrize(
     ("changed", "expected"),
     [

@@ -1,6 +1,6 @@
 import numpy as np
 
-from auditor.identification.faults import frozen
+from auditor.identification.statistics import frozen
 from auditor.model.measurement import NO_FINGERPRINT
 
 

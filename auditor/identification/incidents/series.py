@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auditor.identification.faults import frozen, repeated
 from auditor.identification.incidents.sequential import periods_of
-from auditor.identification.statistics import runs_of
+from auditor.identification.statistics import frozen, repeated, runs_of
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds

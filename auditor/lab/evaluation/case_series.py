@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
-from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, fault_scores, frozen
+from auditor.identification.faults import LONGEST_WINDOW_S, fault_scores
 from auditor.identification.incidents.sequential import QUIET_FRAMES
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.parameters import LIGHT_OF_CAUSES
-from auditor.identification.statistics import runs_of, window_bounds
+from auditor.identification.statistics import MIN_FRAMES, frozen, runs_of, window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Indices, Integers, Mask
 from auditor.model.calibration import CleanFrames

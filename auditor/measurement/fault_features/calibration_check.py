@@ -145,8 +145,8 @@ class CalibrationCheck:
             if _mostly_before(self._lags[sensor]):
                 yield (
                     f"{'the points' if sensor == LIDAR else 'the images'} of {rig.name(sensor)} fit what the other "
-                    "sensors have of the frame before their own: its stamps are a period late; put them right, or give "
-                    "its offset in a rig file (--rig)"
+                    "sensors have of the frame before their own: its stamps are a period late, or its old data are "
+                    "replayed; where they are late, put them right, or give its offset in a rig file (--rig)"
                 )
 
     def _unfit(self, rig: Rig, lidar: str) -> Iterator[str]:

@@ -316,6 +316,23 @@ class Check(StrEnum):
             vote=Vote.SMALLEST,
         ),
     )
+    VEILING_LIGHT = (
+        "veiling_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "veiling light",
+                "the darkest parts are lit that are dark in the others",
+                "has light in its darkest parts that the others do not",
+                "S_{i} has light in its darkest parts that others do not",
+                "one of the two has light in its darkest parts that the other does not",
+                "S_{i} or S_{k} alone has light in its darkest parts",
+            ),
+            (_SELDOM,),
+            vote=Vote.SMALLEST,
+            of_light=True,
+        ),
+    )
 
     _value_: str
     kind: Kind

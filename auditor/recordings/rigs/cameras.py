@@ -1,5 +1,6 @@
 """The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -132,10 +133,16 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
     return first_ones(views, MOST_CANDIDATES, "cameras are calibrated", names, reasons)
 
 
+_OF_DATA = re.compile(
+    r"image|compressed|point|cloud|scans?$|^(frames?|raw|rect|rgb|colou?r|mono|video|data|pictures?)$"
+)
+"""The parts of a topic's name that say what its messages are, and not whose."""
+
+
 def sensor_name(topic: str) -> str:
-    """`/kitti/camera_gray_left/image_rect` -> `camera_gray_left`, `/kitti/velo/pointcloud` -> `velo`."""
+    """`/kitti/camera_gray_left/image_rect` -> `camera_gray_left`, `/eye_a/frame` -> `eye_a`."""
     parts = [part for part in topic.split("/") if part]
-    while len(parts) > 1 and any(word in parts[-1] for word in ("image", "compressed", "point", "cloud", "scan")):
+    while len(parts) > 1 and _OF_DATA.search(parts[-1]):
         parts.pop()
     return parts[-1] if parts else topic
 

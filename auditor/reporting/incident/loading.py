@@ -151,8 +151,9 @@ class OneIncident:
 
     `row` is that of the view `incidents`, `reviews` are those of the view `incident_reviews`, the last first.
     `versions` say how the calibrations were made, by their ids, where that is known. `neighbours` are other incidents
-    of these recordings. `shown` are the frames that show it, the strongest first; `sketch` is an SVG image of
-    the drive, empty where no poses were recorded. `former` is the name that the page has from before the incident grew.
+    of these measurements, `same` those of other rigs that say the same at its time. `shown` are the frames that show
+    it, the strongest first; `sketch` is an SVG image of the drive, empty where no poses were recorded. `former` is the
+    name that the page has from before the incident grew.
     """
 
     row: Mapping[str, Any]
@@ -160,6 +161,7 @@ class OneIncident:
     reviews: tuple[Mapping[str, Any], ...]
     versions: Mapping[str, CalibrationVersion]
     neighbours: tuple[Mapping[str, Any], ...]
+    same: tuple[Mapping[str, Any], ...] = ()
     shown: tuple[ShownExample, ...] = ()
     sketch: str = ""
     former: str = ""
@@ -200,6 +202,9 @@ class Incidents:
                 one
                 for one in self.rows
                 if one is not row and any(part["measurement_id"] in places for part in one["parts"])
+            ),
+            tuple(
+                one for one in self.rows if row["incident_id"] == one["same_as"] or row["same_as"] == one["incident_id"]
             ),
             shown,
             self._sketch(row),

@@ -47,7 +47,12 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     assert set(frame_checks.shares) == {
         *(SensorCheck(check, 0, (3,)) for check in LIDAR_CHECKS),
         *(SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES)),
-        *(SensorCheck(Check.STRIPED_LIGHT, *pair) for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
+        *(
+            SensorCheck(check, *pair)
+            for check in (Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+            for i in (1, 2)
+            for pair in ((i, (3,)), (3, (i,)))
+        ),
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
@@ -60,7 +65,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
     assert not frame_checks.by_direction[Check.LIDAR_CONFLICT]
-    assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT}
+    assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT, Check.VEILING_LIGHT}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
