@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.errors import SettingError
+from auditor.identification import scores
 from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.sequential import incident_limit
-from auditor.identification.parameters import FAULT_SCALE
+from auditor.identification.parameters import FAULT_SCALE, StandsOut
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
 from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, standing_out, thresholds_from
 from auditor.model.calibration import CleanFrames, Expected, Scale
@@ -87,13 +88,13 @@ def test_a_smaller_rate_never_has_a_smaller_limit_and_expects_the_same(r, other)
 
 
 def test_a_score_is_how_many_deviations_the_log_odds_lie_above_the_mean():
-    expects = [Expected(-2.0, 0.5, 0.5, 1, 10), Expected(-1.0, 0.25, 0.25, 1, 10), None]
+    expects = [Expected(-2.0, 0.5, 0.5, 1, 10, 0.0), Expected(-1.0, 0.25, 0.25, 1, 10, 0.0), None]
     statistics = np.array([[statistic_at(odds) for odds in row] for row in ([-2.0, -1.0, 0.0], [-1.0, -1.5, 0.0])])
     np.testing.assert_allclose(normalised_scores(statistics, expects), [[0, 0, np.nan], [2, -2, np.nan]], atol=1e-9)
 
 
 def test_scores_stay_between_two_limits_and_what_was_not_measured_has_none():
-    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10)])
+    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10, 0.0)])
     assert z[:2].ravel().tolist() == [12, -4]
     assert np.isnan(z[2, 0])
 
@@ -126,15 +127,16 @@ def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(check,
 
 
 def test_a_fault_s_theta_is_what_clean_frames_exceed_as_seldom_and_one_at_least():
-    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10), 3.0)
+    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10, 0.0), 3.0)
     assert quiet == Scale(1.0, FAULT_SCALE.scale, 4)
-    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), 3.0)
+    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
     assert always == Scale(3.5, FAULT_SCALE.scale * 3.5, 4)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), -9.0).theta == 2.0, "a limit below 0 lowers no theta"
+    below_zero = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), -9.0)
+    assert below_zero.theta == 2.0, "such a limit lowers no theta"
 
 
 def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta():
-    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10), 3.0)
+    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
     assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
 
 
@@ -157,6 +159,14 @@ def test_one_odd_drive_moves_what_is_usual_of_tones_less_than_its_share():
     assert 0 <= moved < (6.0 - 1.0) / 5
 
 
+def test_a_drive_that_does_not_know_its_tones_says_nothing_of_what_is_usual_and_one_frame_says_it():
+    exposure = Cause.EXPOSURE, 2
+    one_frame = clean("b", strengths={exposure: np.nan})
+    one_frame.strengths[exposure][7] = 1.0
+    learnt = thresholds_from([clean("a", strengths={exposure: np.nan}), one_frame], CHECKS, 11, R)
+    assert learnt.causes[exposure].usual == pytest.approx(1.0)
+
+
 def test_what_a_rig_always_shows_raises_its_fault_s_theta():
     dark = Cause.DARK, None
     usual, always = (
@@ -177,6 +187,13 @@ def test_sensors_stand_out_whose_statistics_the_prior_does_not_expect():
     assert standing_out(checks, at(2.1, 1.9, 1.9)) == (frozenset({LIT.sensor}), False)
     assert standing_out(checks, [None, *at(0.0, 1.9, 3.1)[1:]]) == (frozenset({0}), True)
     assert standing_out(checks, [None, None, None]) == (frozenset(), False)
+
+
+def test_what_is_just_as_much_as_the_limit_does_not_stand_out(monkeypatch):
+    (z,) = normalised_scores(np.array([[0.3]]), [expected(prior_of_check(LIT), ())])[0]
+    for limits, found in ((z, (frozenset(), False)), (np.nextafter(z, 0), (frozenset({1}), True))):
+        monkeypatch.setattr(scores, "STANDS_OUT", StandsOut(localised=limits, cells=limits))
+        assert standing_out([LIT], [0.3]) == found
 
 
 def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():

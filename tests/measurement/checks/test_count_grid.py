@@ -216,3 +216,10 @@ def test_a_cell_of_very_many_points_stops_at_what_a_byte_holds():
     cells = cells_of_points(VerifiedConflicts(view.row, view.column, flags, flags), together)
     assert view.row.size > 127
     assert cells.valid.max() == cells.total.max() == 127
+
+
+def test_what_lies_just_outside_another_view_is_counted_in_no_cell_of_it():
+    row, column = np.array([[0, 5, 0, -1, 6, 0, 0]]), np.array([[0, 9, 10, 0, 0, -1, 9]])
+    grid = ImageGrid.elsewhere(6, 10, row, column)
+    assert (grid.rows, grid.columns) == (2, 3)
+    assert grid.place.tolist() == [0, 5, 6, 6, 6, 6, 2]

@@ -332,9 +332,11 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     ],
 )
 def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, lidar, column, row, hidden):
+    # Where it is inside nothing else is farther, where it is not the whole border is.
     grid = HEIGHT // 2, WIDTH // 2
-    disparity = np.full(grid, 16.9, np.float32)
-    disparity[row // 2, column // 2] = 20.0
+    right, down, _ = np.sign(lidar).astype(int)
+    disparity = np.full(grid, 20.0 if hidden else 16.9, np.float32)
+    disparity[row // 2 + 6 * down * hidden, column // 2 + 6 * right * hidden] = 16.9 if hidden else 20.0
     monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
@@ -375,3 +377,14 @@ def test_of_a_thousand_flagged_points_all_are_verified_and_of_more_every_so_many
     found = verify_conflicts(view, stereo, consistency_of(ones * 1.0), rig, 1, NO_IMAGES)
     assert sizes == [verified], "once, where conflicts and false ranges ask for the same points"
     assert found.lidar_conflicts.sum() == flagged
+
+
+def test_a_road_is_beside_what_lies_below_it_in_its_own_strip_of_directions_up_to_the_outermost():
+    columns = COUNT_GRID.lidar_cells[1]
+    strip = np.array([-2, 0, 0, 1, 1, 1, columns - 2, columns - 2, columns - 1, columns - 1, columns])
+    below_m = np.array([2.5, 1.75, 2.5, 2.0, 1.75, 2.5, 1.75, 2.0, 2.5, 1.75, 1.5])
+    right = (strip + 0.5 - columns // 2) * COUNT_GRID.lidar_cell
+    points = np.stack([9 * np.cos(right), -9 * np.sin(right), -below_m], axis=1).astype(np.float32)
+    view = replace(lidar_view(PointCloud(0, points[:1]), plane_rig(), 3), point_m=points)
+    found = lidar_conflict._beside_road(view, 1.5, 2.0)
+    assert found.tolist() == [False] * 3 + [True] * 5 + [False] * 3
