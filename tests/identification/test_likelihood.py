@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from auditor.identification.evidence_parameters import LIKELIHOOD
 from auditor.identification.likelihood import log_likelihood_ratios, suspects_of
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.systems import System
@@ -33,6 +34,23 @@ def test_how_much_likelier_a_second_sensor_makes_what_a_frame_shows_at_each_scor
     z[:, np.equal(of_sensors, sensor)] = np.transpose([SHOWN])
     found = log_likelihood_ratios(z, FOUR, frozenset(), [(), (2,), tuple(sorted((2, sensor)))])
     np.testing.assert_allclose(found[:, 2] - found[:, 1], ratios, atol=0.006)
+
+
+def test_a_sensor_of_which_nothing_was_measured_is_in_no_set_of_several_and_alone_only_unlikely():
+    z = np.full((1, len(SEVEN.sensor_checks)), -1.0)
+    of_sensors = np.array([one.sensor for one in SEVEN.sensor_checks])
+    z[0, of_sensors == 1] = np.nan
+    z[0, of_sensors == 2] = 9.0
+    alone, other, both = log_likelihood_ratios(z, SEVEN, frozenset(), [(), (1,), (2,), (1, 2)])[0, 1:]
+    assert -np.inf < alone < 0 < other
+    assert both == -np.inf
+
+
+def test_each_sensor_after_the_first_makes_a_set_less_likely_by_as_much():
+    z = np.full((1, len(SEVEN.sensor_checks)), SCORE_LIMITS.lowest)
+    z[0, [one.sensor in {1, 2, 3, 4} for one in SEVEN.sensor_checks]] = SCORE_LIMITS.highest
+    two, three = log_likelihood_ratios(z, SEVEN, frozenset(), [(), (1, 2), (1, 2, 3)])[0, 1:]
+    assert three - two == pytest.approx(LIKELIHOOD.of_camera[-1] + LIKELIHOOD.of_several)
 
 
 def test_sets_of_several_are_made_of_the_six_sensors_that_show_most():

@@ -11,7 +11,14 @@ from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.sequential import incident_limit
 from auditor.identification.parameters import FAULT_SCALE, StandsOut
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, standing_out, thresholds_from
+from auditor.identification.scores import (
+    CleanDrives,
+    DriveSums,
+    fault_scale,
+    normalised_scores,
+    standing_out,
+    thresholds_from,
+)
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
@@ -71,6 +78,30 @@ def test_thresholds_without_a_recording_are_those_of_all_others_to_the_last_digi
 
 def test_two_measurements_of_one_recording_are_one_drive_in_what_is_said():
     assert thresholds_from([clean("a", {LIT: 0.1}), clean("a", {LIT: 0.1})], CHECKS, 11, R).drives == 1
+
+
+def test_a_recording_is_a_drive_as_long_as_one_of_its_measurements_is_used():
+    twice = CleanDrives.of([clean("a", {LIT: 0.1}), clean("a", {LIT: 0.1}), clean("b", {LIT: 0.1})], CHECKS)
+    for used, drives in (([True, False, True], 2), ([False, False, True], 1), ([True, True, False], 1)):
+        assert twice.thresholds(11, R, used=np.array(used)).drives == drives
+
+
+def test_drives_that_were_taken_apart_are_those_that_were_taken_together():
+    drives = [clean(name, {LIT: 0.1 * n}, {(Cause.DARK, None): 0.4 * n}) for n, name in enumerate("abcd", start=1)]
+    together, first, second = (DriveSums([LIT], many=100) for _ in range(3))
+    for n, one in enumerate(drives):
+        together.add(one)
+        (first if n < 2 else second).add(one)
+    first.join(second)
+    whole, joined = (CleanDrives(one) for one in (together, first))
+    for name in "abd":
+        assert joined.thresholds(1, R, used=joined.others(name)) == whole.thresholds(1, R, used=whole.others(name))
+
+
+def test_drives_narrow_nothing_of_a_fault_that_is_a_finding():
+    tilted = Cause.DISPLACED, 0
+    learnt = thresholds_from([clean(name, strengths={tilted: 0.5}) for name in "abcdefghijkl"], CHECKS, 11, R)
+    assert learnt.causes[tilted].theta > learnt.limit * expected(prior_of_cause(tilted), ()).deviation
 
 
 @pytest.mark.parametrize("r", ["-0.1", "1.1", "NaN"])
@@ -148,6 +179,7 @@ def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is
     assert not [cause for cause, _ in found.causes if cause is Cause.EXPOSURE]
     learnt = thresholds_from([clean("a", strengths={(Cause.EXPOSURE, 2): 1.4})], CHECKS, 11, R)
     assert learnt.causes[Cause.EXPOSURE, 2].usual == pytest.approx(1.4)
+    assert 1.0 <= learnt.causes[Cause.EXPOSURE, 2].theta < 3.0
 
 
 def test_one_odd_drive_moves_what_is_usual_of_tones_less_than_its_share():
