@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auditor.identification.evidence_parameters import LIKELIHOOD
-from auditor.identification.likelihood import log_likelihood_ratios, suspects_of
+from auditor.identification.likelihood import attack_sets, log_likelihood_ratios, posteriors, suspects_of
 from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.systems import System
 from auditor.model.checks import sensor_checks_of
@@ -51,6 +51,20 @@ def test_each_sensor_after_the_first_makes_a_set_less_likely_by_as_much():
     z[0, [one.sensor in {1, 2, 3, 4} for one in SEVEN.sensor_checks]] = SCORE_LIMITS.highest
     two, three = log_likelihood_ratios(z, SEVEN, frozenset(), [(), (1, 2), (1, 2, 3)])[0, 1:]
     assert three - two == pytest.approx(LIKELIHOOD.of_camera[-1] + LIKELIHOOD.of_several)
+
+
+def test_three_sensors_outside_a_set_must_be_left_and_no_set_has_more_than_three():
+    for system, absent, most in ((FOUR, set(), 2), (FOUR, {0}, 1), (FOUR, {0, 1}, 0), (SEVEN, set(), 3)):
+        sets = attack_sets(system, frozenset(absent), [s for s in system.sensors if s not in absent])
+        assert max(len(one) for one in sets) == most
+
+
+def test_before_anything_is_seen_an_attack_has_even_odds_and_each_further_sensor_a_fifth_of_them():
+    sets = [(), (1,), (2,), (3,), (1, 2), (1, 3), (2, 3)]
+    (found,) = posteriors(np.zeros((1, 4)), sets[:4], 3)
+    assert found.tolist() == pytest.approx([1 / 2, 1 / 6, 1 / 6, 1 / 6])
+    (found,) = posteriors(np.zeros((1, 7)), sets, 3)
+    assert found.tolist() == pytest.approx([1 / 2.2, *[1 / 6.6] * 3, *[1 / 33] * 3])
 
 
 def test_sets_of_several_are_made_of_the_six_sensors_that_show_most():
