@@ -90,6 +90,12 @@ def test_what_two_cameras_alone_show_names_the_one_that_the_votes_of_the_others_
     assert one({of_all(2): 2.9}).kind is VerdictKind.CLEAN
 
 
+def test_what_two_cameras_show_is_evidence_above_the_limit_only():
+    for z, number in ((LIMIT, 2), (np.nextafter(LIMIT, 9), 3)):
+        verdict = one({by(1, 2): 5.0, by(2, 3): z, of_all(2): 2.0})
+        assert (verdict.attacked, len(verdict.evidence)) == ((2,), number)
+
+
 def test_where_no_set_is_likely_enough_none_is_named_and_the_shares_are_said():
     verdict = one({by(1, 2): 5.0, of_all(2): 2.0, of_all(1): 1.9})
     assert (verdict.kind, verdict.attacked) == (VerdictKind.UNIDENTIFIED, ())

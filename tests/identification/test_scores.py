@@ -171,6 +171,24 @@ def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta()
     assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
 
 
+@pytest.mark.parametrize(
+    ("cause", "mean", "deviation"),
+    [
+        ((Cause.LATE, 1), -6.5, 1.114),
+        ((Cause.LATE, 0), -2.1, 0.755),
+        ((Cause.DISPLACED, 1), 0.0, 0.2),
+        ((Cause.DISPLACED, 0), -2.0, 1.037),
+        ((Cause.EXPOSURE, 1), 0.0, 0.377),
+        ((Cause.WHITE_BALANCE, 1), 0.0, 0.541),
+        ((Cause.DARK, None), -0.3, 0.557),
+        ((Cause.RAIN, 0), -0.3, 0.557),
+    ],
+)
+def test_what_the_prior_expects_of_a_fault_of_a_drive_that_nobody_has_seen(cause, mean, deviation):
+    found = expected(prior_of_cause(cause), ())
+    assert (found.mean, found.deviation) == pytest.approx((mean, deviation), abs=6e-4)
+
+
 def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is_usual_only_drives_say():
     found = thresholds_from([], CHECKS, 11, R)
     late = expected(prior_of_cause((Cause.LATE, 1)), [])
