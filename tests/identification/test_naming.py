@@ -94,6 +94,8 @@ def test_what_two_cameras_show_is_evidence_above_the_limit_only():
     for z, number in ((LIMIT, 2), (np.nextafter(LIMIT, 9), 3)):
         verdict = one({by(1, 2): 5.0, by(2, 3): z, of_all(2): 2.0})
         assert (verdict.attacked, len(verdict.evidence)) == ((2,), number)
+        shown = [evidence.k for evidence in one({by(1, 2): 5.0, of_all(2): z}).evidence]
+        assert shown == ([2, None] if z == LIMIT else [None]), "a pair is none of what its camera shows by itself"
 
 
 def test_where_no_set_is_likely_enough_none_is_named_and_the_shares_are_said():
