@@ -87,6 +87,7 @@ SUBJECTS = (
             "measurement/checks/test_tone_curve.py",
             "measurement/checks/test_light.py",
             "measurement/disparity/test_equalising.py",
+            "measurement/matchers/test_sgbm.py",
             *CHECKS,
         ),
     ),
