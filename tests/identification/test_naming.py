@@ -252,6 +252,14 @@ def test_no_frame_is_clean_in_which_no_three_sensors_were_compared(conflicts, mi
     assert reason in verdict.reason
 
 
+def test_two_cameras_far_enough_apart_to_check_the_lidar_are_not_said_to_lie_too_close_together():
+    verdict = one({}, system=THREE, missing=frozenset({3}), others=np.nan)
+    assert verdict.kind is VerdictKind.NOT_AUDITABLE
+    assert verdict.reason == "S_3 missing: too little of what any three of S_0, S_1 and S_2 see could be compared"
+    three = one({}, system=system_of(3, conflicts=()), others=np.nan)
+    assert three.reason == "too little of what any three of S_0, S_1, S_2 and S_3 see could be compared"
+
+
 def test_a_check_that_fires_is_a_finding_also_where_no_three_sensors_were_compared():
     system = system_of(3, conflicts=((1, 3), (2, 3)))
     verdict = one({by(1, 2): 5.0}, system=system, missing=frozenset({3}))
