@@ -88,6 +88,7 @@ def test_without_points_on_one_side_no_lidar_is_another_one():
     assert np.isnan(halvings_of_points([without], RIG, np.full(3, 9_000.0)))
     assert np.isnan(halvings_of_points([clean()], RIG, np.full(3, np.nan)))
     assert np.isnan(halvings_of_points([], RIG, np.zeros(0)))
+    assert np.isnan(CleanFrames("none", np.arange(FRAMES), {}, {}, {}).usual_returns)
     assert np.isnan(halvings_of_points([clean()], RIG, np.zeros(3)))
     for few in (without, unknown):
         assert not marks(calibration(few), returns=1_000).other_lidar
