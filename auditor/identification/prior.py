@@ -205,4 +205,4 @@ def effective_size(values: Floats) -> float:
         if correlation <= 0:
             break
         total += 2 * (1 - lag / F) * correlation
-    return max(F / total, 1.0)
+    return F / total

@@ -312,7 +312,5 @@ def _fault_z(causes: Sequence[FaultHypothesis]) -> float:
 
 def _with_frozen(still: frozenset[int], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
     """The sensors with frozen data first; no other fault of theirs can be measured."""
-    if not still:
-        return others
     first = [FaultHypothesis(Cause.FROZEN, sensor) for sensor in sorted(still)]
     return (*first, *(one for one in others if one.sensor not in still))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import cache
-from math import ceil
+from math import ceil, inf
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -173,11 +173,11 @@ class CleanDrives:
         return used
 
     def _shown(self, cause: CauseIn, gone: Sequence[int]) -> float:
-        """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
+        """What nearly all clean frames stay below; -inf where nothing is known, and of faults unusual either way."""
         if cause[0] in TONES:
-            return 0.0
+            return -inf
         measured = self._largest[cause].without(gone)
-        return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
+        return measured.quantile(FAULT_SCALE.shown_quantile) if measured.size else -inf
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
@@ -208,7 +208,7 @@ def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
     return known[cause]
 
 
-def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0) -> Scale:
+def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = -inf) -> Scale:
     """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it.
 
     It lies above what clean drives have `shown`: a flaw that a rig has always had is no fault.

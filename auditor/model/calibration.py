@@ -203,7 +203,7 @@ class Expected:
     within: float
     drives: int
     samples: int
-    between: float = 0.0
+    between: float
 
 
 @dataclass(frozen=True)

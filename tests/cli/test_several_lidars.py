@@ -133,7 +133,7 @@ def test_two_lidars_that_agree_name_a_third_one(tmp_path: Path, capfd: pytest.Ca
     left, right = (replace(ROOF, name=name, at_m=(0.6, y, 1.9)) for name, y in (("left", 0.5), ("right", -0.5)))
     three = (left, right, REAR)
     rig, path = rig_of(*three), tmp_path / "ghost.mcap"
-    frames = [attacked(one, rig, 1, GHOST) for one in street(three, 46001, FRAMES)]
+    frames = [attacked(one, rig, 1, GHOST) for one in street(three, 46001, FRAMES - 3)]
     assert scanned(path, rig, frames, capfd, *ALL_SEEN)[0] == 1
     assert found(path) == [("attacked", (1,))]
 
@@ -165,11 +165,12 @@ def test_a_lidar_beside_that_of_cameras_is_compared_with_it(
     path = merged(tmp_path / "drive.mcap", tmp_path / "cars.mcap", tmp_path / "beside.mcap")
     code = run(["scan", str(path), "--store", str(path.with_suffix(".audit")), "--pictures", "none", *ALL_SEEN])
     capfd.readouterr()
-    assert run(["inspect", str(path)]) == 3
-    said = "S_0 side: compared with another LiDAR's points where both look"
-    assert said in capfd.readouterr().out, "that of the cameras is looked at by these"
-    assert run(["judge", "--store", str(path.with_suffix(".audit")), "--min-view", "0.5"]) in (3, 4)
-    assert said in capfd.readouterr().err
+    if not on:
+        said = "S_0 side: compared with another LiDAR's points where both look"
+        assert run(["inspect", str(path)]) == 3
+        assert said in capfd.readouterr().out, "that of the cameras is looked at by these"
+        assert run(["judge", "--store", str(path.with_suffix(".audit")), "--min-view", "0.5"]) == 3
+        assert said in capfd.readouterr().err
     rigs = ask(path.with_suffix(".audit"), "SELECT kind, n FROM rigs ORDER BY n")
     assert [(row["kind"][:9], row["n"]) for row in rigs] == [
         ("2 LiDARs ", 0),
@@ -219,13 +220,13 @@ def test_lidars_without_places_in_tf_are_rigs_of_their_own(
 def test_a_lidar_of_half_the_rate_is_compared_in_each_of_its_scans(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    standing = list(street((ROOF, BUMPER), 46009, 2 * FRAMES, standing=True))
+    standing = list(street((ROOF, BUMPER), 46009, FRAMES, standing=True))
     odd = [one if one.number % 2 else replace(one, others={}) for one in standing]
     shifted = [at(one, one.stamp_ns // 2) for one in odd]
     path = tmp_path / "odd.mcap"
     assert scanned(path, rig_of(ROOF, BUMPER), shifted, capfd, *ALL_SEEN)[0] == 0
     [row] = ask(path.with_suffix(".audit"), "SELECT count(*) AS n FROM verdicts WHERE kind = 'clean'")
-    assert row["n"] == FRAMES - 1
+    assert row["n"] == FRAMES // 2 - 1
     assert all(row["one_share"] > 0.02 for row in ask(path.with_suffix(".audit"), "SELECT one_share FROM looked"))
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from auditor.identification import cross_validation
 from auditor.identification.cross_validation import (
+    CleanErrors,
+    ErrorsOfOthers,
     clean_hours,
     count_incidents,
     hours_of,
@@ -61,6 +63,18 @@ def test_each_recording_is_judged_by_the_others_alone():
     both = calibration(recording("easy"), recording("hard", 30, lidar_conflicts=(3, 4, 5, 6, 20)))
     assert counts(leave_one_out_robust(both, SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 1)]
     assert counts(leave_one_out_paper(both, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 2)]
+
+
+def test_errors_of_recordings_that_were_taken_apart_are_those_that_were_taken_together():
+    together, first, second = (CleanErrors(Statistic.GATED, many=100) for _ in range(3))
+    for place, name in enumerate("abcd"):
+        one = recording(name, E=0.1 + 0.1 * place)
+        together.add(one)
+        (first if place < 2 else second).add(one)
+    first.join(second)
+    whole, joined = (ErrorsOfOthers(errors, R) for errors in (together, first))
+    for name, theta in (("a", 0.4), ("d", 0.3)):
+        assert joined.of(name) == whole.of(name) == dict.fromkeys(SYSTEM.triples, pytest.approx(theta))
 
 
 def test_conflicts_in_a_fifth_of_the_other_recordings_frames_excuse_the_paper_s_and_not_the_robust_method_s():

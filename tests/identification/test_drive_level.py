@@ -28,6 +28,18 @@ def test_a_level_far_above_the_group_is_that_of_the_group():
     assert own.deviation == pytest.approx(np.hypot(0.3, DRIVE_LEVEL.beside))
 
 
+def test_a_level_as_far_above_the_group_as_clean_drives_go_is_believed():
+    farthest = -2.0 + DRIVE_LEVEL.farthest * DRIVE_LEVEL.beside
+    assert of_drive(USUAL, OwnLevel(farthest, 20.0, quarter=-3.0), LIMIT, group=0.0).mean > -1.5
+    assert of_drive(USUAL, OwnLevel(farthest + 1e-9, 20.0, quarter=-3.0), LIMIT, group=0.0).mean < -2.5
+
+
+def test_without_a_group_the_deviation_between_drives_without_its_tail_says_how_far_a_level_is_believed():
+    farthest = -2.0 + DRIVE_LEVEL.farthest * USUAL.between / 2.0
+    assert of_drive(USUAL, OwnLevel(farthest, 20.0), LIMIT, tail=2.0) != USUAL
+    assert of_drive(USUAL, OwnLevel(farthest + 0.01, 20.0), LIMIT, tail=2.0) == USUAL
+
+
 def test_where_half_of_a_drive_is_attacked_its_quietest_quarter_says_what_it_is_like():
     half = OwnLevel(-0.4, 20.0, quarter=-2.3)
     own = of_drive(USUAL, half, LIMIT, group=0.0)

@@ -260,7 +260,7 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
     always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
     tilt = float(always[Cause.DISPLACED, 0][0])
     assert tilt > 2
-    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 0.1, 3, 100), 3.0)}
+    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 0.1, 3, 100, 0.0), 3.0)}
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
     since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
@@ -270,13 +270,13 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
 
 
 def test_theta_of_a_fault_is_just_enough_or_what_clean_frames_seldom_exceed():
-    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 0.5, 2, 20), 3.0) == Scale(1.0, 0.25, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), 4.0) == Scale(4.0, 1.0, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
+    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 0.5, 2, 20, 0.0), 3.0) == Scale(1.0, 0.25, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20, 0.0), 4.0) == Scale(4.0, 1.0, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20, 0.0), -np.inf) == Scale(2.0, 0.5, 2)
 
 
 def test_an_exposure_is_unusual_above_and_below_what_is_usual_until_it_dazzles():
-    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 0.5, 2, 20), 4.0)
+    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 0.5, 2, 20, 0.0), 4.0)
     assert usual == Scale(2.0, 0.5, 2, usual=1.5)
     scores = {(Cause.EXPOSURE, 1): np.array([1.5, 3.49, 3.51, -0.51, -0.49])}
     listed = [
@@ -394,6 +394,25 @@ def test_a_lens_explains_what_it_makes_likelier_than_light_that_was_thrown_in(se
     assert all(0.5 <= one.score < 1 for one in found)
     weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: seen})
     assert weighed.kind is (VerdictKind.ATTACKED if cause is None else VerdictKind.SUSPECT)
+
+
+@pytest.mark.parametrize(
+    ("known", "values", "per_cent"),
+    [
+        ("removed", np.arange(-0.5, 6), [5.8, 14.7, 30.8, 46.6, 57.7, 64.3, 69.1]),
+        ("inconsistent", np.arange(-0.5, 6), [48.5, 51.9, 52.2, 46.5, 35.2, 23.5, 14.7]),
+        ("darker", [0.07, 0.16, 0.29, 0.47, 0.78, 1.28, 2.12], [24.8, 31.1, 33.1, 32.6, 34.8, 43.9, 61.5]),
+        (
+            "saturated_px",
+            [0.6, 3.5, 11, 32, 89, 244, 664, 1807],
+            [64.5, 64.0, 63.1, 60.0, 53.1, 40.7, 24.5, 11.0],
+        ),
+    ],
+)
+def test_what_is_known_of_light_has_the_fitted_chance_of_a_lens(known, values, per_cent):
+    nothing = Seen(NAN, NAN, NAN, NAN)
+    chances = [100 * nothing._replace(**{known: float(value)}).chance_of_lens for value in values]
+    np.testing.assert_allclose(chances, per_cent, atol=0.06)
 
 
 @pytest.mark.parametrize("known", ["removed", "saturated_px"])

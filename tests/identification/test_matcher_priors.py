@@ -17,7 +17,7 @@ from auditor.identification.parameters import (
     judging_digest,
     judging_settings,
 )
-from auditor.identification.prior import prior_of_check, statistic_at
+from auditor.identification.prior import expected, prior_of_check, statistic_at
 from auditor.identification.scores import CleanDrives
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import Check, SensorCheck
@@ -89,3 +89,24 @@ def test_a_value_of_the_network_s_prior_changes_its_rules_and_not_those_of_sgbm(
     monkeypatch.setattr(parameters, "PSMNET_PRIORS", changed)
     after = [judging_digest(one) for one in FittedOn]
     assert (after[0] == before[0], after[1] == before[1]) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("check", "others", "mean", "deviation"),
+    [
+        (Check.ADDED_LIGHT, (2, 3), -2.2, 0.914),
+        (Check.LIDAR_CONFLICT, (1, 2, 3), -1.4, 0.911),
+        (Check.PHOTOMETRIC_INCONSISTENCY, (2,), -0.53, 1.387),
+        (Check.PHOTOMETRIC_INCONSISTENCY, (2, 3), -0.87, 1.433),
+        (Check.PHOTOMETRIC_INCONSISTENCY, (2, 3, 4), -1.08, 1.563),
+        (Check.FALSE_RANGES, (1, 2), -3.88, 1.19),
+        (Check.SCATTERED_RANGES, (1, 2), -3.88, 1.19),
+    ],
+    ids=str,
+)
+def test_what_the_network_s_prior_expects_of_a_frame_of_a_drive_that_nobody_has_seen(
+    check: Check, others: tuple[int, ...], mean: float, deviation: float
+) -> None:
+    one = SensorCheck(check, 1, others)
+    found = expected(prior_of_check(one, FittedOn.PSMNET), ())
+    assert (found.mean, found.deviation) == pytest.approx((mean, deviation), abs=6e-4)

@@ -90,6 +90,14 @@ def test_what_two_cameras_alone_show_names_the_one_that_the_votes_of_the_others_
     assert one({of_all(2): 2.9}).kind is VerdictKind.CLEAN
 
 
+def test_what_two_cameras_show_is_evidence_above_the_limit_only():
+    for z, number in ((LIMIT, 2), (np.nextafter(LIMIT, 9), 3)):
+        verdict = one({by(1, 2): 5.0, by(2, 3): z, of_all(2): 2.0})
+        assert (verdict.attacked, len(verdict.evidence)) == ((2,), number)
+        shown = [evidence.k for evidence in one({by(1, 2): 5.0, of_all(2): z}).evidence]
+        assert shown == ([2, None] if z == LIMIT else [None]), "a pair is none of what its camera shows by itself"
+
+
 def test_where_no_set_is_likely_enough_none_is_named_and_the_shares_are_said():
     verdict = one({by(1, 2): 5.0, of_all(2): 2.0, of_all(1): 1.9})
     assert (verdict.kind, verdict.attacked) == (VerdictKind.UNIDENTIFIED, ())
@@ -242,6 +250,14 @@ def test_no_frame_is_clean_in_which_no_three_sensors_were_compared(conflicts, mi
     assert (verdict.kind, verdict.e) == (VerdictKind.NOT_AUDITABLE, "---")
     assert verdict.out_of_system == tuple(sorted(missing))
     assert reason in verdict.reason
+
+
+def test_two_cameras_far_enough_apart_to_check_the_lidar_are_not_said_to_lie_too_close_together():
+    verdict = one({}, system=THREE, missing=frozenset({3}), others=np.nan)
+    assert verdict.kind is VerdictKind.NOT_AUDITABLE
+    assert verdict.reason == "S_3 missing: too little of what any three of S_0, S_1 and S_2 see could be compared"
+    three = one({}, system=system_of(3, conflicts=()), others=np.nan)
+    assert three.reason == "too little of what any three of S_0, S_1, S_2 and S_3 see could be compared"
 
 
 def test_a_check_that_fires_is_a_finding_also_where_no_three_sensors_were_compared():

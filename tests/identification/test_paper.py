@@ -312,6 +312,21 @@ def test_a_frame_with_nothing_measured_has_no_distance_from_theta():
     assert (verdict.kind, verdict.gap) == (VerdictKind.NOT_AUDITABLE, None)
 
 
+@pytest.mark.parametrize(
+    ("errors", "e"),
+    [
+        ([np.nan, np.nan, np.nan, 0.5], "---1"),
+        ([0.1, 0.1, 0.1, 0.5], "000"),
+        ([0.1, np.nan, np.nan, 0.5], "0--"),
+        ([np.nan, np.nan, 0.1, 0.5], "--0"),
+    ],
+)
+def test_the_fallback_counts_where_no_other_triple_was_measured(errors, e):
+    thresholds = thresholds_for([*N3, (1, 2, 4)])
+    (verdict,) = judge_frames(np.array([errors]), thresholds, N3, FOUR, [frozenset()], (1, 2, 4))
+    assert verdict.e == e
+
+
 def test_judging_leaves_the_disparity_errors_as_they_are():
     errors = np.full((1, 3), 0.1)
     judge_frames(errors, thresholds_for(N3), N3, FOUR, [frozenset({1})])

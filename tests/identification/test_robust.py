@@ -24,7 +24,7 @@ THRESHOLDS = RobustThresholds(
     "c" * 32,
     Decimal("0.01"),
     LIMIT,
-    dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100)),
+    dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100, 0.0)),
     {},
     3,
     incident_limit(),

@@ -6,11 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.errors import SettingError
+from auditor.identification import scores
 from auditor.identification.drive_level import for_drive
 from auditor.identification.incidents.sequential import incident_limit
-from auditor.identification.parameters import FAULT_SCALE
+from auditor.identification.parameters import FAULT_SCALE, StandsOut
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import CleanDrives, fault_scale, normalised_scores, standing_out, thresholds_from
+from auditor.identification.scores import (
+    CleanDrives,
+    DriveSums,
+    fault_scale,
+    normalised_scores,
+    standing_out,
+    thresholds_from,
+)
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
@@ -72,6 +80,30 @@ def test_two_measurements_of_one_recording_are_one_drive_in_what_is_said():
     assert thresholds_from([clean("a", {LIT: 0.1}), clean("a", {LIT: 0.1})], CHECKS, 11, R).drives == 1
 
 
+def test_a_recording_is_a_drive_as_long_as_one_of_its_measurements_is_used():
+    twice = CleanDrives.of([clean("a", {LIT: 0.1}), clean("a", {LIT: 0.1}), clean("b", {LIT: 0.1})], CHECKS)
+    for used, drives in (([True, False, True], 2), ([False, False, True], 1), ([True, True, False], 1)):
+        assert twice.thresholds(11, R, used=np.array(used)).drives == drives
+
+
+def test_drives_that_were_taken_apart_are_those_that_were_taken_together():
+    drives = [clean(name, {LIT: 0.1 * n}, {(Cause.DARK, None): 0.4 * n}) for n, name in enumerate("abcd", start=1)]
+    together, first, second = (DriveSums([LIT], many=100) for _ in range(3))
+    for n, one in enumerate(drives):
+        together.add(one)
+        (first if n < 2 else second).add(one)
+    first.join(second)
+    whole, joined = (CleanDrives(one) for one in (together, first))
+    for name in "abd":
+        assert joined.thresholds(1, R, used=joined.others(name)) == whole.thresholds(1, R, used=whole.others(name))
+
+
+def test_drives_narrow_nothing_of_a_fault_that_is_a_finding():
+    tilted = Cause.DISPLACED, 0
+    learnt = thresholds_from([clean(name, strengths={tilted: 0.5}) for name in "abcdefghijkl"], CHECKS, 11, R)
+    assert learnt.causes[tilted].theta > learnt.limit * expected(prior_of_cause(tilted), ()).deviation
+
+
 @pytest.mark.parametrize("r", ["-0.1", "1.1", "NaN"])
 def test_a_rate_that_is_none_is_refused(r):
     with pytest.raises(SettingError):
@@ -87,13 +119,13 @@ def test_a_smaller_rate_never_has_a_smaller_limit_and_expects_the_same(r, other)
 
 
 def test_a_score_is_how_many_deviations_the_log_odds_lie_above_the_mean():
-    expects = [Expected(-2.0, 0.5, 0.5, 1, 10), Expected(-1.0, 0.25, 0.25, 1, 10), None]
+    expects = [Expected(-2.0, 0.5, 0.5, 1, 10, 0.0), Expected(-1.0, 0.25, 0.25, 1, 10, 0.0), None]
     statistics = np.array([[statistic_at(odds) for odds in row] for row in ([-2.0, -1.0, 0.0], [-1.0, -1.5, 0.0])])
     np.testing.assert_allclose(normalised_scores(statistics, expects), [[0, 0, np.nan], [2, -2, np.nan]], atol=1e-9)
 
 
 def test_scores_stay_between_two_limits_and_what_was_not_measured_has_none():
-    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10)])
+    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10, 0.0)])
     assert z[:2].ravel().tolist() == [12, -4]
     assert np.isnan(z[2, 0])
 
@@ -126,16 +158,35 @@ def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(check,
 
 
 def test_a_fault_s_theta_is_what_clean_frames_exceed_as_seldom_and_one_at_least():
-    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10), 3.0)
+    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10, 0.0), 3.0)
     assert quiet == Scale(1.0, FAULT_SCALE.scale, 4)
-    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), 3.0)
+    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
     assert always == Scale(3.5, FAULT_SCALE.scale * 3.5, 4)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), -9.0).theta == 2.0, "a limit below 0 lowers no theta"
+    below_zero = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), -9.0)
+    assert below_zero.theta == 2.0, "such a limit lowers no theta"
 
 
 def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta():
-    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10), 3.0)
+    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
     assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
+
+
+@pytest.mark.parametrize(
+    ("cause", "mean", "deviation"),
+    [
+        ((Cause.LATE, 1), -6.5, 1.114),
+        ((Cause.LATE, 0), -2.1, 0.755),
+        ((Cause.DISPLACED, 1), 0.0, 0.2),
+        ((Cause.DISPLACED, 0), -2.0, 1.037),
+        ((Cause.EXPOSURE, 1), 0.0, 0.377),
+        ((Cause.WHITE_BALANCE, 1), 0.0, 0.541),
+        ((Cause.DARK, None), -0.3, 0.557),
+        ((Cause.RAIN, 0), -0.3, 0.557),
+    ],
+)
+def test_what_the_prior_expects_of_a_fault_of_a_drive_that_nobody_has_seen(cause, mean, deviation):
+    found = expected(prior_of_cause(cause), ())
+    assert (found.mean, found.deviation) == pytest.approx((mean, deviation), abs=6e-4)
 
 
 def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is_usual_only_drives_say():
@@ -146,6 +197,7 @@ def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is
     assert not [cause for cause, _ in found.causes if cause is Cause.EXPOSURE]
     learnt = thresholds_from([clean("a", strengths={(Cause.EXPOSURE, 2): 1.4})], CHECKS, 11, R)
     assert learnt.causes[Cause.EXPOSURE, 2].usual == pytest.approx(1.4)
+    assert 1.0 <= learnt.causes[Cause.EXPOSURE, 2].theta < 3.0
 
 
 def test_one_odd_drive_moves_what_is_usual_of_tones_less_than_its_share():
@@ -155,6 +207,14 @@ def test_one_odd_drive_moves_what_is_usual_of_tones_less_than_its_share():
     with_odd = thresholds_from(drives, CHECKS, 11, R)
     moved = with_odd.causes[exposure].usual - alike.causes[exposure].usual
     assert 0 <= moved < (6.0 - 1.0) / 5
+
+
+def test_a_drive_that_does_not_know_its_tones_says_nothing_of_what_is_usual_and_one_frame_says_it():
+    exposure = Cause.EXPOSURE, 2
+    one_frame = clean("b", strengths={exposure: np.nan})
+    one_frame.strengths[exposure][7] = 1.0
+    learnt = thresholds_from([clean("a", strengths={exposure: np.nan}), one_frame], CHECKS, 11, R)
+    assert learnt.causes[exposure].usual == pytest.approx(1.0)
 
 
 def test_what_a_rig_always_shows_raises_its_fault_s_theta():
@@ -177,6 +237,13 @@ def test_sensors_stand_out_whose_statistics_the_prior_does_not_expect():
     assert standing_out(checks, at(2.1, 1.9, 1.9)) == (frozenset({LIT.sensor}), False)
     assert standing_out(checks, [None, *at(0.0, 1.9, 3.1)[1:]]) == (frozenset({0}), True)
     assert standing_out(checks, [None, None, None]) == (frozenset(), False)
+
+
+def test_what_is_just_as_much_as_the_limit_does_not_stand_out(monkeypatch):
+    (z,) = normalised_scores(np.array([[0.3]]), [expected(prior_of_check(LIT), ())])[0]
+    for limits, found in ((z, (frozenset(), False)), (np.nextafter(z, 0), (frozenset({1}), True))):
+        monkeypatch.setattr(scores, "STANDS_OUT", StandsOut(localised=limits, cells=limits))
+        assert standing_out([LIT], [0.3]) == found
 
 
 def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():

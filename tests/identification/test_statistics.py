@@ -61,6 +61,7 @@ def means_of(counted, grid):
 INCONSISTENT = of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1)
 LIT = of(Check.ADDED_LIGHT, 1, 2, 1)
 CONFLICT = of(Check.LIDAR_CONFLICT, 1, 2, 0)
+LOST = of(Check.LOST_RETURNS, 1, 2, 0)
 
 
 def test_inconsistencies_are_counted_in_windows_of_six_by_eight_cells_with_a_pseudo_count_of_two_hundred():
@@ -90,6 +91,15 @@ def test_a_window_of_fewer_pixels_than_needed_has_no_mean():
     means = means_of(INCONSISTENT, cells(few, few))
     assert np.isnan(means[2, 4])
     assert np.isnan(means_of(INCONSISTENT, cells(0, 0))).all()
+
+
+def test_surfaces_are_counted_in_windows_of_six_by_six_cells_from_eighteen_samples_on_with_thirty_six_added():
+    samples = patch(1, slice(0, 3), slice(0, 6))
+    means = means_of(LOST, cells(samples, samples))
+    assert means.shape == (ROWS - 5, COLUMNS - 5)
+    assert np.nanmax(means) == means[0, 0] == pytest.approx(18 / (18 + 36))
+    samples[0, 0] = 0
+    assert np.isnan(means_of(LOST, cells(samples, samples))).all()
 
 
 def test_a_grid_smaller_than_a_window_has_no_means():

@@ -19,10 +19,10 @@ from auditor.identification.transfer import (
     marks_of,
 )
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
-from auditor.model.checks import Check, rig_sensor_checks
-from auditor.model.fault_features import COLUMNS, ObservedFeatures
-from auditor.model.measurement import BRIGHTNESS, Procedure
-from auditor.model.rig import Rig
+from auditor.model.checks import Check, SensorCheck, rig_sensor_checks
+from auditor.model.fault_features import COLUMNS, OF_LIDAR, ObservedFeatures
+from auditor.model.measurement import BRIGHTNESS, Procedure, Statistic
+from auditor.model.rig import Rig, Triple
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Cause
 from tests.making.scenes import plane_rig
@@ -32,6 +32,7 @@ CHECKS = rig_sensor_checks(RIG)
 PROCEDURE = Procedure("sgbm", "{}")
 FRAMES = 20
 R = Decimal("0.01")
+FLAGGED = np.ones(FRAMES, dtype=np.bool_)
 MACHINE = {OPENCV: "5.0.0", OPENCV_CPU: "SSE *AVX2", "numpy": "2.3"}
 
 
@@ -41,7 +42,8 @@ def clean(recording_id="a", returns=18_000.0, level=0.3, **changed):
     jitter = np.linspace(-0.01, 0.01, FRAMES)
     scores = dict.fromkeys(faults_of(RIG.sensors), 0.5 + jitter)
     usual = {"returns": np.full(FRAMES, returns), "versions": MACHINE}
-    return CleanFrames(recording_id, stamps, {}, dict.fromkeys(CHECKS, level + jitter), scores, **usual | changed)
+    known = {"errors": {}, "statistics": dict.fromkeys(CHECKS, level + jitter), "strengths": scores}
+    return CleanFrames(recording_id, stamps, **known | usual | changed)
 
 
 def calibration(*recordings):
@@ -87,6 +89,7 @@ def test_without_points_on_one_side_no_lidar_is_another_one():
     assert np.isnan(halvings_of_points([without], RIG, np.full(3, 9_000.0)))
     assert np.isnan(halvings_of_points([clean()], RIG, np.full(3, np.nan)))
     assert np.isnan(halvings_of_points([], RIG, np.zeros(0)))
+    assert np.isnan(CleanFrames("none", np.arange(FRAMES), {}, {}, {}).usual_returns)
     assert np.isnan(halvings_of_points([clean()], RIG, np.zeros(3)))
     for few in (without, unknown):
         assert not marks(calibration(few), returns=1_000).other_lidar
@@ -181,6 +184,44 @@ def test_the_same_vehicle_is_closer_than_a_similar_one_also_with_more_sensors(ca
     held = calibration_for(calibration, PART)
     assert (held is calibration) is (rank[1] == 0)
     assert check_calibration(held, rig_kind=PART.kind, procedure=PROCEDURE) is similarity
+
+
+def told_apart(keys):
+    """Of each key other values, all of its own."""
+    return {key: np.full(FRAMES, float(number)) for number, key in enumerate(keys, start=1)}
+
+
+@pytest.mark.parametrize("lidar", [True, False])
+def test_what_is_known_of_a_rig_is_known_of_a_part_of_it_by_the_part_s_own_numbers(lidar) -> None:
+    """The part has the same view without S_1: its S_1, S_2 and S_3 are the whole's S_2, S_3 and S_4."""
+    part = plane_rig((0.74, 0.4, 0.0), lidar)
+    errors = told_apart((statistic, triple) for statistic in Statistic for triple in RIG.measured_triples)
+    features = told_apart((name, pair) for name in COLUMNS for pair in RIG.pairs)
+    brightness = told_apart((name, camera) for name in BRIGHTNESS for camera in range(1, 5))
+    known = clean(
+        errors=errors, statistics=told_apart(CHECKS), unmasked=told_apart(CHECKS[::-1]), features=features,
+        brightness=brightness, missing=dict.fromkeys((0, 3), FLAGGED), frozen={4: FLAGGED},
+    )  # fmt: skip
+    (found,) = calibration_for(calibration(known), part).clean
+    for (statistic, triple), E in found.errors.items():
+        assert E is errors[statistic, Triple(*(sensor and sensor + 1 for sensor in triple))]
+    assert len(found.errors) == len(Statistic) * len(part.measured_triples)
+    measured = known.statistics if lidar else known.unmasked
+    for check, values in found.statistics.items():
+        whole = check.sensor and check.sensor + 1
+        assert values is measured[SensorCheck(check.check, whole, tuple(sensor + 1 for sensor in check.others))]
+    assert len(found.statistics) > 20
+    assert (set(found.missing), set(found.frozen)) == ({0, 2} if lidar else {2}, {3})
+    of_lidar = {} if lidar else dict.fromkeys(OF_LIDAR, np.full((FRAMES, 3), np.nan))
+    seen = ObservedFeatures(
+        part.pairs,
+        {name: np.stack([features[name, (i + 1, k + 1)] for i, k in part.pairs], axis=1) for name in COLUMNS}
+        | of_lidar,
+        (1, 2, 3),
+        {name: np.stack([brightness[name, camera] for camera in (2, 3, 4)], axis=1) for name in BRIGHTNESS},
+    )
+    strengths = fault_scores(seen, found.stamps_ns, part.sensors)
+    np.testing.assert_equal(dict(found.strengths), strengths)
 
 
 def test_other_rigs_are_not_close() -> None:

@@ -1,6 +1,5 @@
 """Middlebury's cones, nine views on one line, as a rig of nine cameras without a LiDAR."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -57,13 +56,8 @@ def test_disparities_of_the_pair_with_ground_truth_are_right(real_data: Path, co
 
 def test_nine_cameras_go_through_the_whole_chain(cones: tuple[Rig, Frame], tmp_path: Path) -> None:
     rig, frame = cones
-    shots = []
-    for number in range(2):
-        at = frame.stamp_ns + number * 10**8
-        images = {n: replace(image, stamp_ns=at) for n, image in frame.images.items()}
-        shots.append(replace(frame, number=number, stamp_ns=at, images=images))
-    write_mcap(tmp_path / "cones.mcap", rig, shots)
+    write_mcap(tmp_path / "cones.mcap", rig, [frame])
     store = str(tmp_path / "audit")
     assert run(["scan", str(tmp_path / "cones.mcap"), "--measure-only", "--store", store]) == 3
     sql = "SELECT count(*) AS errors, count(DISTINCT (i, j, k)) AS triples FROM errors WHERE E_gated IS NOT NULL"
-    assert ask(tmp_path / "audit", sql) == [{"errors": 168, "triples": 84}]
+    assert ask(tmp_path / "audit", sql) == [{"errors": 84, "triples": 84}]

@@ -6,6 +6,7 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.model.rig import Camera, Lidar, Rig, Triple, triples_of
+from tests.making.scenes import moved, plane_rig
 
 
 def camera(number: int, x_m: float, focal_px: float = 700.0) -> Camera:
@@ -112,3 +113,12 @@ def test_rigs_of_one_model_share_their_kind_although_their_calibration_differs()
 
 def test_a_kind_reads_as_one_line() -> None:
     assert str(rig(0.54, 0.47, -0.06).kind) == "LiDAR + 3 cameras 1242x375 f=700px b=0.07,0.53m"
+
+
+def test_cameras_share_a_view_that_miss_their_line_by_one_row_at_ten_metres_at_most() -> None:
+    def lowered(by_m: float) -> Rig:
+        return moved(plane_rig((0.6, 0.3, 0.0)), ((0.0, 0.0, 0.0), (0.0, by_m, 0.0), (0.0, 0.0, 0.0)))
+
+    rows_a_metre = max(lowered(0.01).off_line_px.values()) / 0.01
+    assert lowered(0.99 / rows_a_metre).shares_view
+    assert not lowered(1.01 / rows_a_metre).shares_view

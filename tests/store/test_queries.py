@@ -253,7 +253,7 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     statistics = [{counting[0]: 0.5, counting[1]: 0.1}.get(one) for one in checks]
     measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, statistics=statistics, missing=(1,))])
     usual = float(log_odds(0.2))
-    expected = {one: Expected(usual, 0.5, 0.5, 2, 50) for one in checks}
+    expected = {one: Expected(usual, 0.5, 0.5, 2, 50, 0.0) for one in checks}
     thresholds = RobustThresholds("c" * 32, Decimal(0), 3.0, expected, {}, drives=2)
     verdict = Verdict(
         VerdictKind.SUSPECT,

@@ -172,7 +172,7 @@ def opposite(cells: PairCells) -> PairCells:
 def _summed(place: NDArray[np.signedinteger], grid: ImageGrid, weight: Floats32 | None = None) -> NDArray[np.number]:
     """(cells,) how many of the places (M,) are each cell's, or the sums of their weights; without what lies outside."""
     cells = grid.rows * grid.columns
-    return np.bincount(place, weights=weight, minlength=cells + 1)[:cells]
+    return np.bincount(place, weights=weight, minlength=cells)[:cells]
 
 
 def _bytes(counts: NDArray[np.number], rows: int, columns: int) -> NDArray[np.int8]:

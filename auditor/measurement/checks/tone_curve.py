@@ -74,7 +74,7 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
 def saturation_level(image: Image) -> int:
     """The level from which on an (h, w) image saturates: below its top level where many pixels lie there."""
     top = int(image.max())
-    crowded = np.count_nonzero(image >= max(top - 1, 0)) > SATURATION.crowded_share * image.size
+    crowded = np.count_nonzero(image >= top - 1) > SATURATION.crowded_share * image.size
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 

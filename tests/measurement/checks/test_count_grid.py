@@ -216,3 +216,17 @@ def test_a_cell_of_very_many_points_stops_at_what_a_byte_holds():
     cells = cells_of_points(VerifiedConflicts(view.row, view.column, flags, flags), together)
     assert view.row.size > 127
     assert cells.valid.max() == cells.total.max() == 127
+
+
+def test_what_lies_just_outside_another_view_is_counted_in_no_cell_of_it():
+    row, column = np.array([[0, 5, 0, -1, 6, 0, 0]]), np.array([[0, 9, 10, 0, 0, -1, 9]])
+    grid = ImageGrid.elsewhere(6, 10, row, column)
+    assert (grid.rows, grid.columns) == (2, 3)
+    assert grid.place.tolist() == [0, 5, 6, 6, 6, 6, 2]
+
+
+def test_a_match_in_another_view_is_counted_where_its_column_lies_in_the_camera_s_own_image():
+    row, column = np.zeros((1, 4), np.intp), np.array([[3, 4, 8, 12]])
+    grid = ImageGrid.elsewhere(4, 16, row, column)
+    found = Matches(np.array([[-0.4, 1.4, 1.6, 9.0]], np.float32), np.ones((1, 4), dtype=np.bool_))
+    assert places_of(found, grid).source.tolist() == [0, 1, 2, 3]

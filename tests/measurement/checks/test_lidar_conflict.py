@@ -16,6 +16,7 @@ from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, textured
 from auditor.measurement.parameters import COUNT_GRID
+from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_images, plane_rig
 
@@ -208,6 +209,7 @@ def test_a_surface_that_the_beam_passes_over_is_no_conflict():
 
 
 BASELINE_M = 0.6
+FAIR = FALSE_RANGES.consistent
 NO_IMAGES = (np.zeros((HEIGHT // 2, WIDTH // 2), np.uint8),) * 2
 
 
@@ -246,7 +248,8 @@ def passes_over(rig, row, u, d0, disparity):
 
 
 def mirrored(view, n, row, ds):
-    """Whether a point, or what stereo sees in its row, lies a quarter of a metre below the road, and the other by it.
+    """Whether what stereo sees in a point's row lies a quarter of a metre below the road, and the point by it; or the
+    point below it, and what stereo sees by it.
 
     Of such a point the road has to have more returns in its strip of directions than lie below it.
     """
@@ -258,7 +261,7 @@ def mirrored(view, n, row, ds):
     beside = -up[strip == strip[n]]
     shows = np.sum(np.abs(beside - road) < 0.25) > np.sum(beside > road + 0.25)
     of_images = -up[n] > road - 0.25 and seen > road + 0.25
-    return bool(of_images or (shows and seen > road - 0.25 and -up[n] > road + 0.25))
+    return bool(of_images), bool(shows and seen > road - 0.25 and -up[n] > road + 0.25)
 
 
 @pytest.mark.parametrize("most", [1000, 5, 2])
@@ -273,7 +276,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     grid = HEIGHT // 2, WIDTH // 2
     disparity = rng.choice([8.0, 15.0, 17.0, 20.0, 24.0], grid).astype(np.float32)
     valid, textured = rng.random(grid) < 0.9, rng.random(grid) < 0.9
-    ncc = rng.choice([0.7, 0.71, 0.9, 1.0], grid, p=[0.1, 0.3, 0.3, 0.3]).astype(np.float32)
+    ncc = rng.choice([FAIR, 0.7, 0.71, 0.9, 1.0], grid, p=[0.05, 0.05, 0.3, 0.3, 0.3]).astype(np.float32)
     d0 = rng.choice([5.0, 12.0, 17.0, 20.0, 40.0, 125.0, 124.0], count)
     near_edge = rng.random(count) < 0.2
     d0[near_edge] = np.maximum(u[near_edge] - rng.choice([0.5, 1.0], near_edge.sum()), 1.0)
@@ -296,15 +299,16 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         NO_IMAGES,
     )
 
-    counted, over, conflict = np.zeros((3, count), np.bool_)
+    counted, clear, over, conflict = np.zeros((4, count), np.bool_)
     for n in range(count):
         cell = row[n] // 2, column[n] // 2
         ds = disparity[cell]
         inside = 0 <= round((u[n] - d0[n]) / 2) < grid[1]
-        counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and inside
-        counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
-        counted[n] &= not (over[n] and mirrored(view, n, row[n], ds))
+        by_images, by_lidar = (over[n] and one for one in mirrored(view, n, row[n], ds))
+        clear[n] = valid[cell] and u[n] - d0[n] >= 1 and inside and not by_images
+        counted[n] = clear[n] and textured[cell] and ncc[cell] > np.float32(0.7) and not by_lidar
+        clear[n] &= ncc[cell] > np.float32(FAIR) and d0[n] < 125
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
     flagged = np.flatnonzero(counted & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
@@ -313,6 +317,8 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         lidar_conflicts[n] = conflict[flagged[place - place % stride]]
     np.testing.assert_array_equal(found.lidar_conflicts, lidar_conflicts)
     np.testing.assert_array_equal(found.valid, counted & (lidar_conflicts | ~over))
+    np.testing.assert_array_equal(found.votes.clear, clear)
+    np.testing.assert_array_equal(found.votes.confirmed, clear & ~over)
 
 
 @pytest.mark.parametrize(
@@ -332,9 +338,11 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     ],
 )
 def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, lidar, column, row, hidden):
+    # Where it is inside nothing else is farther, where it is not the whole border is.
     grid = HEIGHT // 2, WIDTH // 2
-    disparity = np.full(grid, 16.9, np.float32)
-    disparity[row // 2, column // 2] = 20.0
+    right, down, _ = np.sign(lidar).astype(int)
+    disparity = np.full(grid, 20.0 if hidden else 16.9, np.float32)
+    disparity[row // 2 + 6 * down * hidden, column // 2 + 6 * right * hidden] = 16.9 if hidden else 20.0
     monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
@@ -375,3 +383,35 @@ def test_of_a_thousand_flagged_points_all_are_verified_and_of_more_every_so_many
     found = verify_conflicts(view, stereo, consistency_of(ones * 1.0), rig, 1, NO_IMAGES)
     assert sizes == [verified], "once, where conflicts and false ranges ask for the same points"
     assert found.lidar_conflicts.sum() == flagged
+
+
+def test_a_road_is_beside_what_lies_below_it_in_its_own_strip_of_directions_up_to_the_outermost():
+    columns = COUNT_GRID.lidar_cells[1]
+    strip = np.array([-2, 0, 0, 1, 1, 1, columns - 2, columns - 2, columns - 1, columns - 1, columns])
+    below_m = np.array([2.5, 1.75, 2.5, 2.0, 1.75, 2.5, 1.75, 2.0, 2.5, 1.75, 1.5])
+    right = (strip + 0.5 - columns // 2) * COUNT_GRID.lidar_cell
+    points = np.stack([9 * np.cos(right), -9 * np.sin(right), -below_m], axis=1).astype(np.float32)
+    view = replace(lidar_view(PointCloud(0, points[:1]), plane_rig(), 3), point_m=points)
+    found = lidar_conflict._beside_road(view, 1.5, 2.0)
+    assert found.tolist() == [False] * 3 + [True] * 5 + [False] * 3
+
+
+@pytest.mark.parametrize(
+    ("below_m", "times", "by_images", "by_lidar"),
+    [
+        (1.5, 2.0, True, False),
+        (1.25, 2.0, False, False),
+        (1.75, 1.0, False, False),
+        (1.8125, 1.0, True, True),
+        (2.5, 0.75, True, True),
+        (2.5, 0.625, False, True),
+        (2.5, 0.5, False, False),
+    ],
+)
+def test_the_road_is_a_quarter_of_a_metre_thick_to_what_wet_ground_mirrors(below_m, times, by_images, by_lidar):
+    """A point so far below the LiDAR, of which stereo sees something so many times as far; the road is at 1.5 m."""
+    points = np.array([[9, 0, -below_m], *[[9, 0, -1.5]] * 4], dtype=np.float32)
+    view = replace(lidar_view(PointCloud(0, points), plane_rig(), 3), point_m=points, in_view_m=points)
+    d0 = np.full(5, 32.0, np.float32)
+    found = lidar_conflict._mirrored(view, d0, d0 / np.array([times, 1, 1, 1, 1], np.float32))
+    assert [bool(one[0]) for one in found] == [by_images, by_lidar]

@@ -155,6 +155,14 @@ def test_where_both_are_saturated_nothing_is_comparable(greys):
     assert compared(reference, greys[1]).comparable[70:110, 200:240].all()
 
 
+def test_what_is_just_saturated_in_both_is_not_comparable_and_one_level_less_is():
+    reference, source = scene(high=120)
+    for first, level in ((0, 250), (50, 247), (100, 246)):  # three below a crowded top level images saturate
+        reference[first : first + 40, 100:200], source[first : first + 40, 100 - SHIFT : 200 - SHIFT] = level, level
+    comparable = compared(reference, source).comparable[:, 110:190]
+    assert [comparable[first + 10 : first + 30].mean() for first in (0, 50, 100)] == [0, 0, 1]
+
+
 def test_what_only_one_camera_sees_is_not_comparable(greys):
     assert not compared(*greys).comparable[:, :SHIFT].any()
     assert not compared(facula(greys[0], centre=(90, 0)), greys[1]).residual[:, :SHIFT].any()

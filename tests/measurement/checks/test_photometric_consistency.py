@@ -130,6 +130,10 @@ def test_single_points_are_consistent_at_the_right_disparity_and_half_a_pixel_be
 def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(half_res):
     row, column = np.array([30]), np.array([5])
     assert -1 <= ncc_at(*half_res, row, column, np.array([60], np.float32))[0] <= 1
+    last = half_res[1].shape[1] - 1
+    for at, beyond in ((0, 3.0), (0, 60.0), (last, -1.0), (last, -3.0)):
+        edge, outside = (ncc_at(*half_res, row, np.array([at]), np.array([px], np.float32)) for px in (0.0, beyond))
+        assert edge == outside
 
 
 def test_no_points_have_no_ncc(half_res):

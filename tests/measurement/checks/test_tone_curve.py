@@ -136,11 +136,19 @@ def test_black_has_the_class_of_grey():
 
 @pytest.mark.parametrize(
     ("highest", "share", "level"),
-    [(255, 0.5, 250), (253, 0.5, 250), (252, 0.5, 249), (235, 0.01, 232), (235, 0.001, 250), (120, 0.0, 250)],
+    [
+        (255, 0.5, 250),
+        (253, 0.5, 250),
+        (252, 0.5, 249),
+        (235, 0.01, 232),
+        (235, 0.0021, 232),
+        (235, 0.002, 250),
+        (120, 0.0, 250),
+    ],
 )
 def test_an_image_saturates_below_its_top_level_where_many_pixels_lie_there(highest, share, level):
     image = np.random.default_rng(0).integers(0, 100, 10000).astype(np.uint8)
-    image[: int(share * image.size)] = highest
+    image[: round(share * image.size)] = highest
     image[0] = highest
     assert saturation_level(image.reshape(100, 100)) == level
 

@@ -8,6 +8,7 @@ from auditor.measurement import CalibrationCheck, FaultFeatures, localise, measu
 from auditor.measurement.disparity import lidar
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.parameters import COUNT_GRID
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
@@ -136,3 +137,22 @@ def test_all_checks_of_a_frame_project_its_points_once_into_each_camera_of_a_vie
     assert sorted(evidence.lidar) == [2, 3]
     # In the view of S_3 into S_3, S_2 and S_1, in that of S_2 into S_2 and S_1.
     assert sorted(Counter(projected).values()) == [1, 2, 2]
+
+
+@pytest.mark.parametrize(("beside", "looks_ahead"), [(1, True), (2, False)])
+def test_a_lidar_looks_ahead_where_two_in_a_thousand_points_at_most_are_behind_the_camera(
+    beside: int, looks_ahead: bool
+) -> None:
+    points = [(-8.0, 0.0, 0.0)] * beside + [(0.0, 8.0, 0.0)] * 10 + [(8.0, 0.0, 0.0)] * (490 - beside)
+    assert lidar_view(cloud(*points), plane_rig(), 3).looks_ahead is looks_ahead, "beside it is not behind it"
+
+
+def test_the_directions_of_points_are_cells_of_a_grid_straight_ahead_of_the_lidar() -> None:
+    rows, columns = COUNT_GRID.lidar_cells
+    row, column = np.array([-1, 0, rows - 1, rows, 0, 0, 0, 0]), np.array([0, 0, 0, 0, -1, 0, columns - 1, columns])
+    down, right = ((place + 0.5 - n // 2) * COUNT_GRID.lidar_cell for place, n in ((row, rows), (column, columns)))
+    points = np.stack([np.cos(right), -np.sin(right), -np.tan(down)], axis=1).astype(np.float32)
+    view = replace(lidar_view(cloud(), plane_rig(), 3), point_m=9 * points)
+    found = view.directions
+    np.testing.assert_array_equal(found[:2], (row, column))
+    assert found[2].tolist() == [False, True, True, False, False, True, True, False]

@@ -63,6 +63,13 @@ def test_settings_differ_where_disparities_can() -> None:
     assert find_matcher("sgbm").settings != find_matcher("sgbm-full").settings
 
 
+def test_a_matcher_has_the_name_that_finds_it() -> None:
+    for name, step in (("sgbm", 2), ("sgbm-full", 1)):
+        found = find_matcher(name)
+        assert isinstance(found, SgbmMatcher)
+        assert (found.name, found.step) == (name, step)
+
+
 def test_an_unknown_matcher_is_refused_with_the_known_names() -> None:
     with pytest.raises(SettingError, match=r"no matcher is called 'psm'; use one of: sgbm, sgbm-full"):
         find_matcher("psm")
