@@ -77,7 +77,8 @@ class Cause(StrEnum):
     SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. BLURRED: a camera shows far
     less detail than the others, out of focus or behind something that scatters light. BLIND: it shows hardly any of
     the detail that another one shows, or a camera alone showed seconds before or after. EXPOSURE: a camera's exposure,
-    gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not. DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
+    gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not. DARK,
+    GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
     AEROSOL: it has returns that scatter as those of dust, steam and exhaust.
     """
 
