@@ -131,7 +131,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "white; pixels that touch; sums of two sides; sizes of pictures kept in memory; a pixel's own variance",
     ),
     "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
-    "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
+    "measurement/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/checks/point_distribution.py": (
         (3, 12),
         "a cell and its neighbours, in three dimensions; the variance of rounding is a twelfth of the step squared",

@@ -12,9 +12,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import RectifiedFrame
+from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Pair
 

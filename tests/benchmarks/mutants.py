@@ -82,7 +82,7 @@ SUBJECTS = (
     ),
     Subject(
         "light",
-        ("measurement/checks/tone_curve.py", "measurement/checks/light.py", "measurement/disparity/matchers/sgbm.py"),
+        ("measurement/tone_curve.py", "measurement/checks/light.py", "measurement/disparity/matchers/sgbm.py"),
         (
             "measurement/checks/test_tone_curve.py",
             "measurement/checks/test_light.py",

@@ -13,7 +13,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.tone_curve import tone_curve
+from auditor.measurement.tone_curve import tone_curve
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.parameters import BY_HAND, parameter
 

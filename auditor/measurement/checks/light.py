@@ -16,9 +16,9 @@ import numpy as np
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.photometric_consistency import consistency_of
 from auditor.measurement.checks.seen import Seen
-from auditor.measurement.checks.tone_curve import Classes, chroma_classes, predict, saturation_level
 from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.parameters import LIGHT
+from auditor.measurement.tone_curve import Classes, chroma_classes, predict, saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
 
 _NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)

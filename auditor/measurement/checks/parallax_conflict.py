@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import textured
@@ -24,6 +23,7 @@ from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
 from auditor.measurement.moving_things import FoundElsewhere, moving
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, PATCH_CORRELATION
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
+from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera

@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.tone_curve import saturation_level, tone_curve
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.ego_motion import Motion, pixels_of
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
 from auditor.measurement.time_parameters import STILL_LIGHT
+from auditor.measurement.tone_curve import saturation_level, tone_curve
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
 

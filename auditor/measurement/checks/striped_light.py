@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.seen import Seen
-from auditor.measurement.checks.tone_curve import saturation_level
+from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.parameters import BY_HAND, parameter
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.count_grid import CELL_PX
-from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF
+from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.checks import FEWEST_VOTERS, Check, CountedPair
 from auditor.model.measurement import LIGHT_STEPS, Cells

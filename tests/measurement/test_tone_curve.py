@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auditor.measurement.checks.tone_curve import chroma_classes, predict, saturation_level
+from auditor.measurement.tone_curve import chroma_classes, predict, saturation_level
 
 LEVELS = np.arange(256, dtype=np.uint8)
 
