@@ -194,6 +194,15 @@ def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_o
     assert (finding_of(without[8]), without[8].causes) == ((VerdictKind.ATTACKED, (1,), 1), ())
 
 
+def test_a_blurred_camera_is_a_finding_but_none_beside_light_that_hides_detail():
+    blurred = Cause.BLURRED, 1
+    series = replace(series_of([8]), fault_scores={blurred: np.full(FRAMES, 2.0)})
+    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, causes={blurred: Scale(1.0, 0.25, 3)}))
+    assert [(one.cause, one.sensor) for one in verdicts[7].causes] == [blurred]
+    assert (verdicts[7].kind, verdicts[8].kind) == (VerdictKind.SUSPECT, VerdictKind.ATTACKED)
+    assert blurred not in [(one.cause, one.sensor) for one in verdicts[8].causes]
+
+
 def test_a_fault_needs_evidence_in_time_as_an_attack_does():
     late = np.zeros(FRAMES)
     thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
