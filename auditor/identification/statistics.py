@@ -287,7 +287,7 @@ def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[I
     """(F,) the first frame within `seconds` / 2 of each frame of its run, and the frame after the last."""
     half = int(seconds * NANOSECONDS / 2)
     step = np.diff(stamp_ns, prepend=stamp_ns[:1])
-    time_ns = np.cumsum(np.where(np.diff(runs, prepend=runs[:1]) > 0, 2 * half + 1, step))
+    time_ns = np.cumsum(step * (np.diff(runs, prepend=runs[:1]) == 0))  # a gap takes no time: no window reaches across
     first = np.maximum(np.searchsorted(time_ns, time_ns - half, side="left"), np.searchsorted(runs, runs, side="left"))
     end = np.minimum(np.searchsorted(time_ns, time_ns + half, side="right"), np.searchsorted(runs, runs, side="right"))
     return first, end

@@ -71,6 +71,17 @@ def test_the_lidar_has_no_group_and_a_camera_none_of_unmeasured_ones():
     assert group_of(LIGHT[0], {LIGHT[0]: 1.0}) is None
 
 
+def test_what_all_cameras_of_a_group_show_above_what_was_expected_is_the_drives_own():
+    prior = thresholds_from((), LIGHT, 12, Decimal("0.01"))
+    mean = prior.expected[LIGHT[1]].mean
+    shown = np.tile([statistic_at(mean + above) for above in (1.0, 1.8, 1.0, 1.0)], (40, 1))
+    own = for_drive(prior, LIGHT, shown, np.arange(40) * 10**8)
+    assert own.expected[LIGHT[1]].mean > mean + 0.8
+    shown[:, [0, 2, 3]] = statistic_at(mean)
+    alone = for_drive(prior, LIGHT, shown, np.arange(40) * 10**8)
+    assert alone.expected[LIGHT[1]].mean == pytest.approx(mean)
+
+
 def test_light_in_all_frames_is_as_far_from_usual_as_in_one():
     prior = thresholds_from((), LIGHT, 12, Decimal("0.01"))
     clean = np.full((40, 4), statistic_at(-3.0))

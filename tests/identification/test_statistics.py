@@ -329,6 +329,15 @@ def test_stretches_have_the_frames_of_their_seconds_at_any_rate():
         assert (np.diff(found) <= max(0.2 * frames, 2)).all(), "each begins within the one before"
 
 
+def test_an_hour_has_all_its_stretches_and_several_columns_have_their_own():
+    values, stamps_ns = np.arange(36_000.0), np.arange(36_000) * 10**8
+    found = list(stretch_medians([values, -values], stamps_ns))
+    assert [one.size for one in found] == [3596, 3596]
+    assert (found[0] == -found[1]).all()
+    short = list(stretch_medians([values[:200], -values[:200], values[:200]], stamps_ns[:200]))
+    assert [one[0] for one in short] == [24.5, -24.5, 24.5]
+
+
 @pytest.mark.parametrize(
     ("values", "median"), [([1.0, np.nan, 3.0, 5.0], [3.0]), ([5.0, 1.0, 2.0, 9.0], [3.5]), ([np.nan] * 4, [])]
 )
