@@ -84,7 +84,7 @@ SUBJECTS = (
         "light",
         ("measurement/tone_curve.py", "measurement/checks/light.py", "measurement/disparity/matchers/sgbm.py"),
         (
-            "measurement/checks/test_tone_curve.py",
+            "measurement/test_tone_curve.py",
             "measurement/checks/test_light.py",
             "measurement/disparity/test_equalising.py",
             "measurement/matchers/test_sgbm.py",
