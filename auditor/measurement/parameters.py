@@ -158,6 +158,9 @@ class Light:
     fitted_step: int = parameter(4, unit="half px between those that curves are fitted to", source=_LIGHT)
     level: float = parameter(12.0, unit="grey levels of residual 1 in the dark", source=_LIGHT)
     share: float = parameter(0.25, unit="of the prediction, more", source=_LIGHT)
+    predicted: float = parameter(
+        0.2, unit="residual below which what saturates was predicted to", source="docs/decisions.md, what a camera clips"
+    )
 
 
 @dataclass(frozen=True)

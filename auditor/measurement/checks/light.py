@@ -65,12 +65,14 @@ class View:
 class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
-    `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
-    cameras: the same of light of one colour.
+    `comparable` (h, w): both cameras see the point, and not both are saturated there. `clipped` (h, w): one of them
+    saturates there, and is no brighter than the other one predicts. `coloured` (h, w), of two colour cameras: the
+    residual of light of one colour.
     """
 
     residual: Floats32
     comparable: Mask
+    clipped: Mask
     coloured: Floats32 | None = None
 
 
@@ -89,9 +91,12 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         classes = warp(source.classes, warped, cv2.INTER_NEAREST) if source.channels else None
         grey = Channel(reference.levels, levels, reference.saturation, source.saturation)
         residual = _of_levels(grey, seen, classes)
-    comparable = seen & ~((reference.levels >= reference.saturation) & (levels >= source.saturation))
+    saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
+    comparable = seen & ~(saturated & source_saturated)
     residual = np.clip(residual, -1, 1) * comparable
-    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
+    predicted = np.float32(LIGHT.predicted)
+    clipped = (saturated & (residual < predicted)) | (source_saturated & (residual > -predicted))
+    return LightDifference(residual, comparable, clipped, None if coloured is None else coloured * comparable)
 
 
 def view_of(seen: Seen, camera: int) -> View:
