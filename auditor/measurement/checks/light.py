@@ -66,7 +66,7 @@ class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
     `comparable` (h, w): both cameras see the point, and not both are saturated there. `clipped` (h, w): one of them
-    saturates there, and is no brighter than the other one predicts. `coloured` (h, w), of two colour cameras: the
+    saturates there, as the other, which is bright there, predicts. `coloured` (h, w), of two colour cameras: the
     residual of light of one colour.
     """
 
@@ -94,8 +94,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
     comparable = seen & ~(saturated & source_saturated)
     residual = np.clip(residual, -1, 1) * comparable
-    predicted = np.float32(LIGHT.predicted)
-    clipped = (saturated & (residual < predicted)) | (source_saturated & (residual > -predicted))
+    predicted, bright = np.float32(LIGHT.predicted), np.uint8(LIGHT.bright)
+    clipped = saturated & (levels >= bright) & (residual < predicted)
+    clipped |= source_saturated & (reference.levels >= bright) & (residual > -predicted)
     return LightDifference(residual, comparable, clipped, None if coloured is None else coloured * comparable)
 
 
