@@ -21,7 +21,6 @@ from auditor.model.parameters import BY_HAND, COMMON_VIEW, PAIR_DEPTH, RIG_GEOME
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/method.md; no experiment recorded"
-_CLIPPED = "three real drives, one camera 1.3 to 2 times as bright, and their attacks (docs/decisions.md)"
 _LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
 
 
@@ -159,8 +158,6 @@ class Light:
     fitted_step: int = parameter(4, unit="half px between those that curves are fitted to", source=_LIGHT)
     level: float = parameter(12.0, unit="grey levels of residual 1 in the dark", source=_LIGHT)
     share: float = parameter(0.25, unit="of the prediction, more", source=_LIGHT)
-    bright: int = parameter(120, unit="grey level from which on another exposure saturates", source=_CLIPPED)
-    predicted: float = parameter(0.2, unit="residual below which what saturates was predicted to", source=_CLIPPED)
 
 
 @dataclass(frozen=True)

@@ -229,8 +229,7 @@ class _PairSums(NamedTuple):
 def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, some: Indices | None = None) -> _PairSums:
     """What all half-resolution pixels of a pair count, or some (M,) of them, numbered row by row."""
     summed = partial(sums_of_pair, places) if some is None else partial(sums_of_some, places, some)
-    # What a camera clips it shows without texture, and no light fell there.
-    [inconsistencies] = summed(seen.comparable & ~light.clipped, [seen.inconsistent & ~light.clipped])
+    [inconsistencies] = summed(seen.comparable, [seen.inconsistent])
     residuals = [light.residual] if light.coloured is None else [light.residual, light.coloured]
     of_light, *coloured = summed(light.comparable, residuals, LIGHT_STEPS)
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)

@@ -65,14 +65,12 @@ class View:
 class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
-    `comparable` (h, w): both cameras see the point, and not both are saturated there. `clipped` (h, w): one of them
-    saturates there, as the other, which is bright there, predicts. `coloured` (h, w), of two colour cameras: the
-    residual of light of one colour.
+    `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
+    cameras: the same of light of one colour.
     """
 
     residual: Floats32
     comparable: Mask
-    clipped: Mask
     coloured: Floats32 | None = None
 
 
@@ -91,13 +89,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         classes = warp(source.classes, warped, cv2.INTER_NEAREST) if source.channels else None
         grey = Channel(reference.levels, levels, reference.saturation, source.saturation)
         residual = _of_levels(grey, seen, classes)
-    saturated, source_saturated = reference.levels >= reference.saturation, levels >= source.saturation
-    comparable = seen & ~(saturated & source_saturated)
+    comparable = seen & ~((reference.levels >= reference.saturation) & (levels >= source.saturation))
     residual = np.clip(residual, -1, 1) * comparable
-    predicted, bright = np.float32(LIGHT.predicted), np.uint8(LIGHT.bright)
-    clipped = saturated & (levels >= bright) & (residual < predicted)
-    clipped |= source_saturated & (reference.levels >= bright) & (residual > -predicted)
-    return LightDifference(residual, comparable, clipped, None if coloured is None else coloured * comparable)
+    return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
 def view_of(seen: Seen, camera: int) -> View:
