@@ -1,6 +1,6 @@
 """Light on a whole lens, and cameras that go blind, by the command line: `python -m tests.benchmarks.veils`.
 
-Of the real drives (`AUDITOR_TEST_DATA`) the LiDAR and three cameras, and four, are changed in one camera, S_1 or S_2,
+Of the real drives (`AUDITOR_TEST_DATA`) the LiDAR and three cameras, and four, are changed in one camera, S_2,
 in the last half of the frames or in all: a veil lifts all of its levels, it shows noise alone, or it is merely brighter
 or darker. Each is scanned into a store of its own, nothing learnt. Printed are of so many recordings those that are
 found (exit code 1 or 4), those with an incident, and those whose findings name the camera, or another sensor.
@@ -24,7 +24,7 @@ from tests.benchmarks.several_lidars import FOUND, quietly
 from tests.making.audits import ask
 
 DRIVES = ("0009", "0001", "04")
-CHANGED = (1, 2)
+CHANGED = (2,)
 FINDINGS = "SELECT grade, attacked FROM incidents"
 
 Pixels = NDArray[np.uint8]

@@ -137,7 +137,7 @@ def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there()
     of_cameras = (*CAMERA_CHECKS, Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
     assert asked == {
         *(c for c in rig_sensor_checks(RIG) if c.check in DIRECTION_CHECKS and {1, 4} <= set(c.others)),
-        *((check, camera, (5 - camera,)) for check in LIGHT for camera in (1, 4)),
+        *((check, camera, (5 - camera,)) for check in of_cameras for camera in (1, 4)),
         *((check, LIDAR, (4,)) for check in LIDAR_CHECKS),
     }
     for missing in ({0}, {2}, {0, 4}):
