@@ -24,7 +24,7 @@ class VeilingLight:
     fewest: int = parameter(200, unit="half px that both cameras see", source=BY_HAND)
     darkest_share: float = parameter(0.02, unit="share of these that is darker than what is compared", source=_DARKEST)
     offset: float = parameter(10.0, unit="grey levels added before logarithms are taken", source=BY_HAND)
-    usual: float = parameter(0.8, unit="logarithm of a level, that is none", source=_DARKEST)
+    usual: float = parameter(0.9, unit="logarithm of a level, that is none", source=_DARKEST)
 
 
 NUMBERS = VeilingLight()
