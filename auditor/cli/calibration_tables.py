@@ -5,6 +5,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.output import answer, check_in_words, emit, print_rows, say
+from auditor.model.text import first_few
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
@@ -144,9 +145,8 @@ def _warn_of_findings(results: "Sequence[LeftOut]", names: Mapping[str, str], ju
         if one.incidents or one.findings >= _MANY * one.frames
     ]
     if suspects:
-        more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
         say(
-            f"WARNING: judged by {judge} there are findings in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
+            f"WARNING: judged by {judge} there are findings in {first_few(suspects, _MOST_NAMED)}: check "
             "them before you use these thresholds, and leave out what is not clean: it hides attacks like its own"
         )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from auditor.cli.calibration_tables import learnt
 from auditor.cli.exit_codes import Exit, NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
-from auditor.model.text import storable
+from auditor.model.text import first_few, storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
@@ -275,7 +275,7 @@ def _say_once(remarks: Remarks) -> None:
             of_rig = f" ({kind})" if said[names[0], remark] > 1 else ""
             say(f"{names[0]}{of_rig}: {remark}")
         else:
-            say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
+            say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({first_few(names, _MOST_NAMED)}): {remark}")
 
 
 def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "Store":
@@ -332,7 +332,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
         "frames": row["frames"],
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",
         "looked at": None if row["looked_share"] is None else f"{100 * row['looked_share']:.0f} %",
-        "sensors": _first([_named(one) for one in row["attacked_sets"]]) or None,
+        "sensors": first_few([_named(one) for one in row["attacked_sets"]], _MOST_NAMED) or None,
         "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
         "by": row["by"],
     }
@@ -357,7 +357,7 @@ def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
         _REMARK: in_words(row) if row["review"] else None,
         "incident": row["incident_id"][:_ID_SHOWN],
         "grade": row["grade"],
-        "recording": _first(list(dict.fromkeys(part["name"] for part in row["parts"]))),
+        "recording": first_few(list(dict.fromkeys(part["name"] for part in row["parts"])), _MOST_NAMED),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],
         "frames": row["frames"],
@@ -366,12 +366,6 @@ def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
         "seconds": row["seconds"],
         "gap": row["largest_gap"],
     }
-
-
-def _first(names: Sequence[str]) -> str:
-    """The first few of some names, and how many more there are."""
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return ", ".join(names[:_MOST_NAMED]) + more
 
 
 def _count(recordings: int) -> str:

@@ -78,14 +78,14 @@ def fault_scores(
     for camera in seen.cameras:
         found[Cause.LATE, camera] = _lagging(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
+    of_cameras: dict[Cause, list[Floats]] = {}
     if len(seen.cameras) > FEWEST_VOTERS:
-        found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
+        of_cameras[Cause.EXPOSURE] = _levels(seen)
     if len(seen.cameras) > 1:
-        for cause, of_each in ((Cause.WHITE_BALANCE, _warmth), (Cause.BLURRED, _blurred)):
-            found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each(seen), strict=True)}
-    found |= {
-        (Cause.BLIND, camera): one for camera, one in zip(seen.cameras, _blind(seen, stamp_ns, runs), strict=True)
-    }
+        of_cameras |= {Cause.WHITE_BALANCE: _warmth(seen), Cause.BLURRED: _blurred(seen)}
+    of_cameras[Cause.BLIND] = _blind(seen, stamp_ns, runs)
+    for cause, of_each in of_cameras.items():
+        found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each, strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)

@@ -4,7 +4,7 @@ Each check speaks of one sensor, by the vote of others, and an attacked sensor v
 are compared, each by the votes of those outside it (`likelihood`). The likeliest is named where it is likely enough.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isnan, log10
@@ -320,20 +320,20 @@ def _remarks(system: System, columns: Indices, measured: bytes, present: Sequenc
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
     alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""
-    conflicts = system.by_time or any(one.check is Check.LIDAR_CONFLICT for one in _measured(system, columns, measured))
+    conflicts = system.by_time or _have_conflicts(_measured(system, columns, measured))
     unchecked = _LIDAR_UNCHECKED if LIDAR in present and not conflicts else ""
     return "; ".join(filter(None, (without, alone, unchecked)))
 
 
 def _is_lidar_checked(system: System, columns: Indices, measured: bytes) -> bool:
     """Whether pairs of cameras checked the LiDAR in a frame, where those that are there can."""
-    flags = np.frombuffer(measured, dtype=np.bool_)
-    pairs = [flag for column, flag in zip(columns.tolist(), flags, strict=True) if _is_conflict(system, column)]
-    return any(pairs) or not pairs
+    possible = [system.sensor_checks[column] for column in columns.tolist()]
+    return _have_conflicts(_measured(system, columns, measured)) or not _have_conflicts(possible)
 
 
-def _is_conflict(system: System, column: int) -> bool:
-    return system.sensor_checks[column].check is Check.LIDAR_CONFLICT
+def _have_conflicts(checks: Iterable[SensorCheck]) -> bool:
+    """Whether pairs of cameras check the LiDAR among some checks."""
+    return any(one.check is Check.LIDAR_CONFLICT for one in checks)
 
 
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:
@@ -347,7 +347,7 @@ def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
     possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]
     cameras = [sensor for sensor in present if sensor != LIDAR]
-    if len(cameras) < FEWEST_COMPARED and not any(one.check is Check.LIDAR_CONFLICT for one in possible):
+    if len(cameras) < FEWEST_COMPARED and not _have_conflicts(possible):
         return f"{missing}{listed(cameras)} lie too close together to check the LiDAR, and no third camera was there"
     return f"{missing}too little of what any three of {listed(present)} see could be compared"
 

@@ -27,6 +27,12 @@ def enumerated(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
+def first_few(names: Sequence[str], most: int) -> str:
+    """The first few of some names, and how many more there are: a, b and 3 more."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def storable(text: str) -> str:
     r"""Text that UTF-8 can hold: a byte of a file name that is no UTF-8 is written out as \xff."""
     return _SURROGATES.sub(lambda found: _escape(found[0]), text)

@@ -18,7 +18,7 @@ from auditor.model.frames import TopicBalance
 from auditor.model.optics.common_view import compared_shares
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria
-from auditor.model.text import enumerated
+from auditor.model.text import enumerated, first_few
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import BETWEEN, EDGE
 from auditor.store import StoredJudgement, StoredMeasurement
@@ -85,9 +85,8 @@ def _between(balance: Sequence[TopicBalance]) -> str:
         for topic in balance
         if topic.sensor is not None and (between := topic.skipped.get(BETWEEN, 0)) >= _MANY_BETWEEN * topic.read
     ]
-    more = f" and {len(faster) - _MOST_FASTER} more" if len(faster) > _MOST_FASTER else ""
-    told = f"{', '.join(faster[:_MOST_FASTER])}{more}"
-    return f"messages between frames, which the slowest sensor sets, are not looked at: {told}" if faster else ""
+    told = first_few(faster, _MOST_FASTER)
+    return told and f"messages between frames, which the slowest sensor sets, are not looked at: {told}"
 
 
 def reading_of(

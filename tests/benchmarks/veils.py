@@ -9,7 +9,6 @@ found (exit code 1 or 4), those with an incident, and those whose findings name 
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,14 +17,10 @@ from numpy.typing import NDArray
 
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames as frames_of
-from tests.benchmarks.several_lidars import FOUND, quietly
-from tests.making.audits import ask
+from tests.benchmarks.two_cameras import DRIVES, scanned
 
-DRIVES = ("0009", "0001", "04")
-CHANGED = (2,)
-FINDINGS = "SELECT grade, attacked FROM incidents"
+CAMERA = 2
 
 Pixels = NDArray[np.uint8]
 Change = Callable[[Pixels, int], Pixels]
@@ -60,27 +55,23 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def changed(frame: Frame, camera: int, change: Change) -> Frame:
+def changed(frame: Frame, change: Change) -> Frame:
     """A frame whose camera shows something else."""
-    image = frame.images[camera]
+    image = frame.images[CAMERA]
     pixels = np.ascontiguousarray(change(image.pixels, frame.number))
-    return replace(frame, images={**frame.images, camera: replace(image, pixels=pixels)})
+    return replace(frame, images={**frame.images, CAMERA: replace(image, pixels=pixels)})
 
 
-def scanned(rig: Rig, frames: Sequence[Frame], camera: int, folder: Path) -> Counter[str]:
-    """What a scan says of a recording in which a camera was changed."""
-    with TemporaryDirectory(dir=folder) as here:
-        path, store = Path(here) / "drive.mcap", Path(here) / "audit"
-        write_mcap(path, rig, frames)
-        code = quietly("scan", str(path), "--store", str(store), "--pictures", "none")
-        findings = ask(store, FINDINGS)
+def said_of(rig: Rig, frames: Sequence[Frame], folder: Path) -> Counter[str]:
+    """What a scan says of a recording in which the camera was changed."""
+    found, findings = scanned(rig, frames, folder)
     return Counter(
         {
             "recordings": 1,
-            "found": code in FOUND,
+            "found": found,
             "with an incident": any(one["grade"] == "incident" for one in findings),
-            "named": any(one["attacked"] == [camera] for one in findings),
-            "another named": any(one["attacked"] not in ([], [camera]) for one in findings),
+            "named": any(one["attacked"] == [CAMERA] for one in findings),
+            "another named": any(one["attacked"] not in ([], [CAMERA]) for one in findings),
         }
     )
 
@@ -92,11 +83,10 @@ def main() -> None:
             for all_cameras in (False, True):
                 rig, stream = frames_of(number, all_cameras=all_cameras, colour=True)
                 clean = list(stream)
-                for (what, change), camera in product(CHANGES.items(), CHANGED):
+                for what, change in CHANGES.items():
                     for lasts, first in (("the last half", len(clean) // 2), ("all", 0)):
-                        frames = [*clean[:first], *(changed(one, camera, change) for one in clean[first:])]
-                        said = scanned(rig, frames, camera, Path(folder))
-                        found.setdefault((what, lasts), Counter()).update(said)
+                        frames = [*clean[:first], *(changed(one, change) for one in clean[first:])]
+                        found.setdefault((what, lasts), Counter()).update(said_of(rig, frames, Path(folder)))
     for (what, lasts), tally in found.items():
         print(f"{what}, {lasts}: {', '.join(f'{name} {count}' for name, count in tally.items())}", flush=True)
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from auditor.model.rig import Camera, Rig
+from auditor.model.text import first_few
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.recording import Recording
@@ -24,6 +25,8 @@ from auditor.recordings.synchronisation.survey import Survey
 CHANGING = "the calibration changes"
 NO_RIG = "no rig after a change of the calibration"
 TOO_OFTEN = "the calibration changes too often"
+
+_MOST_TOPICS = 4  # in one remark
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +218,7 @@ class _Line:
 
     def _tell(self, cluster: _Cluster, rigs: Sequence[Rig]) -> None:
         topics = list(dict.fromkeys(str(change.key) for change in cluster.changes))
-        named = ", ".join(topics[:4]) + (f" and {len(topics) - 4} more" if len(topics) > 4 else "")
+        named = first_few(topics, _MOST_TOPICS)
         then = "frames from then on have a rig of their own" if rigs else "frames from then on have no rig"
         if len(rigs) == 1 and len(self._stretches[rigs[0]]) > 0:
             then = "frames from then on have the rig of before"
