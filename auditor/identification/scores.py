@@ -150,7 +150,7 @@ class CleanDrives:
         limit = joint_limit(float(checked(r)), judged_together)
         used = np.ones(len(self._recordings), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
-        known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
+        known = of_causes
         gone = np.flatnonzero(~used).tolist()
         scales = {
             cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in known.items()

@@ -114,8 +114,8 @@ def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
         )
         for triple in prepared.triples
     }
-    frame_checks = collect_checks(prepared.half_res, prepared.colours, maps, lidar, rig, prepared.grid)
     masks, cloud = prepared.valid_masks, prepared.frame.cloud
+    frame_checks = collect_checks(prepared.half_res, prepared.colours, maps, lidar, rig, prepared.grid, masks)
     return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=masks, cloud=cloud)
 
 

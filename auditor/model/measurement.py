@@ -56,7 +56,7 @@ class Region:
 
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
-    ComparedTo.CAMERAS: 32,
+    ComparedTo.CAMERAS: 33,
     ComparedTo.PAST: 32,
     ComparedTo.SCANS: 31,
     ComparedTo.LIDARS: 31,

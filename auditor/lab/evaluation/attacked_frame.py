@@ -231,7 +231,8 @@ class AttackedFrame:
                 own = self._pairs[pair].frame_checks(OF_TWO, of_two(attacks, pair))
                 return with_pairs(collect_checks(half_res, {}, {}, views, self._seen.rig), {pair: own}, OF_TWO)
             maps = {pair: self.stereo_map(i, k, attacks)}
-            return collect_checks(half_res, self._colours(pair, attacks), maps, views, self._seen.rig, self.grid)
+            colours = self._colours(pair, attacks)
+            return collect_checks(half_res, colours, maps, views, self._seen.rig, self.grid, self.valid_masks)
 
         return self.memoise("checks", pair, attacks, (LIDAR, *pair), collect)
 

@@ -27,7 +27,7 @@ from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.arrays import Image, Indices, Points
+from auditor.model.arrays import Image, Indices, Mask, Points
 from auditor.model.checks import DIRECTION_CHECKS, SHARE_CHECKS, Check, CountedPair, Pair, SensorCheck, resolves_depth
 from auditor.model.checks.kind import Of
 from auditor.model.fault_features import IsolatedShares
@@ -157,14 +157,16 @@ def collect_checks(
     views: Mapping[int, LidarView],
     rig: Rig,
     grid: ImageGrid | None = None,
+    valid_masks: Mapping[int, Mask] | None = None,
 ) -> FrameChecks:
     """Run all checks of a frame.
 
     `half_res` are the half-resolution grey images (h, w) of the cameras present, `colours` (h, w, 3) those of colour
     cameras, `maps` the stereo maps by (source, reference), `views` the LiDAR's views by reference; all of them as
-    `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
+    `measure` makes them. `grid` is that of the cameras' images where they are not in this view, of which they see only
+    their `valid_masks` (H, W) at full resolution.
     """
-    seen = Seen(half_res, colours, maps, views, rig)
+    seen = Seen(half_res, colours, maps, views, rig, valid_masks or {})
     near = {
         (i, k): out_of_range(views[k], seen.once(isolated_of, k), i, matchable(stereo.range_px), half_res[k].shape)
         for (i, k), stereo in maps.items()

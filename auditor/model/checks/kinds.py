@@ -333,6 +333,41 @@ class Check(StrEnum):
             of_light=True,
         ),
     )
+    UNMATCHED_LIGHT = (
+        "unmatched_light",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "unmatched light",
+                "a patch is brighter than all that the others show where it could lie",
+                "has a patch that is brighter than all that the others show there",
+                "S_{i} has a patch that is brighter than all that others show there",
+                "one of the two has a patch that is brighter than all that the other shows there",
+                "S_{i} or S_{k} has a patch that is brighter than all that the other shows there",
+            ),
+            (_SELDOM,),
+            vote=Vote.SMALLEST,
+            of_light=True,
+        ),
+    )
+    UNMATCHED_DARKNESS = (
+        "unmatched_darkness",
+        Kind(
+            Of.CAMERAS,
+            Words(
+                "unmatched darkness",
+                "a patch is darker than all that the others show where it could lie",
+                "has a patch that is darker than all that the others show there",
+                "S_{i} has a patch that is darker than all that others show there",
+                "one of the two has a patch that is darker than all that the other shows there",
+                "S_{i} or S_{k} has a patch that is darker than all that the other shows there",
+            ),
+            (_SELDOM,),
+            vote=Vote.SMALLEST,
+            where="unmatched_light",
+            of_light=True,
+        ),
+    )
 
     _value_: str
     kind: Kind
