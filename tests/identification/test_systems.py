@@ -9,11 +9,12 @@ from auditor.model.checks import (
     Check,
     sensor_checks_of,
 )
+from auditor.model.checks.kind import Of
 from auditor.model.rig import Triple, triples_of
 
 PAIRS = {n: tuple((i, k) for k in range(2, n + 1) for i in range(1, k)) for n in range(2, 7)}
 
-OF_CAMERAS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+OF_CAMERAS = tuple(check for check in Check if check.kind.of is Of.CAMERAS)
 """The checks of a camera by other cameras."""
 
 OF_PAIRS = (Check.LIDAR_CONFLICT, Check.LOST_RETURNS, Check.FALSE_RANGES, Check.SCATTERED_RANGES)

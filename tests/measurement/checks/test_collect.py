@@ -16,6 +16,9 @@ from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.textured_scenes import RIG, scene
 
+OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT, Check.UNMATCHED_DARKNESS)
+"""The checks of two grey cameras that are measured as they are."""
+
 
 def checks_of(rig, without=frozenset()):
     frame = plane_frame(rig, without=without)
@@ -49,7 +52,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
         *(SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES)),
         *(
             SensorCheck(check, *pair)
-            for check in (Check.STRIPED_LIGHT, Check.VEILING_LIGHT)
+            for check in OF_PICTURES
             for i in (1, 2)
             for pair in ((i, (3,)), (3, (i,)))
         ),
@@ -65,7 +68,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
     assert not frame_checks.by_direction[Check.LIDAR_CONFLICT]
-    assert {one.check for one in frame_checks.shares} == {Check.STRIPED_LIGHT, Check.VEILING_LIGHT}
+    assert {one.check for one in frame_checks.shares} == set(OF_PICTURES)
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 
