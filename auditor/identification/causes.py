@@ -27,13 +27,6 @@ def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and scatters(verdict.evidence) else ()
 
 
-def of_dark_spot(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """Dirt, where the strongest of what fired is a dark patch: light only adds."""
-    strongest = _strongest(verdict.evidence)
-    dark = strongest is not None and strongest.check_name == Check.UNMATCHED_DARKNESS
-    return (FaultHypothesis(Cause.SOILED, strongest.i),) if strongest and dark else ()
-
-
 def scatters(evidence: Sequence[Evidence]) -> bool:
     """Whether the strongest of what fired is that returns scatter."""
     strongest = _strongest(evidence)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_dark_spot, of_lens
+from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_lens
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
@@ -135,7 +135,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    known = (*causes, *of_lens(seen or {}), *of_aerosol(verdict), *of_dark_spot(verdict))
+    known = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
     ranked = sorted(known, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)

@@ -38,7 +38,6 @@ def test_an_incident_tells_its_evidence_by_sensor_and_check_with_z_and_the_limit
         ("photometric_inconsistency", 1, None, 10),
         ("removed_light", 1, None, 10),
         ("striped_light", 1, None, 10),
-        ("unmatched_darkness", 1, None, 10),
         ("unmatched_light", 1, None, 10),
         ("veiling_light", 1, None, 10),
     ]

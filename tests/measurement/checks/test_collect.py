@@ -16,7 +16,7 @@ from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.textured_scenes import RIG, scene
 
-OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT, Check.UNMATCHED_DARKNESS)
+OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
 """The checks of two grey cameras that are measured as they are."""
 
 
