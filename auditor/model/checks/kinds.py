@@ -340,7 +340,7 @@ class Check(StrEnum):
             Of.CAMERAS,
             Words(
                 "unmatched light",
-                "a patch saturates and is brighter than all that the others show where it could lie",
+                "a saturated patch is brighter than all that the others show",
                 "has a patch that is brighter than all that the others show there",
                 "S_{i} has a patch that is brighter than all that others show there",
                 "one of the two has a patch that is brighter than all that the other shows there",

@@ -50,12 +50,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
     assert set(frame_checks.shares) == {
         *(SensorCheck(check, 0, (3,)) for check in LIDAR_CHECKS),
         *(SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES)),
-        *(
-            SensorCheck(check, *pair)
-            for check in OF_PICTURES
-            for i in (1, 2)
-            for pair in ((i, (3,)), (3, (i,)))
-        ),
+        *(SensorCheck(check, *pair) for check in OF_PICTURES for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
