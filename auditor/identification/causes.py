@@ -79,7 +79,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
     is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, NaN where it was not measured. `shown_s` are
+    where no other colour camera voted; `striped` that of light in rows, and `unmatched` that of unmatched light, NaN
+    where they were not measured. `shown_s` are
     the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
     does not; NaN where no other frame is known.
     """
@@ -93,6 +94,7 @@ class Seen(NamedTuple):
     striped: float = nan
     shown_s: float = nan
     gone: float = nan
+    unmatched: float = nan
 
     @property
     def thrown(self) -> bool:
@@ -159,7 +161,7 @@ def seen_of(
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting)
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting, unmatched)
     return found
 
 
@@ -181,6 +183,7 @@ def by_tone(seen: Seen) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted. Neither adds light of one colour or in rows.
+    little brighter than predicted. Neither adds light of one colour, in rows, or that a tone curve does not predict.
     """
-    return not seen.thrown and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)
+    added = seen.thrown or seen.unmatched >= LIGHT_OF_CAUSES.least_thrown
+    return not added and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)
