@@ -153,7 +153,7 @@ def seen_of(
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
         coloured, striped = (
             nan if column is None else float(z[column])
-            for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT))
+            for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.UNMATCHED_LIGHT))
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
