@@ -151,7 +151,7 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured, striped = (
+        coloured, striped, unmatched = (
             nan if column is None else float(z[column])
             for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.UNMATCHED_LIGHT))
         )
