@@ -92,9 +92,9 @@ class Seen(NamedTuple):
     saturated_px: float = nan
     coloured: float = nan
     striped: float = nan
+    unmatched: float = nan
     shown_s: float = nan
     gone: float = nan
-    unmatched: float = nan
 
     @property
     def thrown(self) -> bool:
@@ -161,7 +161,7 @@ def seen_of(
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, *lasting, unmatched)
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, unmatched, *lasting)
     return found
 
 
