@@ -74,7 +74,8 @@ _NOT_BY_SCANS = (
     f"points that are removed or moved; what is less than {FREE_SPACE.clearly_m:g} m above the ground; scans more than "
     f"{FREE_SPACE.most_s:g} s apart"
 )
-_BY_SCANS = f"a LiDAR alone is {_OWN_SCANS}", f"not looked at: what is there from the first frame on; {_NOT_BY_SCANS}"
+_NOT_BY_OWN_SCANS = f"not looked at: what is there from the first frame on; {_NOT_BY_SCANS}"
+_BY_SCANS = f"a LiDAR alone is {_OWN_SCANS}", _NOT_BY_OWN_SCANS
 _BY_OTHER_SCANS = (
     "several LiDARs: each is compared with the others where both look: what stands by its points where another one's "
     "beams went on behind, also what is there from the first frame on",
@@ -125,6 +126,7 @@ def _of_lidar(rig: Rig) -> list[str]:
     else:
         lines.append(f"the LiDAR is checked by {_listed(wide)}")
     lines += _reaches(rig, wide) if wide else []
+    lines.append(f"where no camera looks the LiDAR is {_OWN_SCANS}; {_NOT_BY_OWN_SCANS}")
     if short:
         lines.append(f"too close together to check it (less than 9 px of disparity at 10 m): {_listed(short)}")
     return lines

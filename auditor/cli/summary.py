@@ -25,6 +25,8 @@ _RECORDING_COLUMNS = (
     *("recording", "rig", *_WHERE_KNOWN, "frames", "audited", "looked at"),
     *(*_COUNTS, "sensors", "r", "by"),
 )
+_MOST_BESIDE = 0.5
+"""The share of a LiDAR's points compared with cameras, below which it is said."""
 _EXPENDABLE = ("date", "r", "by", "vehicle", "looked at", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
@@ -308,6 +310,12 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
+    if beside := [row["lidar_share"] for row in rows if (row["lidar_share"] or 1) < _MOST_BESIDE]:
+        least, most = (f"{100 * share:.0f} %" for share in (min(beside), max(beside)))
+        answer(
+            f"LiDAR: {least if least == most else f'{least} to {most}'} of its points are compared with cameras; "
+            "elsewhere only what appears is noticed, by its own last scan"
+        )
     if incidents:
         shown_rows = _each_once(incidents)
         told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []

@@ -57,7 +57,7 @@ class Region:
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
     ComparedTo.CAMERAS: 33,
-    ComparedTo.PAST: 32,
+    ComparedTo.PAST: 33,
     ComparedTo.SCANS: 31,
     ComparedTo.LIDARS: 31,
 }

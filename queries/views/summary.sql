@@ -11,6 +11,7 @@
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
 -- column looked_share: Of the camera of which least is looked at: the share of its picture that two others at least were compared with, in rigs of two or three sensors with another one, or its own past; of several LiDARs without cameras the share of the points of one that another was compared with; NULL where that was not measured.
+-- column lidar_share: Of the LiDAR of a rig with cameras: the share of its points that these, or one and its own past, were compared with; the others are looked at for what appears there. NULL where that was not measured.
 -- column attacked_sensors: Sensors that an incident or an alert names; by the robust method a frame that belongs to neither names none, though `attacked` counts it.
 -- column alerts: Frames with a finding that belong to an alert, and to no incident.
 -- column attacked_names: The recording's own names of these sensors.
@@ -45,6 +46,7 @@ SELECT
             ELSE measurement.compared_share
         END[if(rig.sensors[1].sensor = 0 AND (rig.n > 0 OR len(rig.sensors) = 1), 2, 1):]
     ) AS looked_share,
+    CASE WHEN rig.n > 0 AND rig.sensors[1].sensor = 0 THEN measurement.compared_share[1] END AS lidar_share,
     judgement.clean,
     judgement.attacked,
     judgement.unidentified,

@@ -37,7 +37,7 @@ def test_how_far_walls_are_told_follows_from_the_widest_pair():
     assert lines[3].startswith("vanished objects and sectors are noticed up to 30 m")
     assert lines[4].startswith("invented cars of some dozens of points are noticed from 6 m on")
     assert lines[5].startswith("not noticed: walls in front of the sky")
-    assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 4
+    assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 5
 
 
 def test_without_a_lidar_the_cameras_checks_are_described():

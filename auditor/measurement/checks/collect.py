@@ -40,6 +40,7 @@ _BY_PAIRS = tuple(one for one in Check if one in DIRECTION_CHECKS and one.kind.o
 _OF_CAMERAS = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
 _IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
 BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
+_ALL_AROUND = tuple(one for one in Check if one.kind.of is Of.SURROUNDINGS)
 """The checks measured by their names: of pairs that check the LiDAR, of matched pairs, of views, of its last scan."""
 
 
@@ -73,7 +74,7 @@ class FrameChecks:
     `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
     `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
     LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
-    `of_lidars` are the statistics of LiDARs without cameras. `disputed` is what LiDAR k says is not there of
+    `of_lidars` are the statistics of LiDARs wherever no camera looks. `disputed` is what LiDAR k says is not there of
     what LiDAR i has, by (i, k), where there are no cameras; (i, i) is its own last scan.
     `verified_conflicts`, `consistencies` and `lights` hold pixel by pixel what is counted: they are not stored.
     """
@@ -242,7 +243,8 @@ def with_scans(found: FrameChecks, from_nowhere: Points | None, views: Iterable[
     if from_nowhere is None:
         return found
     said = {check: {(k,): measuring(check)(from_nowhere, rig, k) for k in views} for check in BY_SCANS}
-    return replace(found, of_views={**found.of_views, **said}, from_nowhere=from_nowhere)
+    around = {SensorCheck(check, LIDAR, ()): measuring(check)(from_nowhere, rig) for check in _ALL_AROUND}
+    return replace(found, of_views={**found.of_views, **said}, of_lidars=around, from_nowhere=from_nowhere)
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:

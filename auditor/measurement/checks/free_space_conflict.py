@@ -206,6 +206,11 @@ def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> f
     return statistic_in_view(from_nowhere[~scattered(from_nowhere, rig)], rig, *view)
 
 
+def measure_surrounding_conflict(from_nowhere: Points, rig: Rig) -> float:
+    """The statistic, 0 to 1, of all of the points (K, 3) that do not scatter as in dust."""
+    return measure_free_space_conflict(from_nowhere, rig)
+
+
 def _upright(points: Points, rig: Rig) -> Floats32:
     """(3, N) points (N, 3) of the LiDAR, right, down and ahead of it."""
     assert rig.lidar is not None

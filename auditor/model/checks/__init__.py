@@ -149,6 +149,7 @@ def sensor_checks_of(
         Of.SEVERAL_PAIRS: [(LIDAR, cameras) for cameras in by_pairs if len(cameras) > FEWEST_VOTERS],
         Of.VIEW: [(LIDAR, (k,)) for k in views],
         Of.OWN_SCANS: [(LIDAR, (k,)) for k in (*views, *pasts)],
+        Of.SURROUNDINGS: [(LIDAR, ())] if views or pasts else [],
         Of.OTHER_SCANS: [],
         Of.LONE_CAMERA: [(LIDAR, (k,)) for k in pasts],
         Of.CAMERAS: [(one, others) for one in sorted(partners) for others in _voters(tuple(sorted(partners[one])))],

@@ -11,6 +11,7 @@ class Of(Enum):
     SEVERAL_PAIRS = "LiDAR", "as lidar_conflict, but never one pair alone: what it mismatches looks like a surface"
     VIEW = "LiDAR", "the camera in whose view its points are"
     OWN_SCANS = "LiDAR", "its own last scan, in the view of a camera; of a LiDAR alone, all around"
+    SURROUNDINGS = "LiDAR", "its own last scan, all around; of a LiDAR beside cameras"
     OTHER_SCANS = "LiDAR", "all LiDARs that overlap it, all but one or two of them, and each alone"
     LONE_CAMERA = "LiDAR", "the lone camera whose past is compared with it"
     CAMERAS = "camera", "all cameras that it is matched with, all but one or two of them, and each alone"

@@ -354,6 +354,20 @@ class Check(StrEnum):
             of_light=True,
         ),
     )
+    SURROUNDING_CONFLICT = (
+        "surrounding_conflict",
+        Kind(
+            Of.SURROUNDINGS,
+            Words(
+                "surrounding conflict",
+                "points stand where its beams passed a moment ago, wherever no camera looks",
+                "has points where its beams passed a moment ago, wherever no camera looks",
+                "the LiDAR has points where its beams passed a moment ago, wherever no camera looks",
+            ),
+            (_SELDOM,),
+            where="free_space_conflict",
+        ),
+    )
 
     _value_: str
     kind: Kind
