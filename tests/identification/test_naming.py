@@ -351,10 +351,15 @@ def test_of_a_lone_camera_and_a_lidar_either_is_named_by_its_own_check():
 
 
 def test_where_a_lone_camera_and_a_lidar_both_show_a_little_neither_is_named():
-    found = one({lambda check: True: 3.2}, system=LONE)
+    found = one({lambda check: len(check.others) > 0: 3.2}, system=LONE)
     assert (found.kind, found.attacked, found.e) == (VerdictKind.UNIDENTIFIED, (), "1")
     assert "S_0" in found.reason
     assert "S_1" in found.reason
+
+
+def test_what_the_lidar_shows_by_itself_names_it_beside_a_lone_camera():
+    found = one({lambda check: check.check is not Check.STILL_LIGHT: 3.2}, system=LONE)
+    assert (found.kind, found.attacked) == (VerdictKind.ATTACKED, (0,))
 
 
 def test_a_lone_camera_s_frame_is_clean_below_the_limit_and_not_auditable_where_nothing_was_compared():

@@ -47,6 +47,7 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
         (Check.SCATTERED_RETURNS, 0, (4,)),
+        (Check.SURROUNDING_CONFLICT, 0, ()),
     }
     assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
         "and the six pairs; light of one colour or in rows, lost returns, false and rough ranges do not count"
@@ -62,6 +63,7 @@ def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
         (Check.SCATTERED_RETURNS, 0, (4,)),
+        (Check.SURROUNDING_CONFLICT, 0, ()),
     }
 
 
@@ -75,6 +77,7 @@ def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
         (Check.ROUGH_RANGES, 0, (4,)),
         (Check.FREE_SPACE_CONFLICT, 0, (4,)),
         (Check.SCATTERED_RETURNS, 0, (4,)),
+        (Check.SURROUNDING_CONFLICT, 0, ()),
     }
     assert {check.nameable for check in found if check.check in CAMERA_CHECKS} == {(3, 4), (4, 3)}
 
