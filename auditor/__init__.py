@@ -59,8 +59,10 @@ if TYPE_CHECKING:
         synchronise,
     )
     from auditor.recordings import Damage, FrameStream, Reader, Recording, Topic
-    from auditor.reporting import render_incident_report
-    from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
+    from auditor.reporting.incident.render import render_incident_report
+    from auditor.store.export import rows_of
+    from auditor.store.records import StoredJudgement, StoredMeasurement
+    from auditor.store.store import Store
 
 __version__ = "0.3.0.dev0"
 
@@ -136,8 +138,10 @@ _HOMES = {
     "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
     "pipeline.judged": "Judged",
     "recordings": "Damage FrameStream Reader Recording Topic",
-    "reporting": "render_incident_report",
-    "store": "Store StoredJudgement StoredMeasurement rows_of",
+    "reporting.incident.render": "render_incident_report",
+    "store.export": "rows_of",
+    "store.records": "StoredJudgement StoredMeasurement",
+    "store.store": "Store",
 }
 """The module of each name."""
 

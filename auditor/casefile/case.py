@@ -12,8 +12,7 @@ from auditor.model.measurement import Region
 from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
 from auditor.reporting.incident.incident import Incident
-from auditor.store import rows_of
-from auditor.store.export import Table
+from auditor.store.export import Table, rows_of
 from auditor.store.queries import run_sqls
 
 

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from auditor.model.rig import Rig
-from auditor.store import Store, rows_of, run_sql
+from auditor.store.export import rows_of
 from auditor.store.log.entry import user
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 
 LEFT_OUT = "[left out]"
 

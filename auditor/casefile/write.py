@@ -25,10 +25,10 @@ from auditor.reporting.incident.incident import Incident
 from auditor.reporting.incident.loading import Incidents, OneIncident
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.templates import fill
-from auditor.store import Store
-from auditor.store.log import heads
+from auditor.store.log.chains import heads
 from auditor.store.log.signatures import SigningKey
 from auditor.store.reviews import incident_called
+from auditor.store.store import Store
 
 INDEX = "index.html"
 """The first page of a case."""

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from auditor.pipeline.many import Batch
     from auditor.pipeline.measured import Measured, MeasureTask
     from auditor.pipeline.scan import Scan
-    from auditor.store import Store, StoredJudgement
     from auditor.store.export import Table
+    from auditor.store.records import StoredJudgement
+    from auditor.store.store import Store
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -152,7 +153,8 @@ def show_audit(
     `show_known`, and the store is asked about it alone; earlier verdicts are counted. Recordings all of whose
     incidents are excused do not count as found. Without a store nothing was measured.
     """
-    from auditor.store import query, rows_of, run_sqls  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.queries import query, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     incidents: list[dict[str, Any]] = []
@@ -201,7 +203,7 @@ def _provenance(calibration_id: str | None) -> str | None:
 
 def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> list[dict[str, Any]]:
     """The incidents of some measurements by their judgements; none where no review could excuse any."""
-    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.queries import run_query  # noqa: PLC0415 - DuckDB is heavy
 
     if not judged or not store.ids("reviews"):
         return []
@@ -212,7 +214,7 @@ def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> li
 
 def _with_excuses(incidents: "Table", measurements: Collection[str]) -> list[dict[str, Any]]:
     """Those of the incidents that are of some measurements, each with its `excuse`: None where it fails."""
-    from auditor.store import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
     from auditor.store.reviews import excuse  # noqa: PLC0415
 
     rows = [row for row in rows_of(incidents) if any(part["measurement_id"] in measurements for part in row["parts"])]

@@ -15,7 +15,8 @@ from auditor.model.fault_features import COLUMNS
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.store import FrameStatistics, Store, StoredMeasurement
+from auditor.store.records import FrameStatistics, StoredMeasurement
+from auditor.store.store import Store
 
 
 def clean_frames_of(

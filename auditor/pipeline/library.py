@@ -45,9 +45,9 @@ from auditor.pipeline.remote.addresses import Address, path_or_address
 from auditor.pipeline.remote.mirror import mirrored
 from auditor.pipeline.scan import Scan
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.relations import relate
+from auditor.store.store import Store
 
 Function = TypeVar("Function", bound=Callable[..., object])
 

@@ -19,8 +19,8 @@ from auditor.pipeline.remote.finding import parts_of, together
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.location import StoredObject
 from auditor.recordings.parameters import synchronising_digest
-from auditor.store import RecordingRecord, Sighting, Store, StoredMeasurement
-from auditor.store.records import content_id
+from auditor.store.records import RecordingRecord, Sighting, StoredMeasurement, content_id
+from auditor.store.store import Store
 
 _UNKNOWN = Origin()
 

@@ -25,8 +25,11 @@ from auditor.pipeline.remote.spool import Spool
 from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import FrameStream, Location, Recording, find_recordings, open_recording, survey, synchronise
 from auditor.resources import is_address
-from auditor.store import RecordingRecord, Store, rows_of, run_sql
+from auditor.store.export import rows_of
 from auditor.store.pictures import pictured_in_full
+from auditor.store.queries import run_sql
+from auditor.store.records import RecordingRecord
+from auditor.store.store import Store
 
 _ANEW = "put it back, or scan it where it lies now"
 

@@ -24,7 +24,7 @@ from auditor.errors import AuditorError, LimitError
 from auditor.model.settings import MeasureSettings
 from auditor.pipeline.fork_server import Worker, fork
 from auditor.recordings.location import Location
-from auditor.store.log import Run, adopt, current_runs
+from auditor.store.log.runs import Run, adopt, current_runs
 
 MEMORY_MB = MeasureSettings.memory_limit
 """Memory that one task may take by default."""

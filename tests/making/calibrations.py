@@ -6,7 +6,7 @@ from decimal import Decimal
 from auditor.model.calibration import Calibration
 from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import make
-from auditor.store import Store
+from auditor.store.store import Store
 
 
 def calibrate(

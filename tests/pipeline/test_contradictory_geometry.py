@@ -21,7 +21,7 @@ from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import RigsInForce, open_recording, survey, write_mcap
 from auditor.recordings.writers import frames as writer
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
 from tests.making.rendered_drives import RenderedDrive, rendered_drive
 

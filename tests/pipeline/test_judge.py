@@ -14,8 +14,9 @@ from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.judged import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
-from auditor.store import Store, tables
+from auditor.store import tables
 from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate

@@ -16,7 +16,8 @@ from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.thinned_clouds import every_other_ring

@@ -39,11 +39,11 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.pipeline.measured import procedure_by
 from auditor.resources import plug_ins
-from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.records import content_id
+from auditor.store.store import Store
 
 CHUNK_FRAMES = 20
 """Frames of a chunk: a killed evaluation loses no more than these."""

@@ -31,8 +31,11 @@ from auditor.pipeline.measured import FEW
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
 from auditor.pipeline.workers import Progress, run_all
-from auditor.store import Store, StoredJudgement, rows_of, run_sql
-from auditor.store.log import logged
+from auditor.store.export import rows_of
+from auditor.store.log.runs import logged
+from auditor.store.queries import run_sql
+from auditor.store.records import StoredJudgement
+from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force
 
 FEWEST_RECORDINGS = 4

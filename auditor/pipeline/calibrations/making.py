@@ -36,7 +36,8 @@ from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
 from auditor.pipeline.workers import Progress, run_all
-from auditor.store import Content, Store, content_of, make_calibration
+from auditor.store.calibrations import Content, content_of, make_calibration
+from auditor.store.store import Store
 
 MOST_GIVEN_BACK = 25_000
 """Frames of the recordings that a process judges and gives back at once, about 1 kB each; one recording at least."""

@@ -19,7 +19,8 @@ from auditor.pipeline.remote.ray_cluster import Needs, connected
 from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
 from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import Location
-from auditor.store.log import run, this_program
+from auditor.store.log.entry import this_program
+from auditor.store.log.runs import run
 
 Item = TypeVar("Item")
 _AHEAD = 2

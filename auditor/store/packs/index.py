@@ -20,7 +20,7 @@ from auditor.store.files import finished, locked, make_folder, write_whole
 from auditor.store.schema import ID_COLUMNS
 
 if TYPE_CHECKING:
-    from auditor.store.log import Run
+    from auditor.store.log.runs import Run
 
 INDEX = "packs.csv"
 FOLDER = "packs"

@@ -18,9 +18,9 @@ import pyarrow.parquet as pq
 
 from auditor.store.files import finished, part_file, write_whole
 from auditor.store.folder import MARKER
-from auditor.store.log import Output, Run, entries, logged, output_of
-from auditor.store.log.chains import is_mirror
-from auditor.store.log.runs import Expected, expected
+from auditor.store.log.chains import entries, is_mirror
+from auditor.store.log.entry import Output, output_of
+from auditor.store.log.runs import Expected, Run, expected, logged
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED, Index, Member, index_lock, pack_path
 from auditor.store.records import content_id
 from auditor.store.schema import ID_COLUMNS, MANIFESTS, table_schema
