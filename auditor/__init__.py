@@ -15,9 +15,8 @@ change them, and CHANGELOG.md says so. Every other module may change at any time
 Names are imported when they are first used, so that `import auditor` itself takes no time.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
-
-from auditor.model.lazy_names import imported_when_used
 
 if TYPE_CHECKING:
     from auditor.errors import (
@@ -145,7 +144,12 @@ _HOMES = {
 }
 """The module of each name."""
 
-__getattr__ = imported_when_used(__name__, _HOMES)
+
+def __getattr__(name: str) -> object:
+    for module, names in _HOMES.items():
+        if name in names.split():
+            return globals().setdefault(name, getattr(import_module(f"auditor.{module}"), name))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
