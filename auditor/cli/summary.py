@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.judged import Judged
     from auditor.pipeline.many import Batch
-    from auditor.pipeline.measured import Measured, MeasureTask
+    from auditor.pipeline.measured import Measured
     from auditor.pipeline.scan import Scan
     from auditor.store.export import Table
     from auditor.store.records import StoredJudgement
@@ -50,7 +50,7 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         say(f"auditor: {error}")
         _leave(tally, error.where, error)
     _say_remote(batch)
-    with progress(len(batch.tasks), "measuring", {task: _size_of(task) for task in batch.tasks}) as (
+    with progress(len(batch.tasks), "measuring", {task: task.size_bytes for task in batch.tasks}) as (
         advanced,
         finished,
     ):
@@ -76,14 +76,6 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         for warning in (*one.calibration_warnings, *one.remarks):
             remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
     _say_once(remarks)
-
-
-def _size_of(task: "MeasureTask") -> int:
-    """The bytes of a recording; 0 where they cannot be known, which is its own error later on."""
-    try:
-        return task.location.size_bytes
-    except OSError:
-        return 0
 
 
 def _say_remote(batch: "Batch") -> None:

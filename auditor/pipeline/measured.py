@@ -56,6 +56,14 @@ class MeasureTask:
         """Where its recording lies."""
         return located(self.recording)
 
+    @property
+    def size_bytes(self) -> int:
+        """The bytes of its recording; 0 where they cannot be known, which is its own error later on."""
+        try:
+            return self.location.size_bytes
+        except OSError:
+            return 0
+
     def declared(self) -> Origin:
         """What is given and what its path says of its origin. Raises SettingError where the path says no date."""
         pattern = self.path_pattern

@@ -183,9 +183,9 @@ def _run(
         return limits(task.recording)
 
     if all(task.recording.remote is None for task in tasks):
-        return run_all(picture_frames, tasks, jobs, _silent, limits_of)
+        return run_all(picture_frames, tasks, jobs, lambda *_: None, limits_of)
     supply = Supply(tasks, spool, lambda task: task.recording, PictureTask.at, min(jobs, len(tasks)))
-    return run_from(supply, picture_frames, jobs, _silent, limits_of)
+    return run_from(supply, picture_frames, jobs, lambda *_: None, limits_of)
 
 
 def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
@@ -226,10 +226,6 @@ def _of_their_drives(store: Store, listed: str) -> Store:
 
 def _no_pictures(error: AuditorError) -> str:
     return f"no pictures of its incidents: {error}"
-
-
-def _silent(_: object, __: str, ___: int) -> None:
-    """How far it is, is not told."""
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,18 @@ def run_all(
         yield from run_from(_Given(items), task, min(jobs, len(items)), on_progress, lambda item: own[id(item)])
 
 
+def in_order(task: Callable[[Item, Progress], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
+    """As `run_all`, the results of items in their order. Raises what one of them raises."""
+    found: dict[Item, Result] = {}
+    left = deque(items)
+    for outcome in run_all(task, items, jobs, lambda *_: None):
+        if outcome.error is not None:
+            raise outcome.error
+        found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
+        while left and left[0] in found:
+            yield found.pop(left.popleft())
+
+
 @dataclass(frozen=True)
 class _Call(Generic[Result]):
     """A function with its arguments, the first of which names it for people; both must be such as can be pickled."""
