@@ -12,8 +12,7 @@ from time import process_time
 import pytest
 
 from tests.making.hostile_files import Hostile
-from tests.making.hostile_packed import ALL
-from tests.making.memory import forget_peak, memory_mb
+from tests.making.hostile_packed import ALL, forget_peak, memory_mb
 from tests.making.reading_all import read_all
 
 _STEPS = 900_000
