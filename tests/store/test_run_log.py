@@ -26,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from auditor.store import tables
 from auditor.store.files import PartFile
-from auditor.store.log import run
+from auditor.store.log.runs import run
 from auditor.store.records import RecordingRecord
 from auditor.store.store import Store
 
