@@ -22,6 +22,7 @@ from auditor.lab.evaluation.experiments import (
     EXPERIMENTS,
     FURTHER,
     INTERVALS,
+    LADDERS,
     Case,
     Experiment,
     SeededDraws,
@@ -31,7 +32,6 @@ from auditor.lab.evaluation.experiments import (
     read_patterns,
 )
 from auditor.lab.evaluation.features import FeaturesOfCases
-from auditor.lab.evaluation.ladders import LADDERS
 from auditor.lab.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
