@@ -15,7 +15,7 @@ from auditor.store.maintenance.verify import verify
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
 from auditor.store.tables import read_rows
-from tests.making.counted_reads import count_reads
+from tests.making.reading_all import count_reads
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, START_NS, drive_frames
 

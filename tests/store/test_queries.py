@@ -14,7 +14,7 @@ from auditor.store.connection import shut_connection
 from auditor.store.queries import describe, list_queries, list_views, query, run_query, run_sql
 from auditor.store.records import JudgementRecord
 from auditor.store.sql_files import bind
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 from tests.making.stores import (
     NOON,
     PERIOD_NS,
