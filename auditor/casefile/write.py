@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import auditor
-from auditor.casefile.case import Case, in_words
+from auditor.casefile.case import LEFT_OUT, NO_REDACTION, Case, Redaction, in_words
 from auditor.casefile.folder import files_of, new_file, new_folder, write_manifest
 from auditor.casefile.recorded import write_kept, write_recorded
-from auditor.casefile.redaction import LEFT_OUT, NO_REDACTION, Redaction
 from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import limits_by_size
