@@ -15,9 +15,8 @@ change them, and CHANGELOG.md says so. Every other module may change at any time
 Names are imported when they are first used, so that `import auditor` itself takes no time.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
-
-from auditor.model.lazy_names import imported_when_used
 
 if TYPE_CHECKING:
     from auditor.errors import (
@@ -59,8 +58,10 @@ if TYPE_CHECKING:
         synchronise,
     )
     from auditor.recordings import Damage, FrameStream, Reader, Recording, Topic
-    from auditor.reporting import render_incident_report
-    from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
+    from auditor.reporting.incident.render import render_incident_report
+    from auditor.store.export import rows_of
+    from auditor.store.records import StoredJudgement, StoredMeasurement
+    from auditor.store.store import Store
 
 __version__ = "0.3.0.dev0"
 
@@ -136,12 +137,19 @@ _HOMES = {
     "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
     "pipeline.judged": "Judged",
     "recordings": "Damage FrameStream Reader Recording Topic",
-    "reporting": "render_incident_report",
-    "store": "Store StoredJudgement StoredMeasurement rows_of",
+    "reporting.incident.render": "render_incident_report",
+    "store.export": "rows_of",
+    "store.records": "StoredJudgement StoredMeasurement",
+    "store.store": "Store",
 }
 """The module of each name."""
 
-__getattr__ = imported_when_used(__name__, _HOMES)
+
+def __getattr__(name: str) -> object:
+    for module, names in _HOMES.items():
+        if name in names.split():
+            return globals().setdefault(name, getattr(import_module(f"auditor.{module}"), name))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.store import run_query
+from auditor.store.queries import run_query
 from tests.making.report_stores import add_recording, new_store
 
 NOTEBOOK = Path(__file__).parents[1] / "docs" / "notebook.ipynb"

@@ -96,7 +96,8 @@ from auditor.cli import run
 from auditor.measurement.checks.found import MEASURING
 from auditor.model.parameters import list_parameters
 from auditor.identification.parameters import JUDGING
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 
 assert run(["attack", "--help"]) == 0
 inked = ["--on", "S_2", "--kind", "inked", "--size", "0.4", "--ink", "77", "--from", "0.2", "--to", "1.4"]

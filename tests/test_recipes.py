@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from auditor.cli import auditor
 from auditor.cli.settings import read_file
 from auditor.pipeline.remote.finding import Shard, shard_of
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making import stand_in_ray
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 

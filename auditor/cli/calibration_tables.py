@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from auditor.model.calibration import Calibration, Expected, RobustThresholds
     from auditor.pipeline.calibrations.making import MadeCalibration
     from auditor.pipeline.calibrations.versions import Kept
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 _MOST_ROWS = 20
 _MOST_NAMED = 5
@@ -30,7 +30,7 @@ def show_robust(made: "MadeCalibration", form: str) -> None:
 
     A table has the checks that count where no sensor is missing or named; other forms have all.
     """
-    from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
+    from auditor.store.export import table_of  # noqa: PLC0415 - Arrow is heavy
 
     thresholds, system = made.thresholds, made.asked.system
     rows = _sensor_checks(thresholds, system)
@@ -53,7 +53,8 @@ def learnt(drives: int) -> str:
 
 def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str) -> None:
     """The thresholds of the paper's method at r, one row a statistic and triple."""
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.queries import run_query  # noqa: PLC0415 - DuckDB is heavy
 
     thresholds = run_query(store, "thresholds", {"calibration": calibration.calibration_id, "r": r})
     if form != "table":

@@ -11,8 +11,8 @@ from auditor.cli.output import say
 from auditor.errors import AuditorError, StoreError
 
 if TYPE_CHECKING:
-    from auditor.store import StoreFolder
-    from auditor.store.log import Run
+    from auditor.store.folder import StoreFolder
+    from auditor.store.log.runs import Run
 
 _REMEDY = "auditor verify names everything that differs"
 
@@ -23,7 +23,7 @@ def logged(store: Path, key: Path | None = None) -> Iterator["Run"]:
 
     Raises StoreError, also where the store was altered and cannot be read for that, and SettingError for a wrong key.
     """
-    from auditor.store.log import run  # noqa: PLC0415 - heavy
+    from auditor.store.log.runs import run  # noqa: PLC0415 - heavy
 
     arguments = click.get_current_context().find_root().obj or ()
     with reading(store), run(store.expanduser(), ["auditor", *arguments], key) as entry:
@@ -69,7 +69,7 @@ def tell_altered(store: "StoreFolder", *, every: bool) -> bool:
 
 def _altered(folder: Path) -> str:
     """What was altered of a store, as a sentence; empty where nothing was."""
-    from auditor.store import StoreFolder  # noqa: PLC0415 - heavy
+    from auditor.store.folder import StoreFolder  # noqa: PLC0415 - heavy
     from auditor.store.maintenance.verify import verify_hashes  # noqa: PLC0415
 
     wrong = [

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.judged import Judged
     from auditor.pipeline.many import Batch
-    from auditor.pipeline.measured import Measured, MeasureTask
+    from auditor.pipeline.measured import Measured
     from auditor.pipeline.scan import Scan
-    from auditor.store import Store, StoredJudgement
     from auditor.store.export import Table
+    from auditor.store.records import StoredJudgement
+    from auditor.store.store import Store
 
 _WHERE_KNOWN = ("vehicle", "date")
 _COUNTS = ("clean", "attacked", "unidentified", "suspect")
@@ -51,7 +52,7 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         say(f"auditor: {error}")
         _leave(tally, error.where, error)
     _say_remote(batch)
-    with progress(len(batch.tasks), "measuring", {task: _size_of(task) for task in batch.tasks}) as (
+    with progress(len(batch.tasks), "measuring", {task: task.size_bytes for task in batch.tasks}) as (
         advanced,
         finished,
     ):
@@ -77,14 +78,6 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
         for warning in (*one.calibration_warnings, *one.remarks):
             remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
     _say_once(remarks)
-
-
-def _size_of(task: "MeasureTask") -> int:
-    """The bytes of a recording; 0 where they cannot be known, which is its own error later on."""
-    try:
-        return task.location.size_bytes
-    except OSError:
-        return 0
 
 
 def _say_remote(batch: "Batch") -> None:
@@ -154,7 +147,8 @@ def show_audit(
     `show_known`, and the store is asked about it alone; earlier verdicts are counted. Recordings all of whose
     incidents are excused do not count as found. Without a store nothing was measured.
     """
-    from auditor.store import query, rows_of, run_sqls  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.queries import query, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     incidents: list[dict[str, Any]] = []
@@ -203,7 +197,7 @@ def _provenance(calibration_id: str | None) -> str | None:
 
 def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> list[dict[str, Any]]:
     """The incidents of some measurements by their judgements; none where no review could excuse any."""
-    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.queries import run_query  # noqa: PLC0415 - DuckDB is heavy
 
     if not judged or not store.ids("reviews"):
         return []
@@ -214,7 +208,7 @@ def _incidents_of(store: "Store", judged: "Mapping[str, StoredJudgement]") -> li
 
 def _with_excuses(incidents: "Table", measurements: Collection[str]) -> list[dict[str, Any]]:
     """Those of the incidents that are of some measurements, each with its `excuse`: None where it fails."""
-    from auditor.store import rows_of  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
     from auditor.store.reviews import excuse  # noqa: PLC0415
 
     rows = [row for row in rows_of(incidents) if any(part["measurement_id"] in measurements for part in row["parts"])]

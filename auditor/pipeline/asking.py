@@ -12,23 +12,18 @@ from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError, ThresholdsError
 from auditor.resources import is_address
-from auditor.store import (
-    Connection,
-    StoreFolder,
-    list_queries,
-    list_views,
-    plain_connection,
-    run_query,
-)
-from auditor.store import query as find_query
+from auditor.store.connection import Connection, plain_connection
 from auditor.store.export import Table
+from auditor.store.folder import StoreFolder
+from auditor.store.queries import list_queries, list_views, run_query
+from auditor.store.queries import query as find_query
 
 if TYPE_CHECKING:
     import pandas
     import polars
 
     from auditor.model.calibration import Calibration
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 PathLike = str | Path
 
@@ -54,14 +49,14 @@ def query(
     if (name is None) == (sql is None):
         raise QueryError("give the name of a query or sql, and not both", where="query")
     if sql is not None:
-        from auditor.store import run_sandboxed  # noqa: PLC0415 - what starts processes
+        from auditor.store.sandbox.process import run_sandboxed  # noqa: PLC0415 - what starts processes
 
         return run_sandboxed(opened(store), sql)
     assert name is not None
     wanted, kept = find_query(name), opened(store)
     named = {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters}
     if not named.keys().isdisjoint(("recording", "calibration")):
-        from auditor.store import Store  # noqa: PLC0415 - heavy
+        from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
         known = Store(kept.folder)
         _refuse_unknown(known, name, named)
@@ -105,7 +100,8 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
 
     Raises ThresholdsError where there is none, also where there is no store yet.
     """
-    from auditor.store import Store, read_calibration  # noqa: PLC0415 - heavy
+    from auditor.store.calibrations import read_calibration  # noqa: PLC0415 - heavy
+    from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
     if name is None:
         return None

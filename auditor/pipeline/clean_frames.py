@@ -15,7 +15,8 @@ from auditor.model.fault_features import COLUMNS
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.store import FrameStatistics, Store, StoredMeasurement
+from auditor.store.records import FrameStatistics
+from auditor.store.store import Store
 
 
 def clean_frames_of(
@@ -26,25 +27,18 @@ def clean_frames_of(
     `frames` restricts it to these frame numbers, `recount` computes the statistics again from the stored cells.
     """
     stored = store.measurement(measurement)
-    return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
-
-
-def _clean_frames(
-    store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
-) -> CleanFrames:
-    known = measurement.measurement_id
-    frames_of = frame_statistics(store, known, recount=recount)
-    features = store.load_fault_features(known)
+    rig, features = store.rig(stored.rig_id), store.load_fault_features(measurement)
+    frames_of = frame_statistics(store, measurement, recount=recount)
     present = frames_of.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
     return CleanFrames(
-        measurement.recording_id,
+        stored.recording_id,
         frames_of.stamps_ns[chosen],
         {
             (statistic, triple): column
             for statistic in Statistic
             for triple, column in zip(
-                rig.measured_triples, store.load_errors(known, statistic).E[chosen].T, strict=True
+                rig.measured_triples, store.load_errors(measurement, statistic).E[chosen].T, strict=True
             )
         },
         dict(zip(rig_sensor_checks(rig), frames_of.statistics[chosen].T, strict=True)),
@@ -59,7 +53,7 @@ def _clean_frames(
         },
         brightness={key: column[chosen] for key, column in features.by_camera.items()},
         returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
-        versions={name: measurement.versions[name] for name in MACHINE if name in measurement.versions},
+        versions={name: stored.versions[name] for name in MACHINE if name in stored.versions},
     )
 
 

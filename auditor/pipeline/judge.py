@@ -44,16 +44,16 @@ from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method, Verdict, VerdictKind
 from auditor.pipeline.clean_frames import frame_statistics
-from auditor.store import (
+from auditor.store.records import (
     FrameStatistics,
     JudgementRecord,
     JudgingRules,
     RecordingRecord,
-    Store,
     StoredJudgement,
     StoredMeasurement,
+    judgement_id,
 )
-from auditor.store.records import judgement_id
+from auditor.store.store import Store
 
 Rows = list[tuple[int, int, Verdict]]
 

@@ -22,8 +22,9 @@ from auditor.pipeline.judge import (
 from auditor.pipeline.measured import FEW
 from auditor.pipeline.reading import frames_not_audited, looks_again, reading_of, views_not_compared
 from auditor.pipeline.remarks import UsualRigs, as_a_part, conflicts_of, counted_elsewhere, marked, unresolved
-from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
+from auditor.store.records import RecordingRecord, StoredJudgement, StoredMeasurement
+from auditor.store.store import Store
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import lost_line, lost_versions, provisional_of
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from auditor.errors import SettingError, StoreError
 from auditor.model.rig import Rig
 from auditor.model.stamps import NANOSECONDS
-from auditor.store import Store
 from auditor.store.files import locked
 from auditor.store.records import GivenLabel, RecordingRecord, StoredMeasurement
+from auditor.store.store import Store
 from auditor.store.tables import read_table
 
 _FRAME = re.compile(r"\d+")

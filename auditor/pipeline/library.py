@@ -45,9 +45,9 @@ from auditor.pipeline.remote.addresses import Address, path_or_address
 from auditor.pipeline.remote.mirror import mirrored
 from auditor.pipeline.scan import Scan
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.relations import relate
+from auditor.store.store import Store
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -242,7 +242,7 @@ def calibrate(
     batch = find_batch([one for one in places if one not in given], folder, settings)
     kept = Store.open(folder, create=True)
     with logged(kept.folder):
-        outcomes = list(measure_all(batch, on_progress or _silent))
+        outcomes = list(measure_all(batch, on_progress or (lambda *_: None)))
         relate(kept)
         measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(measured, stores)
@@ -280,7 +280,7 @@ def scan(
 
     def into(folder: Path) -> Iterator[Scanned]:
         chosen = judge_settings(folder, by)
-        return _scan(find_batch(places, folder, how), folder, chosen, on_progress or _silent)
+        return _scan(find_batch(places, folder, how), folder, chosen, on_progress or (lambda *_: None))
 
     return _at(path_or_address(store), into)
 
@@ -356,7 +356,3 @@ def _measuring(network: MatcherOptions, given: Mapping[str, object]) -> MeasureS
 def _places(sources: PathLike | Iterable[PathLike]) -> list[Path | Address]:
     """Paths, and addresses of object stores. Raises SettingError."""
     return [path_or_address(one) for one in ([sources] if isinstance(sources, str | Path) else sources)]
-
-
-def _silent(item: object, what: str, frames: int) -> None:
-    """The default of `on_progress`."""

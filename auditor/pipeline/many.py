@@ -16,8 +16,8 @@ from auditor.pipeline.remote.measuring import measure_here, measure_on_cluster
 from auditor.pipeline.remote.spool import Spool, spool_of
 from auditor.pipeline.workers import MEMORY_MB, Limits, LimitsOf, Outcome, limits_of
 from auditor.recordings import Location, Origin, check_rig_file, located
-from auditor.store import Store
 from auditor.store.log.chains import is_mirror
+from auditor.store.store import Store
 
 MOST_KNOWN = 50
 """So many recordings of one batch are each shown, though they may be known; of more only those that are new."""

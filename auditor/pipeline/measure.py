@@ -67,18 +67,12 @@ from auditor.recordings import (
     synchronise,
 )
 from auditor.resources import plug_ins
-from auditor.store import (
-    FramesWriter,
-    MeasurementRecord,
-    RecordingRecord,
-    Store,
-    StoredMeasurement,
-    measurement_id,
-)
 from auditor.store.files import locked
-from auditor.store.log import logged
+from auditor.store.frames_writer import FramesWriter
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.removal import remove_counted_earlier, remove_measurement
-from auditor.store.records import content_id
+from auditor.store.records import MeasurementRecord, RecordingRecord, StoredMeasurement, content_id, measurement_id
+from auditor.store.store import Store
 
 _PREFLIGHT_FRAMES = 3
 _VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")

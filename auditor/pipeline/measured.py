@@ -19,8 +19,8 @@ from auditor.pipeline.remote.finding import parts_of, together
 from auditor.recordings import Location, Origin, located
 from auditor.recordings.location import StoredObject
 from auditor.recordings.parameters import synchronising_digest
-from auditor.store import RecordingRecord, Sighting, Store, StoredMeasurement
-from auditor.store.records import content_id
+from auditor.store.records import RecordingRecord, Sighting, StoredMeasurement, content_id
+from auditor.store.store import Store
 
 _UNKNOWN = Origin()
 
@@ -55,6 +55,14 @@ class MeasureTask:
     def location(self) -> Location:
         """Where its recording lies."""
         return located(self.recording)
+
+    @property
+    def size_bytes(self) -> int:
+        """The bytes of its recording; 0 where they cannot be known, which is its own error later on."""
+        try:
+            return self.location.size_bytes
+        except OSError:
+            return 0
 
     def declared(self) -> Origin:
         """What is given and what its path says of its origin. Raises SettingError where the path says no date."""

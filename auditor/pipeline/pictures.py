@@ -25,8 +25,11 @@ from auditor.pipeline.remote.spool import Spool
 from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import FrameStream, Location, Recording, find_recordings, open_recording, survey, synchronise
 from auditor.resources import is_address
-from auditor.store import RecordingRecord, Store, rows_of, run_sql
+from auditor.store.export import rows_of
 from auditor.store.pictures import pictured_in_full
+from auditor.store.queries import run_sql
+from auditor.store.records import RecordingRecord
+from auditor.store.store import Store
 
 _ANEW = "put it back, or scan it where it lies now"
 
@@ -180,9 +183,9 @@ def _run(
         return limits(task.recording)
 
     if all(task.recording.remote is None for task in tasks):
-        return run_all(picture_frames, tasks, jobs, _silent, limits_of)
+        return run_all(picture_frames, tasks, jobs, lambda *_: None, limits_of)
     supply = Supply(tasks, spool, lambda task: task.recording, PictureTask.at, min(jobs, len(tasks)))
-    return run_from(supply, picture_frames, jobs, _silent, limits_of)
+    return run_from(supply, picture_frames, jobs, lambda *_: None, limits_of)
 
 
 def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
@@ -223,10 +226,6 @@ def _of_their_drives(store: Store, listed: str) -> Store:
 
 def _no_pictures(error: AuditorError) -> str:
     return f"no pictures of its incidents: {error}"
-
-
-def _silent(_: object, __: str, ___: int) -> None:
-    """How far it is, is not told."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from auditor.model.settings import Criteria
 from auditor.model.text import enumerated, first_few
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import BETWEEN, EDGE
-from auditor.store import StoredJudgement, StoredMeasurement
+from auditor.store.records import StoredJudgement, StoredMeasurement
 
 _MOST_DAMAGE = 3  # pieces of damage in one remark
 _MOST_FASTER = 3  # sensors in one remark

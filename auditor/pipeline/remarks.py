@@ -7,7 +7,10 @@ from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.verdict import JudgedBy
 from auditor.pipeline.judge import resolves_incidents
-from auditor.store import RecordingRecord, Store, StoredJudgement, rows_of, run_sql
+from auditor.store.export import rows_of
+from auditor.store.queries import run_sql
+from auditor.store.records import RecordingRecord, StoredJudgement
+from auditor.store.store import Store
 
 
 def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:

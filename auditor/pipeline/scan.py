@@ -24,11 +24,11 @@ from auditor.pipeline.pictures import picture_incidents
 from auditor.pipeline.remote.mirror import put_back_if_due
 from auditor.pipeline.workers import Outcome
 from auditor.resources import is_address
-from auditor.store import Store
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.relations import relate
 from auditor.store.packs.packing import pack_where_many
 from auditor.store.records import content_id, to_utc
+from auditor.store.store import Store
 
 Row = dict[str, Any]
 

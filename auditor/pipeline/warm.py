@@ -13,7 +13,7 @@ from auditor.model.rig_kind import ComparedTo
 from auditor.pipeline.measure import library_versions  # with all that it imports
 from auditor.recordings.decoding.ros import known_types
 from auditor.resources import plug_ins
-from auditor.store import leave_pandas_out, table_of
+from auditor.store.export import leave_pandas_out, table_of
 from auditor.store.schema import TABLES, table_schema
 
 known_types()

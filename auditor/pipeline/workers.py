@@ -24,7 +24,7 @@ from auditor.errors import AuditorError, LimitError
 from auditor.model.settings import MeasureSettings
 from auditor.pipeline.fork_server import Worker, fork
 from auditor.recordings.location import Location
-from auditor.store.log import Run, adopt, current_runs
+from auditor.store.log.runs import Run, adopt, current_runs
 
 MEMORY_MB = MeasureSettings.memory_limit
 """Memory that one task may take by default."""
@@ -159,6 +159,18 @@ def run_all(
     elif items:
         own = {id(item): limits(item) if limits else Limits() for item in items}
         yield from run_from(_Given(items), task, min(jobs, len(items)), on_progress, lambda item: own[id(item)])
+
+
+def in_order(task: Callable[[Item, Progress], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
+    """As `run_all`, the results of items in their order. Raises what one of them raises."""
+    found: dict[Item, Result] = {}
+    left = deque(items)
+    for outcome in run_all(task, items, jobs, lambda *_: None):
+        if outcome.error is not None:
+            raise outcome.error
+        found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
+        while left and left[0] in found:
+            yield found.pop(left.popleft())
 
 
 @dataclass(frozen=True)

@@ -32,14 +32,9 @@ _SMALL_BUFFER_BYTES = 1 << 16
 class ChangedError(RecordingError):
     """A file that is no longer what it was when it was opened."""
 
-    def __init__(
-        self,
-        what: str = "the file changed while it was read: nothing of this is kept",
-        *,
-        where: object = "",
-        remedy: str = "scan it again when it is finished",
-    ) -> None:
-        super().__init__(what, where=where, remedy=remedy)
+    def __init__(self, path: Path) -> None:
+        what = "the file changed while it was read: nothing of this is kept"
+        super().__init__(what, where=path, remedy="scan it again when it is finished")
 
 
 class FileContent:
@@ -94,7 +89,7 @@ class FileContent:
         file = FileIO(self.path)
         if _identity(os.fstat(file.fileno())) != self._identity:
             file.close()
-            raise ChangedError(where=self.path)
+            raise ChangedError(self.path)
         return file
 
     def block(self, descriptor: int, number: int) -> bytes:
@@ -107,13 +102,13 @@ class FileContent:
         elif number > len(self._states):
             digest = hashlib.sha256(data).digest()
             if self._ahead.setdefault(number, digest) != digest:
-                raise ChangedError(where=self.path)
+                raise ChangedError(self.path)
         else:
             after = self._states[number].copy()
             after.update(data)
             length = after.digest_size
             if after.digest() != self._digests[number * length : (number + 1) * length]:
-                raise ChangedError(where=self.path)
+                raise ChangedError(self.path)
         return data
 
     def _read(self, descriptor: int, number: int) -> bytes:
@@ -121,7 +116,7 @@ class FileContent:
         length = min(self._block_bytes, self.size - start)
         data = _pread(descriptor, start, length)
         if len(data) != length:
-            raise ChangedError(where=self.path)
+            raise ChangedError(self.path)
         return data
 
     def _hash_up_to(self, descriptor: int, number: int) -> None:
@@ -133,7 +128,7 @@ class FileContent:
         """Hash the next block, which must be what was read of it before."""
         before = self._ahead.pop(len(self._states), None)
         if before is not None and hashlib.sha256(data).digest() != before:
-            raise ChangedError(where=self.path)
+            raise ChangedError(self.path)
         self._states.append(self._whole.copy())
         self._whole.update(data)
         self._digests += self._whole.digest()
@@ -147,9 +142,9 @@ class FileContent:
         try:
             now = _identity(self.path.stat())
         except OSError as error:
-            raise ChangedError(where=self.path) from error
+            raise ChangedError(self.path) from error
         if now != self._identity:
-            raise ChangedError(where=self.path)
+            raise ChangedError(self.path)
 
 
 class UnprovenFile:

@@ -86,7 +86,7 @@ def open_recording(where: Path | Location) -> Recording:
         if reader is not None:
             _refuse_empty(path)
             return reader.open(path)
-        within = _within(path) if path.is_dir() else []
+        within = _put_together(list(_search(path))) if path.is_dir() else []
         if len(within) != 1:
             what = f"it holds {len(within)} recordings" if within else "this is not a recording of a known kind"
             raise RecordingError(what, where=path, remedy=f"give {KINDS}")
@@ -98,10 +98,6 @@ def open_recording(where: Path | Location) -> Recording:
 def _refuse_empty(path: Path) -> None:
     if path.is_file() and path.stat().st_size == 0:
         raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
-
-
-def _within(folder: Path) -> list[Location]:
-    return _put_together(list(_search(folder)))
 
 
 @dataclass(frozen=True)

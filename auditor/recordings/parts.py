@@ -256,12 +256,8 @@ def _are_beside(one: _Drive, other: _Drive) -> bool:
     shorter_ns = min(end - begin, other_end - other_begin)
     if common_ns <= 0 or common_ns < DRIVE_PARTS.least_common_share * shorter_ns:
         return False
-    sensors = [_sensors(drive) for drive in (one, other)]
+    sensors = [drive.readable[0].sensors if drive.readable else frozenset() for drive in (one, other)]
     return all(sensors) and not sensors[0] & sensors[1]
-
-
-def _sensors(drive: _Drive) -> frozenset[str]:
-    return drive.readable[0].sensors if drive.readable else frozenset()
 
 
 def _located(drives: Sequence[_Drive]) -> Location:

@@ -185,13 +185,7 @@ def labels_to_json(labels: Iterable[AttackLabel]) -> bytes:
 
 def label_to_dict(label: AttackLabel) -> dict[str, Any]:
     """A plain description that `label_from_dict` reads back."""
-    return {
-        "topic": label.topic,
-        "attack": label.attack,
-        "from_ns": label.from_ns,
-        "to_ns": label.to_ns,
-        "parameters": dict(label.parameters),
-    }
+    return {**vars(label), "parameters": dict(label.parameters)}
 
 
 def label_from_dict(description: dict[str, Any]) -> AttackLabel:

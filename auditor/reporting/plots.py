@@ -182,7 +182,7 @@ def draw(
     axis = TimeAxis(stamps_ns, origin_ns)
     top = 8.0
     charts: list[Chart] = []
-    height = _chart_height(len(series))
+    height = 84.0 if len(series) <= 4 else 52.0 if len(series) <= 10 else 34.0
     highest = _highest(series)
     for one in series:
         charts.append(_chart(one, stamps_ns, axis, highest=highest, top=top, bottom=top + height))
@@ -194,10 +194,6 @@ def draw(
         top += STRIP_STEP_PX
     spans = tuple(Cell(*_extent(axis, first, last, axis.period_ns), "shaded") for first, last in shaded)
     return Figure(top + 34, tuple(charts), tuple(strips), spans, axis.ticks(), top, axis.unit)
-
-
-def _chart_height(count: int) -> float:
-    return 84.0 if count <= 4 else 52.0 if count <= 10 else 34.0
 
 
 def _highest(series: Sequence[Series]) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -14,6 +15,7 @@ from auditor.model.measurement import BRIGHTNESS, CASE_BRIGHTNESS, COUNTING_VERS
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import ComparedTo
 from auditor.store.evaluation_tables import CHUNK_FRAMES
+from auditor.store.measurement_tables import floats, list_values, where_kept
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
 
@@ -105,7 +107,7 @@ def load_cases(store: Store) -> Iterator[Cases]:
         groups.setdefault((setup, rig_sensor_checks(rigs[rig_id])), []).append(row)
     for rows in groups.values():
         part = table.take(rows)
-        yield _cases(part, rigs[part["rig_id"][0].as_py()])
+        yield _cases(part, rigs[part["rig_id"][0].as_py()], store.folder)
 
 
 def too_old(store: Store) -> list[str]:
@@ -113,37 +115,23 @@ def too_old(store: Store) -> list[str]:
     return [row["evaluation_id"] for row in run_sql(store, _TOO_OLD).to_pylist()]
 
 
-def _cases(table: pa.Table, rig: Rig) -> Cases:
-    N, S, pairs = len(table), len(rig.sensors), len(rig.pairs)
+def _cases(table: pa.Table, rig: Rig, path: Path) -> Cases:
+    N, M, S, pairs = len(table), len(rig_sensor_checks(rig)), len(rig.sensors), len(rig.pairs)
     known = table.select(_KNOWN_BY.split(", ")).to_pylist()
-    by_pair = N, pairs, len(COLUMNS)
+    present, fingerprints = (list_values(table[name], N * S, path) for name in ("present", "fingerprint"))
+    features, after = (
+        floats(table[name], N * pairs * len(COLUMNS), path).reshape(N, pairs, len(COLUMNS))
+        for name in ("fault_features", "fault_features_after")
+    )
     return Cases(
         rig,
         Procedure(*(table[name][0].as_py() for name in ("matcher", "settings", "counting_version"))),
         tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
-        _floats(table["statistics"]).reshape(N, len(rig_sensor_checks(rig))),
-        np.asarray(_values(table["present"]).to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
-        np.asarray(_values(table["fingerprint"]).fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(
-            N, S
-        ),
-        {name: _where_kept(table[name], S) for name in BRIGHTNESS},
-        _floats(table["fault_features"]).reshape(by_pair),
-        _floats(table["fault_features_after"]).reshape(by_pair),
+        floats(table["statistics"], N * M, path).reshape(N, M),
+        np.asarray(present.to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
+        np.asarray(fingerprints.fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(N, S),
+        {name: where_kept(table[name], S, path) for name in BRIGHTNESS},
+        features,
+        after,
         np.asarray(table["returns"].cast("float64").to_numpy(), dtype=np.float64),
     )
-
-
-def _floats(column: pa.ChunkedArray) -> Floats:
-    """The values of all lists, NaN where NULL."""
-    return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
-def _where_kept(column: pa.ChunkedArray, width: int) -> Floats:
-    """(N, width) the values of the lists, NaN where NULL and where the whole list is."""
-    values = np.full((len(column), width), np.nan)
-    values[column.is_valid().to_numpy()] = _floats(column).reshape(-1, width)
-    return values
-
-
-def _values(column: pa.ChunkedArray) -> pa.Array:
-    return column.combine_chunks().flatten()

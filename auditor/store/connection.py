@@ -24,7 +24,7 @@ from auditor.store.folder import MARKER, StoreFolder
 from auditor.store.packs.index import Files
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.read_only_files import PROTOCOL, ReadOnlyFiles
-from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES, TableSchema, table_schema
+from auditor.store.schema import MANIFESTS, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import comments, macros, views
 
 SHUT: dict[str, str | bool | int | float | list[str]] = {
@@ -311,7 +311,7 @@ def _create_stored(
         _create_of_files(filling, kind, f"raw_{name}_alone", schema, alone, mixed=mixed)
         _create_of_files(filling, "VIEW", f"raw_{name}_packs", schema, packs, mixed=mixed)
         filling.create("TABLE", f"raw_{name}_hidden", "SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
-        counting = f" ANTI JOIN raw_{name}_hidden ON {ID_COLUMNS[name]} = id" if hidden else ""
+        counting = f" ANTI JOIN raw_{name}_hidden ON {schema.id_column} = id" if hidden else ""
         both = f"FROM raw_{name}_alone UNION ALL FROM raw_{name}_packs{counting}"
         filling.create("VIEW", f"stored_{name}", both)  # our own names
     else:

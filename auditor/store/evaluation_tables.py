@@ -11,7 +11,8 @@ from typing import Any, ClassVar, Protocol
 
 from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
 from auditor.model.verdict import FaultHypothesis, VerdictKind
-from auditor.store.log import Output, logged
+from auditor.store.log.entry import Output
+from auditor.store.log.runs import logged
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store

@@ -80,7 +80,7 @@ def fault_feature_rows(
 def fault_features_of(measured: pa.Table, frames_path: Source, rig: Rig, path: Source) -> ObservedFeatures:
     """The fault features, from a file of their own, of frames that were read from another. Raises StoreError."""
     frames = measured["frame"].to_numpy()
-    coverage = {name: _where_kept(measured[name], len(rig.sensors), frames_path) for name in BRIGHTNESS}
+    coverage = {name: where_kept(measured[name], len(rig.sensors), frames_path) for name in BRIGHTNESS}
     places = {pair: place for place, pair in enumerate(rig.pairs)}
     columns = {name: np.full((len(frames), len(rig.pairs)), np.nan) for name in COLUMNS}
     table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
@@ -227,10 +227,10 @@ def statistics_of(table: pa.Table, path: Source, rig: Rig) -> FrameStatistics:
     F, S, checks = len(table), len(rig.sensors), rig_sensor_checks(rig)
     earlier = [sum(one.check not in ADDED_LATER[n:] for one in checks) for n in range(len(ADDED_LATER))]
     statistics, unmasked = (
-        _where_kept(table[name], len(checks), path, earlier) for name in ("statistics", "unmasked_statistics")
+        where_kept(table[name], len(checks), path, earlier) for name in ("statistics", "unmasked_statistics")
     )
-    fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
-    returns = _floats(table["returns"], F * S, path).reshape(F, S)
+    fingerprints = list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
+    returns = floats(table["returns"], F * S, path).reshape(F, S)
     return FrameStatistics(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
@@ -242,38 +242,39 @@ def statistics_of(table: pa.Table, path: Source, rig: Rig) -> FrameStatistics:
     )
 
 
-def _floats(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.float64]:
+def floats(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.float64]:
     """The values of all lists, NaN where NULL."""
-    return np.asarray(_list_values(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+    return np.asarray(list_values(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
 
 
 def _padded(column: pa.ChunkedArray, width: int, before: int, path: Source) -> NDArray[np.float64]:
     """(F, width) values of the lists, NaN where NULL; lists of before there was a fallback lack the last of them."""
     rows = len(column)
     stored = before if len(column.combine_chunks().flatten()) == rows * before else width
-    values = _floats(column, rows * stored, path).reshape(rows, stored)
+    values = floats(column, rows * stored, path).reshape(rows, stored)
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
-def _where_kept(column: pa.ChunkedArray, width: int, path: Source, earlier: Sequence[int] = ()) -> NDArray[np.float64]:
+def where_kept(column: pa.ChunkedArray, width: int, path: Source, earlier: Sequence[int] = ()) -> NDArray[np.float64]:
     """(F, width) values of the lists, NaN where NULL and where the whole list is; older ones have `earlier` widths."""
     kept = column.is_valid().to_numpy()
     rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
     width_stored = next((one for one in earlier if stored == rows * one), width)
     values = np.full((len(column), width), np.nan)
-    values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(rows, width_stored)
+    values[kept, :width_stored] = floats(column, rows * width_stored, path).reshape(rows, width_stored)
     return values
 
 
 def _texts(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.str_]:
-    return np.asarray(_list_values(column, count, path).to_pylist(), dtype=np.str_)
+    return np.asarray(list_values(column, count, path).to_pylist(), dtype=np.str_)
 
 
 def _count(counts: Counts | None, name: str) -> int | None:
     return None if counts is None else getattr(counts, name)
 
 
-def _list_values(column: pa.ChunkedArray, count: int, path: Source) -> pa.Array:
+def list_values(column: pa.ChunkedArray, count: int, path: Source) -> pa.Array:
+    """The values of all lists, of which there must be so many. Raises StoreError."""
     values = column.combine_chunks().flatten()
     if len(values) != count:
         raise StoreError(

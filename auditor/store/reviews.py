@@ -13,8 +13,8 @@ from typing import Any
 
 from auditor.errors import StoreError
 from auditor.store.export import rows_of
-from auditor.store.log import Kind, logged
-from auditor.store.log.entry import user
+from auditor.store.log.entry import Kind, user
+from auditor.store.log.runs import logged
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store

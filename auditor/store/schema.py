@@ -62,29 +62,6 @@ TABLES = (
     "object_cases",
 )
 
-ID_COLUMNS = {
-    "recordings": "recording_id",
-    "labels": "recording_id",
-    "given_labels": "recording_id",
-    "rigs": "rig_id",
-    "triples": "rig_id",
-    "sensor_checks": "rig_id",
-    **dict.fromkeys(
-        ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
-    ),
-    **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
-    "reviews": "review_id",
-    "inputs": "inputs_id",
-    "judgements": "judgement_id",
-    "verdicts": "judgement_id",
-    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
-    **dict.fromkeys(
-        ("evaluations", "cases", "case_verdicts", "missed_pictures", "object_evaluations", "object_cases"),
-        "evaluation_id",
-    ),
-}
-"""By table: the column that has the id of the file."""
-
 WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
@@ -130,6 +107,11 @@ class TableSchema:
         fields = [pa.field(column.name, arrow_type(column.type)) for column in self.columns]
         return pa.schema(fields, metadata={_VERSION_KEY: str(SCHEMA_VERSION).encode()})
 
+    @property
+    def id_column(self) -> str:
+        """The column that has the id of the file."""
+        return self.file.partition("<")[2].partition(">")[0]
+
     @cached_property
     def dictionary_columns(self) -> list[str]:
         """Parquet paths of the columns that repeat few values: ids and words."""
@@ -158,6 +140,11 @@ def table_schema(name: str) -> TableSchema:
     description = tomllib.loads((resource_folder("schemas") / f"{name}.toml").read_text(encoding="utf-8"))
     columns = tuple(Column(name=column, **fields) for column, fields in description["columns"].items())
     return TableSchema(name, description["sentence"], description["file"], columns)
+
+
+def id_column(table: str) -> str:
+    """The column of a table that has the id of the file."""
+    return table_schema(table).id_column
 
 
 def version_of(schema: pa.Schema) -> int | None:

@@ -21,7 +21,8 @@ from auditor.store.calibrations import OutdatedCalibrationError, read_calibratio
 from auditor.store.files import Written, write_whole
 from auditor.store.folder import StoreFolder
 from auditor.store.frames_writer import FramesWriter
-from auditor.store.log import Output, logged
+from auditor.store.log.entry import Output
+from auditor.store.log.runs import logged
 from auditor.store.measurement_tables import (
     FrameCells,
     errors_of,

@@ -16,7 +16,7 @@ from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.store.files import Announce, PartFile, Written, part_file
 from auditor.store.packs.index import Files, Part
-from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TableSchema, newer_version, table_schema, version_of
+from auditor.store.schema import SCHEMA_VERSION, TableSchema, id_column, newer_version, table_schema, version_of
 
 Row = Mapping[str, object]
 T = TypeVar("T")
@@ -281,7 +281,7 @@ def rows_of_files(table: str, files: Files, columns: Sequence[str] | None = None
     rows = [row for path in files.alone for row in listed(read_table(table, path, columns), path)]
     if not files.packs:
         return rows
-    column = ID_COLUMNS[table]
+    column = id_column(table)
     for path in files.packs:
         content = read_table(table, path, columns)
         hidden = pc.is_in(content[column], pa.array(sorted(files.hidden), pa.string()))

@@ -13,7 +13,7 @@ from auditor import __version__
 from auditor.store.connection import DECLARED, LARGE, connected, in_order, macros_of
 from auditor.store.folder import MARKER
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED
-from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TABLES, TableSchema, table_schema
+from auditor.store.schema import SCHEMA_VERSION, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import comments, literal, macros, views
 
 _HEAD = f"""\
@@ -95,7 +95,7 @@ def _packs(schema: TableSchema) -> Iterator[str]:
 
 def _counts(schema: TableSchema, manifest: str | None) -> str:
     """The condition that rows of packs count: they were not removed, and have no file of their own by now."""
-    row_id, alone = ID_COLUMNS[schema.name], _variable(f"auditor_{schema.name}")
+    row_id, alone = schema.id_column, _variable(f"auditor_{schema.name}")
     removed = f"coalesce({_variable(f'auditor_{schema.name}_packs_removed')}, [])"
     finished = f" AND {row_id} IN (SELECT {row_id} FROM stored_{manifest})" if manifest else ""  # noqa: S608
     return (
@@ -106,7 +106,7 @@ def _counts(schema: TableSchema, manifest: str | None) -> str:
 
 def _of_manifest(schema: TableSchema, manifest: str) -> str:
     """The files of a table that the rows of a manifest name; of packed tables those that are not in packs alone."""
-    row_id = ID_COLUMNS[schema.name]
+    row_id = schema.id_column
     path = f"{_variable('auditor_pattern')} || '/{schema.name}/' || {row_id} || '.parquet'"
     wanted = ""
     if schema.name in PACKED:

@@ -23,8 +23,7 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
-from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of, kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Case, Scene
 

@@ -39,10 +39,9 @@ from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
 from tests.benchmarks import lone_cameras
-from tests.benchmarks.clean_statistics import Source, case_of, measure_all, sources_of
+from tests.benchmarks.clean_statistics import Source, case_of, kinds_of, measure_all, sources_of
 from tests.benchmarks.durations import LASTS, SHARES, cell
 from tests.benchmarks.incident_series import MEASURED_HZ, RIGS, Drive, Tally, drives_of
-from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.lidar_kinds import statistics_of
 from tests.benchmarks.scenes import Scene, keep, load
 

@@ -25,13 +25,14 @@ import pyarrow as pa
 import pyarrow.compute
 import pyarrow.parquet as pq
 
-from auditor.store import Store
 from auditor.store.files import make_folder, write_whole
-from auditor.store.log import Output, logged, output_of
+from auditor.store.log.entry import Output, output_of
+from auditor.store.log.runs import logged
 from auditor.store.packs.index import INDEX, MEMBERS, Index, members_of, pack_path
 from auditor.store.packs.packing import LEVEL
 from auditor.store.records import judgement_id
 from auditor.store.schema import SCHEMA_VERSION, table_schema
+from auditor.store.store import Store
 from auditor.store.tables import read_table
 from tests.store.kept import unpack
 

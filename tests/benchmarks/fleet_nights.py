@@ -47,7 +47,7 @@ from auditor.pipeline.refreshing.choosing import Known
 from auditor.pipeline.refreshing.learning import Learnt, learn
 from auditor.pipeline.refreshing.night import waiting_after
 from auditor.pipeline.refreshing.pool import Group
-from auditor.store import make_calibration
+from auditor.store.calibrations import make_calibration
 from auditor.store.records import content_id
 from auditor.store.versions.decisions import Decided, Decision
 from auditor.store.versions.history import History, How, Move

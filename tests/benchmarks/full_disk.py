@@ -16,8 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from auditor.cli import run
-from auditor.store import Store
 from auditor.store.maintenance.verify import verify
+from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force
 from tests.making.fleets import add_drive
 

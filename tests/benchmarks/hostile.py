@@ -11,8 +11,7 @@ import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
 
-from tests.making.hostile_packed import ALL
-from tests.making.memory import forget_peak, memory_mb
+from tests.making.hostile_packed import ALL, forget_peak, memory_mb
 from tests.making.reading_all import read_all
 from tests.making.small_drives import write_drive
 

@@ -44,7 +44,9 @@ from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.pictures import Frames, PictureTask, location_of, picture_frames
 from auditor.recordings import write_mcap
-from auditor.store import Store, rows_of, run_sql
+from auditor.store.export import rows_of
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_rig
 from tests.making.small_drives import DAY_NS, FOUR_CAMERAS, START_NS, drive_frames
 

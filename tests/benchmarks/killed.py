@@ -21,8 +21,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from auditor.cli import run
-from auditor.store.log import logged
 from auditor.store.log.chains import read_chains
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.verify import verify
 from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force, histories

@@ -25,9 +25,10 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.pipeline.measured import procedures_by, stamp_of
 from auditor.recordings import write_mcap
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.store import Sighting, Store
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.packs.packing import pack
+from auditor.store.records import Sighting
+from auditor.store.store import Store
 from tests.benchmarks.fleet import OF_FRAMES, cost, fill
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import START_NS, drive_frames

@@ -44,8 +44,7 @@ from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_che
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import MATCHER, Source, case_of
-from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
+from tests.benchmarks.clean_statistics import MATCHER, Source, case_of, kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, counts, judge_all, misnamed, named, not_clean
 from tests.benchmarks.scenes import Scene
 

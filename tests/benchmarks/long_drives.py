@@ -27,8 +27,7 @@ from auditor.identification.cross_validation import count_incidents, hours_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Finding, VerdictKind
-from tests.benchmarks.clustered import clustered_interval
-from tests.benchmarks.rates import ByOtherFamilies, Judged, judge_scene, system_of
+from tests.benchmarks.rates import ByOtherFamilies, Judged, clustered_interval, judge_scene, system_of
 from tests.benchmarks.scenes import Scene, load
 
 RIGS = ((1, 2, 3, 4), (1, 2, 3))

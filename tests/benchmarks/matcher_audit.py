@@ -42,8 +42,7 @@ from auditor.model.verdict import Verdict, VerdictKind
 from auditor.pipeline.judge import system_of
 from auditor.pipeline.measured import procedure_by
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
-from tests.benchmarks.clean_statistics import DRIVES
-from tests.benchmarks.kinds import spread
+from tests.benchmarks.clean_statistics import DRIVES, spread
 from tests.benchmarks.real_drives import without
 from tests.making.named_on_frames import Errors, disparity_errors, drawn, maxima, named
 

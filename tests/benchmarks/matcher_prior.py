@@ -44,7 +44,7 @@ from auditor.model.checks import SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.model.verdict import VerdictKind
-from tests.benchmarks.kinds import spread
+from tests.benchmarks.clean_statistics import spread
 from tests.benchmarks.matcher_audit import attacks_on, judge_alone, open_drive, outcome
 
 MATCHERS = ("sgbm", "psmnet")

@@ -31,8 +31,7 @@ from auditor.model.rig import LIDAR
 from auditor.model.verdict import VerdictKind
 from tests.benchmarks import lidar_kinds
 from tests.benchmarks.ablations import FOUR, INF, THREE, R, Rule, both, left_out, numbers
-from tests.benchmarks.clean_statistics import MATCHER, case_of, drives_in
-from tests.benchmarks.kinds import kinds_of
+from tests.benchmarks.clean_statistics import MATCHER, case_of, drives_in, kinds_of
 from tests.benchmarks.rates import judge_all
 from tests.benchmarks.scenes import Case, Scene
 

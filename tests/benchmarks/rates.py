@@ -30,8 +30,26 @@ from auditor.model.fault_features import COLUMNS, OF_LIDAR, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clustered import clustered_interval
 from tests.benchmarks.scenes import Case, Scene, load
+
+_DRAWS = 10_000
+_LEVEL = 0.05
+
+
+def clustered_interval(hits: Sequence[int], cases: Sequence[int], seed: int = 0) -> tuple[float, float]:
+    """The 95 % interval of sum(hits) / sum(cases) by a bootstrap over clusters, one entry each.
+
+    Without any hit, or with nothing but hits, the bound of Clopper and Pearson for as many cases as clusters.
+    """
+    k, n = np.array(hits), np.array(cases)
+    if not 0 < k.sum() < n.sum():
+        beyond = 1 - (_LEVEL / 2) ** (1 / len(n))
+        return (0.0, beyond) if k.sum() == 0 else (1 - beyond, 1.0)
+    drawn = np.random.default_rng(seed).integers(0, len(n), (_DRAWS, len(n)))
+    rates = k[drawn].sum(axis=1) / n[drawn].sum(axis=1)
+    low, high = np.quantile(rates, (_LEVEL / 2, 1 - _LEVEL / 2))
+    return float(low), float(high)
+
 
 TABLE = ("paper's facula", "wall 2.5 m", "wall 1 m", "R 112 mild", "R 75 mild")
 """The attacks of the published table."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import duckdb
 
 from auditor.errors import AuditorError
-from auditor.store import run_sandboxed
+from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.sandbox.read_only_files import name_of
 from tests.making.sandbox_attempts import REFUSED
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store

@@ -11,13 +11,10 @@ at all (exit code 1 or 4), and those that name an innocent one.
 import argparse
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
-from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from auditor.cli import run
 from auditor.lab.attacks.kinds import OnLidar
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.spoofing import GhostCar
@@ -25,6 +22,7 @@ from auditor.lab.simulation.streets import STYLES
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.recordings import write_mcap
+from tests.benchmarks.appearances import quietly
 from tests.making.audits import ask
 from tests.making.several_lidars import BUMPER, LEFT, REAR, RIGHT, ROOF, attacked, rig_of, split_by_rings, street
 
@@ -50,11 +48,6 @@ class Drive(NamedTuple):
     name: str
     rig: Rig
     frames: Sequence[Frame]
-
-
-def quietly(*words: str) -> int:
-    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-        return run(words)
 
 
 def told(store: Path, code: int, attacked_one: str) -> Counter[str]:

@@ -35,7 +35,8 @@ from auditor.lab.evaluation.object_baseline.detectors.streets.network import pac
 from auditor.lab.evaluation.object_baseline.runner import street_labels
 from auditor.lab.evaluation.sources import Recorded, Source, Street
 from auditor.model.frames import Frame
-from auditor.store import Store, run_query
+from auditor.store.queries import run_query
+from auditor.store.store import Store
 from tests.making.street_detectors import (
     CLOUDS,
     IMAGES,

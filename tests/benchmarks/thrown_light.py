@@ -36,7 +36,7 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
 from tests.benchmarks.attack_kinds import KINDS, measured
 from tests.benchmarks.benign import Glare, faults
-from tests.benchmarks.kinds import options_of, scenes_of
+from tests.benchmarks.clean_statistics import options_of, scenes_of
 from tests.benchmarks.lasting_faults import on, patterns
 from tests.benchmarks.rates import brightness_of, clean_frames, frames_of, system_of, thresholds_of
 from tests.benchmarks.scenes import Scene

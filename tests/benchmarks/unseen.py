@@ -28,8 +28,7 @@ from auditor.measurement import measure, use_one_thread
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
-from tests.benchmarks.kinds import kinds_of
+from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of, kinds_of
 from tests.benchmarks.likelihood import R
 from tests.benchmarks.rates import clean_frames, system_of, thresholds_of
 from tests.benchmarks.scenes import Scene

@@ -10,8 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.casefile import write as writing
-from auditor.casefile.case import Case
-from auditor.casefile.redaction import NO_REDACTION
+from auditor.casefile.case import NO_REDACTION, Case
 from auditor.casefile.write import CaseSettings, write_case
 from auditor.errors import AuditorError, SettingError, StoreError
 from auditor.reporting.incident.incident import Incident

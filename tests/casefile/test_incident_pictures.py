@@ -12,10 +12,10 @@ from auditor.measurement.drawing import damaged_cloud
 from auditor.model.pictures import Content, Pictures
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.pictures import MOST_INCIDENTS, frames_at_hand, picture_incidents
-from auditor.reporting import render_incident_page, render_incident_report
-from auditor.store import Store
+from auditor.reporting.incident.render import render_incident_page, render_incident_report
 from auditor.store.maintenance.removal import remove_measurement
 from auditor.store.maintenance.verify import verify
+from auditor.store.store import Store
 from tests.making.accessibility import complaints
 from tests.making.case_stores import AttackedStore, recorded_frames
 

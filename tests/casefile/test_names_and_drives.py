@@ -10,7 +10,7 @@ from auditor.casefile.write import CaseSettings, write_case
 from auditor.model.pictures import Pictures
 from auditor.pipeline.many import limits_by_size
 from auditor.pipeline.pictures import picture_incidents
-from auditor.reporting import render_fleet_report
+from auditor.reporting.fleet import render_fleet_report
 from auditor.store.reviews import ReviewVerdict, in_words, incident_called, incidents_named, review_incident
 from tests.making.case_stores import ATTACKED, FRAMES, NAMES, AttackedStore, judge_by_hand
 from tests.making.report_stores import WHEN

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
 
-from auditor.casefile.redaction import Redaction
+from auditor.casefile.case import Redaction
 from auditor.casefile.write import CaseSettings, write_case
 from auditor.store.reviews import ReviewVerdict, review_incident
 from tests.making.case_stores import NAMES, VEHICLE, AttackedStore, recorded_frames

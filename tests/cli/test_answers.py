@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import output, run
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.report_stores import add_recording, new_store
 
 ATTACK = [((1,), 10, 19)]

@@ -10,7 +10,7 @@ import pytest
 from auditor import __version__
 from auditor.cli import run
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.store import Store
+from auditor.store.store import Store
 from auditor.store.tables import read_rows, write_rows
 from auditor.store.versions.history import calibrations_in_force
 from tests.making.audits import Audit

@@ -8,7 +8,8 @@ import pytest
 from auditor.cli import run
 from auditor.errors import AuditorError
 from auditor.lab.demo import fleet
-from auditor.reporting import render_fleet_report, render_incident_report
+from auditor.reporting.fleet import render_fleet_report
+from auditor.reporting.incident.render import render_incident_report
 from tests.making.report_stores import add_recording, new_store
 from tests.making.small_drives import write_drive
 

@@ -8,7 +8,7 @@ import pytest
 
 from auditor.cli.refresh_answers import drift_metrics
 from auditor.pipeline.refreshing.drift import fleet_drift
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive
 from tests.making.pages import HOSTILE, Page

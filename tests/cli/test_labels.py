@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.store import Store, rows_of, run_query, run_sql
+from auditor.store.export import rows_of
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.report_stores import PERIOD_NS, START_NS, add_recording, new_store
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 

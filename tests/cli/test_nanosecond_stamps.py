@@ -11,8 +11,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.cli.output import emit
-from auditor.store import Store, list_queries
-from auditor.store.queries import run_queries
+from auditor.store.queries import list_queries, run_queries
+from auditor.store.store import Store
 from tests.making.small_drives import PERIOD_NS, THREE_CAMERAS, write_drive
 
 START_NS = 1_317_042_145_964_389_445

@@ -19,7 +19,8 @@ from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, runn
 from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
-from auditor.store import Store, run_sql  # noqa: E402
+from auditor.store.queries import run_sql  # noqa: E402
+from auditor.store.store import Store  # noqa: E402
 from tests.making.preloaded import network_preloaded  # noqa: E402
 from tests.making.psmnet_networks import ruled_state  # noqa: E402
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive  # noqa: E402

@@ -13,7 +13,9 @@ from auditor.errors import SettingError, StoreError
 from auditor.model.frames import Frame
 from auditor.recordings import write_mcap
 from auditor.resources import local_path
-from auditor.store import Store, rows_of, run_query
+from auditor.store.export import rows_of
+from auditor.store.queries import run_query
+from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force
 from tests.making.fleets import add_drive
 from tests.making.scenes import plane_rig

@@ -17,7 +17,7 @@ from auditor.recordings.decoding.sensor_types import UNREAD
 from auditor.recordings.decoding.videos import tracks
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.audits import ask
 from tests.making.restamped import Extra, Told, rewritten
 from tests.making.scenes import plane_rig

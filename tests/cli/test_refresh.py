@@ -16,8 +16,11 @@ import pytest
 from auditor.cli import run
 from auditor.identification.refreshing import gate
 from auditor.pipeline.labels import label_clean
-from auditor.store import Store, files, make_calibration
-from auditor.store.log import Kind, entries
+from auditor.store import files
+from auditor.store.calibrations import make_calibration
+from auditor.store.log.chains import entries
+from auditor.store.log.entry import Kind
+from auditor.store.store import Store
 from auditor.store.versions.history import How, calibrations_in_force, histories, put_in_force
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive

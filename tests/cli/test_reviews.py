@@ -10,10 +10,12 @@ import pytest
 
 from auditor.cli import run
 from auditor.pipeline.refreshing.pool import groups_of
-from auditor.store import Store, rows_of, run_query, run_sql
+from auditor.store.export import rows_of
 from auditor.store.log.chains import entries
 from auditor.store.maintenance.verify import verify
+from auditor.store.queries import run_query, run_sql
 from auditor.store.reviews import ReviewVerdict, false_alarms, review_incident
+from auditor.store.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 FRAMES = 8

@@ -9,7 +9,7 @@ import pytest
 from auditor.cli import run
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import incident_limit
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.audits import ask
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 

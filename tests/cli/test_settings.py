@@ -5,8 +5,8 @@ import json
 import pytest
 
 from auditor.cli import run
-from auditor.store import Store
-from auditor.store.log import entries
+from auditor.store.log.chains import entries
+from auditor.store.store import Store
 from tests.making.fleets import add_drive
 
 

@@ -24,7 +24,7 @@ from auditor.model.settings import (
 from auditor.model.verdict import Method, Statistic
 from auditor.pipeline import library, many
 from auditor.pipeline.library import JudgingKeywords, MeasuringKeywords
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.settings_table import DOCUMENT, table
 
 EXAMPLES = {

@@ -9,7 +9,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import RecordingError
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 MINUTE_NS = 60 * 10**9

@@ -15,8 +15,8 @@ from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
 from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.scan import Scan
-from auditor.store import Store
 from auditor.store.records import JudgementRecord
+from auditor.store.store import Store
 from tests.making.report_stores import add_recording, make_rig
 from tests.making.stores import NOON, RULES, add_judgement, add_measurement, make_measurement, make_verdict, new_store
 from tests.making.stores import make_rig as rig_of

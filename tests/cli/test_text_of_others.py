@@ -18,7 +18,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.recordings import write_mcap
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import THREE_CAMERAS, drive_frames, write_drive
 

@@ -27,8 +27,9 @@ from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.judge import Criteria, judge_measurement, system_of
-from auditor.store import MeasurementRecord, Store
 from auditor.store.queries import run_sql
+from auditor.store.records import MeasurementRecord
+from auditor.store.store import Store
 from tests.benchmarks.real_drives import frames
 from tests.making.calibrations import calibrate
 from tests.making.stores import NOON

@@ -14,7 +14,7 @@ from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import triples_of
 from auditor.model.rig_kind import RigKind, Similarity
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 
 TRIPLES = triples_of(3, lidar=True)
 KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))

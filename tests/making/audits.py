@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from auditor.cli import run
-from auditor.store import Store, run_sql
 from auditor.store.export import encode
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 
 Printed = Callable[[], tuple[bytes, bytes]]
 DEFECTS = ("Traceback", "defect of auditor", "auditor failed on it", "RuntimeWarning")

@@ -20,7 +20,10 @@ from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.pictures import picture_incidents
 from auditor.recordings import open_recording, survey, synchronise, write_mcap
 from auditor.recordings.rigs.discovery import find_rigs
-from auditor.store import JudgementRecord, Store, rows_of, run_sql
+from auditor.store.export import rows_of
+from auditor.store.queries import run_sql
+from auditor.store.records import JudgementRecord
+from auditor.store.store import Store
 from tests.making.report_stores import RULES, WHEN, robust_judging
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import DAY_NS, FOUR_CAMERAS, START_NS, drive_frames

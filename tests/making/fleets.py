@@ -9,7 +9,8 @@ from hashlib import sha256
 import numpy as np
 
 from auditor.identification.prior import log_odds, statistic_at
-from auditor.store import RecordingRecord, Store
+from auditor.store.records import RecordingRecord
+from auditor.store.store import Store
 from auditor.store.tables import write_rows
 from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, PROCEDURE, add_frames, make_measurement, make_rig

@@ -11,6 +11,20 @@ from auditor.recordings import write_db3
 from auditor.recordings.formats.sqlite_pages import _sums
 from tests.making.hostile_files import FRAMES, HOSTILE, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
 
+_STATUS = Path("/proc/self/status")
+_CLEAR_REFS = Path("/proc/self/clear_refs")
+
+
+def memory_mb(name: str) -> float:
+    """A figure of /proc/self/status, such as VmRSS, or VmHWM for the peak, in MB."""
+    return int(_STATUS.read_text().split(f"{name}:")[1].split()[0]) / 1024
+
+
+def forget_peak() -> None:
+    """Start the peak anew at the present use."""
+    _CLEAR_REFS.write_text("5")
+
+
 TABLE = "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
 
 

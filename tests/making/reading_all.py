@@ -1,12 +1,15 @@
-"""Reads all that a recording and a message offer, and collects the errors and the damage."""
+"""Reads all that a recording and a message offer, and collects the errors and the damage; counts what is read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
+
 from auditor.errors import AuditorError
-from auditor.model.frames import Message
-from auditor.recordings import find_rigs, open_recording, survey, synchronise
+from auditor.model.frames import Frame, Message
+from auditor.model.rig import Rig
+from auditor.recordings import FrameStream, content, find_rigs, open_recording, survey, synchronise
 from auditor.recordings.decoding import Decoders
 
 MAX_DECODED = 20
@@ -76,3 +79,28 @@ def _try(read: Callable[[], object], reasons: list[str]) -> None:
         read()
     except AuditorError as error:
         reasons.append(str(error))
+
+
+def frames_of(path: Path) -> tuple[Rig, list[Frame], FrameStream]:
+    """The rig, its frames, and the stream they came from; all that was read is accounted for, and nothing damaged."""
+    with open_recording(path) as recording:
+        known = survey(recording)
+        [rig] = find_rigs(known)
+        stream = synchronise(recording, rig, known)
+        frames = list(stream)
+        assert recording.damage == ()
+        assert all(topic.adds_up for topic in stream.balance)
+    return rig, frames, stream
+
+
+def count_reads(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The bytes of each read from now on."""
+    read: list[int] = []
+    plain = content._pread
+
+    def counted(descriptor: int, offset: int, length: int) -> bytes:
+        read.append(length)
+        return plain(descriptor, offset, length)
+
+    monkeypatch.setattr(content, "_pread", counted)
+    return read

@@ -27,7 +27,7 @@ from auditor.store.calibrations import make_calibration
 from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 
 START_NS = 1_317_042_145_904_000_000
 PERIOD_NS = 100_000_000

@@ -10,8 +10,7 @@ from auditor.model.checks import Check, CountedPair, SensorCheck
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
-from tests.making.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
-from tests.making.textured_scenes import scene
+from tests.making.scenes import HEIGHT, WIDTH, plane_frame, plane_rig, scene
 
 MATCHER = SgbmMatcher()
 

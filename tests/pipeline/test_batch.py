@@ -22,9 +22,9 @@ from auditor.pipeline.calibrations.batch import (
     judge_batch,
 )
 from auditor.pipeline.judged import Judged, JudgeSettings
-from auditor.store import Store
 from auditor.store.maintenance.verify import verify
 from auditor.store.records import GivenLabel
+from auditor.store.store import Store
 from auditor.store.versions.history import histories, put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.fleets import FRAMES, RIG, add_drive

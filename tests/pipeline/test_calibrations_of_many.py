@@ -15,7 +15,8 @@ from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.versions import Kept, keep_calibrated
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.store import Store, calibrations
+from auditor.store import calibrations
+from auditor.store.store import Store
 from tests.making.fleets import add_drive
 from tests.making.left_out import leave_one_out_paper, leave_one_out_robust
 

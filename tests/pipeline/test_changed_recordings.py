@@ -8,8 +8,8 @@ import pytest
 from auditor.errors import RecordingError
 from auditor.pipeline import measure
 from auditor.recordings import content
-from auditor.store import Store
-from tests.making.counted_reads import count_reads
+from auditor.store.store import Store
+from tests.making.reading_all import count_reads
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 FRAMES = 4

@@ -1,7 +1,7 @@
 """Geometry and clocks that contradict themselves are put right by the images and points, or no verdict is given."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,9 +21,31 @@ from auditor.pipeline.geometry import rigs_through
 from auditor.recordings import RigsInForce, open_recording, survey, write_mcap
 from auditor.recordings.writers import frames as writer
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
-from tests.making.rendered_drives import RenderedDrive, rendered_drive
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedDrive:
+    """The rig and frames of a drive; nobody writes into their images."""
+
+    rig: Rig
+    kept: tuple[Frame, ...]
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames, in order."""
+        return iter(self.kept)
+
+
+def rendered_drive(seed: int, frames: int, *, width_px: int, height_px: int) -> RenderedDrive:
+    """A street of images of this size: to render four frames of 621 x 188 px takes a second."""
+    drive = make_drive(seed, frames, width_px=width_px, height_px=height_px)
+    kept = tuple(drive.frames())
+    for frame in kept:
+        for image in frame.images.values():
+            image.pixels.setflags(write=False)
+    return RenderedDrive(drive.rig, kept)
+
 
 Points = Callable[[Matrix], Matrix]
 

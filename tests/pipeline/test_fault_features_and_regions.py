@@ -4,7 +4,7 @@ import numpy as np
 
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.small_drives import write_drive
 
 

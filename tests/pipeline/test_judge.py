@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from dataclasses import replace
 from decimal import Decimal
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,13 +12,15 @@ import auditor
 from auditor.errors import StoreError
 from auditor.identification import parameters
 from auditor.model.verdict import JUDGING_VERSION, Method
-from auditor.pipeline.judge import Criteria, judge_measurement
+from auditor.pipeline.judge import Criteria, judge_measurement, rigs_in_turn
 from auditor.pipeline.judged import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
-from auditor.store import Store, tables
+from auditor.store import tables
 from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
 from auditor.store.versions.history import put_first_in_force
+from tests.making import report_stores
 from tests.making.calibrations import calibrate
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
@@ -138,3 +141,30 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     assert settings == [parameters.NAMING.least_probability, 0.6]
     for judgement in (before, after):
         assert len(read_rows("verdicts", store.path("verdicts", judgement.judgement_id))) == 6
+
+
+WHOLE, FEWER = report_stores.make_rig(), report_stores.make_rig(("velo", "right", "left"))
+
+
+def beside(**other):
+    """Those beside measurement a of a recording that was also measured as b."""
+    usual = {"rig_id": "r", "procedure": "sgbm", "withheld": None}
+    stored = {"a": SimpleNamespace(**usual), "b": SimpleNamespace(**{**usual, **other})}
+    store = SimpleNamespace(
+        measurement=stored.__getitem__,
+        has_measurement=stored.__contains__,
+        rig={"r": WHOLE, "again": WHOLE, "fewer": FEWER}.__getitem__,
+    )
+    recording = SimpleNamespace(sightings=[SimpleNamespace(measurements=["a", "b", "removed"])])
+    return rigs_in_turn(store, recording, "a")
+
+
+def test_a_rig_of_the_same_sensors_goes_on_where_the_other_ends():
+    assert beside(rig_id="again") == ("b",)
+
+
+@pytest.mark.parametrize(
+    "other", [{"rig_id": "fewer"}, {"procedure": "psmnet"}, {"withheld": "points fit the images nowhere"}]
+)
+def test_other_sensors_other_ways_of_measuring_and_what_cannot_be_judged_do_not(other):
+    assert beside(**other) == ()

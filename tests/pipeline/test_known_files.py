@@ -6,15 +6,16 @@ import shutil
 
 import pytest
 
-import auditor.store
 from auditor.cli import run
 from auditor.pipeline import judged, library, many
 from auditor.pipeline import scan as scanning
 from auditor.pipeline.remote import measuring
 from auditor.recordings import Location
-from auditor.store import Store, rows_of
+from auditor.store import queries
+from auditor.store.export import rows_of
 from auditor.store.maintenance.removal import remove_measurement
 from auditor.store.reviews import ReviewVerdict, review_incident
+from auditor.store.store import Store
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 
@@ -101,9 +102,9 @@ def test_the_library_pictures_what_is_known_as_the_command_does(known, read, mon
 def test_earlier_incidents_are_asked_for_only_where_something_may_excuse_them(known, read, monkeypatch):
     drive, folder = known
     asked = []
-    run_query = auditor.store.run_query
+    run_query = queries.run_query
     monkeypatch.setattr(many, "MOST_KNOWN", 0)
-    monkeypatch.setattr(auditor.store, "run_query", lambda *of: asked.append(of[1]) or run_query(*of))
+    monkeypatch.setattr(queries, "run_query", lambda *of: asked.append(of[1]) or run_query(*of))
     assert run(["scan", str(drive), "--store", str(folder)]) in {1, 3}
     assert asked == []
     store = Store.open(folder)

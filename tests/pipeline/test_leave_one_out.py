@@ -12,8 +12,8 @@ from auditor.pipeline.judge import Criteria, judge_measurement, system_of
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
-from auditor.store import Store, run_query
-from auditor.store.queries import describe
+from auditor.store.queries import describe, run_query
+from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.left_out import leave_one_out_robust

@@ -7,7 +7,8 @@ import pytest
 
 import auditor
 from auditor.cli import run
-from auditor.store import Store, run_query, run_sql
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 

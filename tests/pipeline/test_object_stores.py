@@ -14,7 +14,7 @@ from auditor.pipeline.remote import object_store as objects
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.finding import find_remote
 from auditor.pipeline.remote.spool import Spool
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
 from tests.making.small_drives import DAY_NS, PERIOD_NS, START_NS, THREE_CAMERAS, write_drive
 

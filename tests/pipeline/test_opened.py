@@ -8,7 +8,7 @@ import polars
 import pytest
 
 import auditor
-from auditor.store import list_views, run_query, run_sql
+from auditor.store.queries import list_views, run_query, run_sql
 from tests.making.report_stores import add_recording, new_store
 
 

@@ -6,20 +6,34 @@ from decimal import Decimal
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from auditor.model.calibration import Marks
-from auditor.model.frames import Frame
+from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig_kind import Similarity
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
-from tests.making.thinned_clouds import every_other_ring
+
+RINGS = 64
+"""Of KITTI's LiDAR; its files hold ring after ring, each once around from straight ahead."""
+
+
+def every_other_ring(cloud: PointCloud) -> PointCloud:
+    """The cloud of a KITTI drive without every second ring."""
+    x, y, _ = cloud.xyz_m.T
+    azimuth = np.mod(np.arctan2(y, x), 2 * np.pi)
+    ring = np.cumsum(np.abs(np.diff(azimuth, prepend=azimuth[:1])) > np.pi)
+    assert ring[-1] + 1 == RINGS
+    return PointCloud(cloud.stamp_ns, np.ascontiguousarray(cloud.xyz_m[ring % 2 == 0]))
+
 
 FRAMES = 2
 R = Decimal("0.01")

@@ -11,10 +11,11 @@ from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.recordings.synchronisation import poses
-from auditor.store import Store, run_sql
 from auditor.store.maintenance.verify import verify
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
-from tests.making.counted_reads import count_reads
+from tests.making.reading_all import count_reads
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, START_NS, drive_frames
 

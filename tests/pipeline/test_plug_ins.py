@@ -7,7 +7,7 @@ import pytest
 from auditor.cli import run
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.small_drives import write_drive
 
 

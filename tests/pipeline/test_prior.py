@@ -15,8 +15,10 @@ from auditor.pipeline.judge import Criteria
 from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
+from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.maintenance.verify import verify
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from auditor.store.versions.history import put_first_in_force
 from tests.making.calibrations import calibrate
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive

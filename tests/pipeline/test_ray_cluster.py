@@ -14,8 +14,8 @@ from auditor.model.settings import Engine, MeasureSettings
 from auditor.pipeline.library import scan
 from auditor.pipeline.many import find_batch, measure_all
 from auditor.pipeline.remote.ray_cluster import Cluster
-from auditor.store import Store
 from auditor.store.maintenance.verify import verify
+from auditor.store.store import Store
 from tests.making import stand_in_ray
 from tests.making.object_stores import begin_with, object_store
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive

@@ -14,7 +14,8 @@ from auditor.pipeline.clean_frames import statistics_from_cells
 from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
 from tests.making.small_drives import write_drive
 

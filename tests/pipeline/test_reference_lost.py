@@ -12,7 +12,8 @@ from auditor.pipeline.judged import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
-from auditor.store import Store, run_query, run_sql
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import drive_frames

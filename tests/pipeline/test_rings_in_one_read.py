@@ -11,9 +11,9 @@ import pytest
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.recordings.synchronisation import streams
-from tests.making.counted_reads import count_reads
 from tests.making.published_recordings import road_points, write_published
 from tests.making.published_rigs import PUBLISHED_RIGS
+from tests.making.reading_all import count_reads
 
 RIG = PUBLISHED_RIGS["nuscenes"].smaller(0.15)
 FRAMES = 8

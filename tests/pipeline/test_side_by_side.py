@@ -14,9 +14,9 @@ from auditor.pipeline.calibrations import batch as side_by_side
 from auditor.pipeline.calibrations.batch import judge_side_by_side
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.judged import JudgeSettings, judge_all
-from auditor.store import Store
-from auditor.store.log import entries
+from auditor.store.log.chains import entries
 from auditor.store.packs import packing
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
 from tests.making.fleets import add_drive
 

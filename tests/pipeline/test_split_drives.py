@@ -11,7 +11,7 @@ from auditor.model.frames import Message
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.recordings import Location, find_recordings, schemas
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import PERIOD_NS, START_NS, drive_frames
 from tests.making.split_drives import messages_of, some, write_messages, write_parts

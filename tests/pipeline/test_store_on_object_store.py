@@ -12,9 +12,9 @@ from auditor.pipeline.remote import mirror as mirrors
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.mirror import Mirror, mirrored
 from auditor.pipeline.remote.snapshots import merged, read_snapshot
-from auditor.store import Store
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.verify import verify
+from auditor.store.store import Store
 from tests.making.object_stores import BUCKET, KEY, SECRET, Proxy, begin_with, object_store
 from tests.making.small_drives import DAY_NS, START_NS, THREE_CAMERAS, write_drive
 from tests.pipeline.test_object_stores import content_of, scan

@@ -18,7 +18,9 @@ from auditor.pipeline.labels import label_attack
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
-from auditor.store import Store, read_calibration, run_query, run_sql, write_calibration
+from auditor.store.calibrations import read_calibration, write_calibration
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.calibrations import calibrate
 from tests.making.removed_topics import without_sensors
 from tests.making.scenes import plane_rig

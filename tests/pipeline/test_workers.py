@@ -1,6 +1,7 @@
 import gc
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -11,11 +12,16 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import LimitError, RecordingError
+from auditor.measurement.checks.found import measuring_digest
+from auditor.model import parameters
+from auditor.model.rig_kind import ComparedTo
 from auditor.model.settings import MeasureSettings
 from auditor.pipeline import fork_server, workers
 from auditor.pipeline.many import find_batch
-from auditor.pipeline.measure import measure_recording
-from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
+from auditor.pipeline.measure import library_versions, measure_recording
+from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all, run_within
+from auditor.safety.bootstrap import give_up_network
+from auditor.store.schema import TABLES, table_schema
 from tests.making.small_drives import THREE_CAMERAS, write_drive
 
 ROOT = Path(__file__).parents[2]
@@ -258,3 +264,69 @@ def test_what_was_imported_is_no_garbage_to_be_looked_for() -> None:
     enabled, frozen = outcome.result
     assert enabled
     assert frozen > 0
+
+
+MADE = (table_schema, library_versions, parameters._canonical_values)
+
+
+def made_anew(_: Path) -> list[int]:
+    """How often a process of a recording makes each of them."""
+    before = [one.cache_info().misses for one in MADE]
+    for table in TABLES:
+        table_schema(table)
+    library_versions()
+    for compared_to in ComparedTo:
+        measuring_digest(compared_to)
+    return [one.cache_info().misses - there for one, there in zip(MADE, before, strict=True)]
+
+
+def test_a_process_reads_no_description_of_tables_and_no_version_again(tmp_path: Path) -> None:
+    assert run_within(Limits(), made_anew, tmp_path) == [0, 0, 0]
+
+
+def interfaces(item: str, progress: Progress) -> list[str]:
+    return [name for _, name in socket.if_nameindex()]
+
+
+def variables(item: str, progress: Progress) -> dict[str, str]:
+    return dict(os.environ)
+
+
+def outcome_of(task, item="drive"):
+    [outcome] = run_all(task, [item], 1, lambda *_: None, lambda _: Limits())
+    assert outcome.error is None
+    return outcome.result
+
+
+def test_a_worker_has_no_network_where_the_system_allows() -> None:
+    if subprocess.run(["unshare", "--net", "true"], capture_output=True, check=False).returncode != 0:
+        pytest.skip("this system gives no network namespaces")
+    assert outcome_of(interfaces) == ["lo"]
+
+
+_AS_NOBODY = """
+import os, socket
+from auditor.safety.bootstrap import give_up_network
+if os.getuid() == 0:
+    os.setgroups([]); os.setgid(65534); os.setuid(65534)
+before = (os.getuid(), os.getgid())
+give_up_network()
+print([name for _, name in socket.if_nameindex()], before == (os.getuid(), os.getgid()))
+"""
+
+
+def test_who_is_not_root_stays_who_they_are() -> None:
+    done = subprocess.run([sys.executable, "-c", _AS_NOBODY], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.stdout.endswith("True\n")
+
+
+def test_a_system_that_refuses_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ctypes.CDLL", lambda *_, **__: type("Libc", (), {"unshare": staticmethod(lambda _: -1)}))
+    before = socket.if_nameindex()
+    give_up_network()
+    assert socket.if_nameindex() == before
+
+
+def test_a_worker_has_none_of_python_s_variables() -> None:
+    assert [name for name in outcome_of(variables) if name.startswith(("PYTHON", "PYTEST"))] == []

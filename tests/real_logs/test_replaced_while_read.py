@@ -13,7 +13,7 @@ from auditor.errors import RecordingError
 from auditor.pipeline import measure
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
-from auditor.store import Store
+from auditor.store.store import Store
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import NO_ATTACK, record, write
 from tests.making.vehicles_of_strangers import VAN

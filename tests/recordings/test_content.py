@@ -13,8 +13,8 @@ import pytest
 from auditor.errors import RecordingError
 from auditor.recordings import content, open_recording
 from auditor.recordings.content import ChangedError, FileContent
-from tests.making.counted_reads import count_reads
 from tests.making.forms import CONTAINERS
+from tests.making.reading_all import count_reads
 from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(3)

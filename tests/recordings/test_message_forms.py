@@ -16,8 +16,8 @@ from auditor.model.measurement import Counts, Statistic
 from auditor.model.rig import Rig
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import FORMS, FOXGLOVE_FORMS, MessageForm, drive, through_container
+from tests.making.reading_all import frames_of
 from tests.making.scenes import plane_rig
-from tests.making.whole_reads import frames_of
 
 MOST_OFF = 0.04  # equalising before matching moves a level by one where its share changes a little
 RIG = plane_rig((0.6, 0.3, 0.0))

@@ -8,9 +8,10 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
-from auditor.reporting import fleet, render_fleet_report, render_incident_page
-from auditor.reporting.fleet import open_words
+from auditor.reporting import fleet
+from auditor.reporting.fleet import open_words, render_fleet_report
 from auditor.reporting.incident.loading import Incidents
+from auditor.reporting.incident.render import render_incident_page
 from auditor.store.queries import run_query
 from auditor.store.reviews import ReviewVerdict, review_incident
 from auditor.store.store import Store

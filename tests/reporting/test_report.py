@@ -16,7 +16,7 @@ from auditor.store.calibrations import OutdatedCalibrationError, make_calibratio
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, write_rows
 from tests.making import stores as making
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 from tests.making.pages import HOSTILE, Page
 from tests.making.report_stores import PERIOD_NS, START_NS, add_recording, make_rig, new_store
 

@@ -11,8 +11,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from auditor.cli import run
-from auditor.store import Store, run_query, run_sql
+from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.store import Store
 from tests.making.small_drives import START_NS, THREE_CAMERAS, write_drive
 
 KEPT = Path(__file__).parent / "kept_stores"

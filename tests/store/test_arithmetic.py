@@ -6,7 +6,7 @@ import pytest
 
 from auditor.identification.cross_validation import wilson
 from auditor.model.verdict import Cause
-from auditor.store import run_sql
+from auditor.store.queries import run_sql
 from tests.making.stores import new_store
 
 

@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from auditor.errors import QueryError, StoreError
-from auditor.store import Store
 from auditor.store.connection import asking, with_views
 from auditor.store.folder import MARKER
 from auditor.store.queries import run_queries, run_sql
+from auditor.store.store import Store
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 NAMES = "SELECT name FROM recordings ORDER BY name"

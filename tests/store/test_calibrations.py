@@ -15,7 +15,7 @@ from auditor.store.calibrations import OutdatedCalibrationError, make_calibratio
 from auditor.store.queries import run_sql
 from auditor.store.schema import table_schema
 from auditor.store.tables import write_rows
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 from tests.making.stores import PROCEDURE, make_rig, new_store
 
 RIG = make_rig(4)

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from auditor.store import RecordingRecord
 from auditor.store.maintenance.verify import verify
-from auditor.store.records import GivenLabel
+from auditor.store.records import GivenLabel, RecordingRecord
 from auditor.store.tables import read_rows
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import QueryError, StoreError
-from auditor.store import Store, run_sandboxed, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.sandbox.process import run_sandboxed
+from auditor.store.store import Store
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 

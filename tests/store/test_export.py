@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import QueryError
-from auditor.store import rows_of, run_sql
-from auditor.store.export import encode
+from auditor.store.export import encode, rows_of
+from auditor.store.queries import run_sql
 from tests.making.stores import new_store
 
 NS = 1_317_042_145_964_389_445

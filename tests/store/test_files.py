@@ -1,6 +1,7 @@
 import errno
 import fcntl
 import os
+import stat
 import time
 
 import pytest
@@ -8,6 +9,9 @@ import pytest
 from auditor.errors import StoreError
 from auditor.store import files
 from auditor.store.files import checked_id, finished, part_file, remove_abandoned, write_whole
+from auditor.store.maintenance.upgrade import upgrade
+from auditor.store.store import Store
+from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 OLD = "." + "a" * 8 + ".parquet." + "0" * 16 + ".part"
 
@@ -103,3 +107,43 @@ def test_only_finished_files_named_by_ids_are_listed(tmp_path):
 def test_what_is_no_id_never_becomes_a_path(text):
     with pytest.raises(StoreError, match="no id"):
         checked_id(text)
+
+
+@pytest.fixture(params=[0o000, 0o022])
+def umask(request):
+    before = os.umask(request.param)
+    yield
+    os.umask(before)
+
+
+def modes(folder):
+    paths = [folder, *folder.rglob("*")]
+    return {(path.is_dir(), oct(stat.S_IMODE(path.stat().st_mode))) for path in paths}
+
+
+OWNERS = {(True, "0o700"), (False, "0o600")}
+
+
+def fill(folder):
+    store, rig = new_store(folder), make_rig(3)
+    add_judgement(store, rig, add_measurement(store, rig, [make_measurement(rig, 0)]), "c")
+    return store
+
+
+@pytest.mark.usefixtures("umask")
+def test_all_that_a_store_holds_is_its_owners(tmp_path):
+    assert modes(fill(tmp_path / "new").folder) == OWNERS
+
+
+@pytest.mark.usefixtures("umask")
+def test_a_page_outside_of_the_store_is_its_owners_too(tmp_path):
+    write_whole(tmp_path / "pages" / "page.html", b"page")
+    assert modes(tmp_path / "pages") == OWNERS
+
+
+def test_an_upgrade_closes_a_store_that_was_open_to_others(tmp_path):
+    store = fill(tmp_path)
+    for path in (store.folder, *store.folder.rglob("*")):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+    upgrade(store.folder)
+    assert modes(Store.open(store.folder).folder) == OWNERS

@@ -3,7 +3,9 @@
 import random
 from pathlib import Path
 
-from auditor.store import Store, rows_of, run_sql
+from auditor.store.export import rows_of
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from tests.making.report_stores import add_recording, new_store
 
 FRAMES, ATTACKS = 200, 12

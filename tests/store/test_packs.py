@@ -10,17 +10,22 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.cli import run
-from auditor.store import Store, run_query, run_sql, tables, views_script
+from auditor.store import tables
 from auditor.store.connection import connected
-from auditor.store.log import Kind, entries, logged
+from auditor.store.log.chains import entries
+from auditor.store.log.entry import Kind
+from auditor.store.log.runs import logged
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.removal import remove_measurement, remove_recordings
 from auditor.store.maintenance.verify import verify, verify_changes
 from auditor.store.packs import packing
 from auditor.store.packs.index import INDEX, PACKED
 from auditor.store.packs.packing import pack, small_files
+from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
+from auditor.store.views import views_script
 from tests.store.kept import unpack
 
 VIEWS = ("summary", "incidents", *(f"stored_{table}" for table in PACKED))

@@ -13,9 +13,10 @@ import pytest
 
 from auditor.cli import run
 from auditor.model.verdict import AttackLabel
-from auditor.store import list_queries, list_views, run_query, run_sql, views_script
 from auditor.store.connection import plain_connection
+from auditor.store.queries import list_queries, list_views, run_query, run_sql
 from auditor.store.store import Store
+from auditor.store.views import views_script
 from tests.making.report_stores import add_recording
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig
 

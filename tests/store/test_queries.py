@@ -1,3 +1,4 @@
+import re
 from decimal import Decimal
 
 import pytest
@@ -10,9 +11,10 @@ from auditor.model.measurement import Statistic
 from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 from auditor.store.calibrations import make_calibration
 from auditor.store.connection import shut_connection
-from auditor.store.queries import list_queries, query, run_query, run_sql
+from auditor.store.queries import describe, list_queries, list_views, query, run_query, run_sql
 from auditor.store.records import JudgementRecord
-from tests.making.clean_frames import clean_frames
+from auditor.store.sql_files import bind
+from tests.making.calibrations import clean_frames
 from tests.making.stores import (
     NOON,
     PERIOD_NS,
@@ -25,6 +27,7 @@ from tests.making.stores import (
     new_store,
     skip,
 )
+from tests.store.store_page import PAGE, written_anew
 
 RIG = make_rig(3)
 
@@ -459,3 +462,32 @@ def test_vehicles_of_one_kind_are_one_kind_in_words(store):
 def test_no_connection_shows_a_bar_that_would_stand_in_redirected_output():
     with shut_connection() as connection:
         assert connection.execute("SELECT current_setting('enable_progress_bar')").fetchone() == (False,)
+
+
+def test_every_column_of_every_view_and_query_has_its_sentence_and_no_other_is_described():
+    for file in (*list_queries(), *list_views()):
+        description = describe(file.name)
+        assert description.text.endswith("."), file.name
+        for column in description.columns:
+            assert column.sentence.endswith("."), (file.name, column)
+            assert column.type, (file.name, column)
+        assert set(file.columns) <= {column.name for column in description.columns}, file.name
+
+
+def test_every_parameter_is_used_and_its_default_is_of_its_type():
+    for one in list_queries():
+        names = {parameter.name for parameter in one.parameters}
+        assert set(re.findall(r"\$(\w+)", one.sql)) == names, one.name
+        required = {parameter.name: "0" for parameter in one.parameters if parameter.required}
+        assert bind(one, required).keys() == names, one.name
+
+
+def test_what_is_not_there_is_not_described():
+    with pytest.raises(QueryError, match=r"no such query or view; did you mean incidents\?"):
+        describe("incident")
+
+
+def test_the_page_lists_every_table_view_query_and_parameter_in_their_own_words():
+    page = PAGE.read_text(encoding="utf-8")
+    assert page == written_anew(page), "write it: python -m tests.store.store_page"
+    assert re.findall(r"^### (\w+)$", page, re.MULTILINE) == [query.name for query in list_queries()]

@@ -6,9 +6,9 @@ from datetime import date
 import pytest
 
 from auditor.model.frames import Presence, SensorState
-from auditor.store import run_query, run_sql
 from auditor.store.maintenance.relations import MIN_CHANGED_FRAMES, relate
 from auditor.store.maintenance.removal import remove_recordings
+from auditor.store.queries import run_query, run_sql
 from auditor.store.records import RecordingRecord
 from tests.making.stores import PERIOD_NS, add_frames, add_judgement, make_measurement, make_rig, new_store
 

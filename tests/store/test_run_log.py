@@ -11,8 +11,10 @@ import pytest
 
 from auditor import __version__
 from auditor.errors import StoreError
-from auditor.store.log import Kind, Outcome, adopt, current_runs, entries, heads, logged, run, runs
-from auditor.store.log.chains import chain_paths, read_chains
+from auditor.store.log import runs
+from auditor.store.log.chains import chain_paths, entries, heads, read_chains
+from auditor.store.log.entry import Kind, Outcome
+from auditor.store.log.runs import adopt, current_runs, logged, run
 from auditor.store.maintenance.removal import remove_recordings
 from auditor.store.maintenance.verify import verify
 from auditor.store.records import RecordingRecord
@@ -24,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from auditor.store import tables
 from auditor.store.files import PartFile
-from auditor.store.log import run
+from auditor.store.log.runs import run
 from auditor.store.records import RecordingRecord
 from auditor.store.store import Store
 

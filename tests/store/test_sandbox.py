@@ -1,3 +1,8 @@
+import time
+from pathlib import Path
+
+import duckdb
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -5,6 +10,7 @@ import pytest
 from auditor.errors import QueryError, StoreError
 from auditor.store.export import encode
 from auditor.store.queries import run_query, run_sql, run_sqls
+from auditor.store.sandbox.read_only_files import ReadOnlyFile, ReadOnlyFiles
 from auditor.store.schema import TABLES
 from auditor.store.sql_files import views
 from auditor.store.store import Store
@@ -208,3 +214,27 @@ def test_an_answer_that_csv_cannot_hold_is_refused_in_one_line(store):
     with pytest.raises(QueryError, match="cannot be written as csv") as caught:
         encode(run_sql(store, "SELECT '1'::BIGNUM AS x"), "csv")
     assert len(str(caught.value).splitlines()) == 1
+
+
+ROWS = 200_000
+
+
+def test_threads_that_read_one_file_read_their_own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between a seek and its read another thread always has time to seek."""
+    path = tmp_path / "frames" / "a.parquet"
+    path.parent.mkdir()
+    pq.write_table(pa.table({"n": np.arange(ROWS), "text": [str(n) for n in range(ROWS)]}), path, row_group_size=2000)
+    seek = ReadOnlyFile.seek
+
+    def slowly(file: ReadOnlyFile, *where: int) -> int:
+        place = seek(file, *where)
+        time.sleep(0.0001)
+        return place
+
+    monkeypatch.setattr(ReadOnlyFile, "seek", slowly)
+    files = ReadOnlyFiles()
+    [name] = files.names([path])
+    with duckdb.connect(config={"threads": 8}) as connection:
+        connection.register_filesystem(files)
+        rows = f"SELECT sum(n), count(DISTINCT text) FROM read_parquet('{name}')"
+        assert connection.execute(rows).fetchall() == [(ROWS * (ROWS - 1) // 2, ROWS)]

@@ -8,7 +8,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.errors import LimitError, QueryError
-from auditor.store import SqlLimits, run_sandboxed
+from auditor.store.sandbox.limits import SqlLimits
+from auditor.store.sandbox.process import run_sandboxed
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 

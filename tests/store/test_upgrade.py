@@ -14,12 +14,12 @@ from auditor.errors import StoreError
 from auditor.model.fault_features import COLUMNS
 from auditor.model.measurement import COUNTING_VERSIONS
 from auditor.pipeline import judge
-from auditor.store import Store
 from auditor.store.folder import UPGRADED, UPGRADED_FROM
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.verify import verify
 from auditor.store.queries import run_sql
 from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
 from tests.store.kept import answers, unpack
 

@@ -13,8 +13,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from auditor.cli import run
 from auditor.errors import StoreError
 from auditor.model.measurement import Counts, Region, Solid, Statistic
-from auditor.store.log import entries
-from auditor.store.log.chains import START, chain_paths
+from auditor.store.log.chains import START, chain_paths, entries
 from auditor.store.log.entry import Entry
 from auditor.store.maintenance.hashes import changed, read_checked, write_checked
 from auditor.store.maintenance.verify import verify, verify_hashes

@@ -23,7 +23,7 @@ from auditor.store.versions.history import (
     put_first_in_force,
     put_in_force,
 )
-from tests.making.clean_frames import clean_frames
+from tests.making.calibrations import clean_frames
 from tests.making.stores import PROCEDURE, make_rig, new_store
 
 RIG = make_rig(4)

@@ -7,7 +7,7 @@ import pytest
 
 from auditor.store import export
 
-BEGINNING = "import sys; import pyarrow as pa; from auditor.store import leave_pandas_out; leave_pandas_out()"
+BEGINNING = "import sys; import pyarrow as pa; from auditor.store.export import leave_pandas_out; leave_pandas_out()"
 
 
 def told(program):

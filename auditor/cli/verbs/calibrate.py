@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from auditor.pipeline.calibrations.versions import Kept
     from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 
 class _Frames(click.ParamType[range]):
@@ -92,7 +92,8 @@ def command(
     from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
-    from auditor.store import Store, write_calibration  # noqa: PLC0415
+    from auditor.store.calibrations import write_calibration  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     if out:
         check_thresholds(out)
@@ -121,7 +122,7 @@ def command(
 def _measured(scan: "Scan | None", store: Path, tally: Tally) -> "list[tuple[Store, str]]":
     """The measurements of a scan, once all is measured and related to what the store has."""
     from auditor.cli.summary import show_measuring  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     if scan is not None:
         show_measuring(scan, tally)

@@ -25,7 +25,7 @@ from auditor.cli.output import (
 if TYPE_CHECKING:
     from decimal import Decimal
 
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 _BRIEF = 12
 _LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
@@ -78,7 +78,9 @@ def list_versions(store: Path, form: str) -> None:
     auditor calibration list
     auditor calibration list --store night/audit --format json
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.export import rows_of  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     found = run_query(Store.open(store), "versions", {})
     if form != "table":
@@ -102,8 +104,9 @@ def show(calibration: str, store: Path, form: str) -> None:
     auditor calibration show 4be19a40
     auditor calibration show 4be19a40 --format json
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
-    from auditor.store.export import as_json  # noqa: PLC0415
+    from auditor.store.export import as_json, rows_of  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
     from auditor.store.versions.history import histories  # noqa: PLC0415
     from auditor.store.versions.records import read_version  # noqa: PLC0415
 
@@ -148,7 +151,8 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.identification.prior import statistic_at  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.calibrations.versions import steps_between  # noqa: PLC0415
-    from auditor.store import Store, table_of  # noqa: PLC0415
+    from auditor.store.export import table_of  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
     a, b = (kept.calibration(_named(kept, one)) for one in (first, second))
@@ -188,7 +192,7 @@ def promote(calibration: str, store: Path, reason: str) -> None:
     Judgements keep the calibration that they were reached by; auditor judge reaches new ones.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.calibrations.versions import promote as promote_version  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
     chosen = kept.calibration(_named(kept, calibration))
@@ -217,7 +221,7 @@ def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
     in it, until somebody labels them clean.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.calibrations.versions import history_called, roll_back  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
     history = history_called(kept, calibration)
@@ -246,7 +250,8 @@ def quarantine(store: Path, form: str) -> None:
     They are not learnt from, whatever later thresholds say of them, until somebody says that they are clean (auditor
     label NAME --clean), or what was attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     waiting = run_query(Store.open(store), "quarantined", {})
     nothing = "no recording waits for a person"
@@ -266,7 +271,7 @@ def verify(calibration: str | None, store: Path) -> Exit:
     Without an ID all are checked. One line for each problem, and exit code 3 where there are any.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.calibrations.versions import problems_of, remade  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
     from auditor.store.versions.history import histories  # noqa: PLC0415
     from auditor.store.versions.records import lost_line, lost_versions, missing_calibrations  # noqa: PLC0415
 
@@ -294,7 +299,8 @@ def export(calibration: str, out: Path, store: Path) -> None:
     auditor calibration export 4be19a40 fleet.thresholds
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store, write_calibration  # noqa: PLC0415
+    from auditor.store.calibrations import write_calibration  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     check_thresholds(out)
     kept = Store.open(store)

@@ -65,8 +65,8 @@ def command(
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.casefile.write import CaseSettings, write_case, write_zip  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_new  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.log.signatures import signing_key  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     target = into.with_name(f"{into.name}.zip")
     for new in (into, *([target] if zipped else [])):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
     from auditor.pipeline.scan import Scan
     from auditor.pipeline.workers import Limits
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 _MARKER = ".auditor-demo"
 _MADE = re.compile(
@@ -56,8 +56,8 @@ def command(folder: Path, method: str, jobs: int) -> int:
     sensors that were attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.lab.demo import fleet  # noqa: PLC0415 - keeps --help quick
-    from auditor.reporting import render_fleet_report  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.reporting.fleet import render_fleet_report  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     clean, suspected = fleet(folder)
     _prepare(folder, (*clean, *suspected))
@@ -167,7 +167,8 @@ def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
 
 def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
     """Print what was planted beside what was found; True where they are the same."""
-    from auditor.store import rows_of, run_query  # noqa: PLC0415
+    from auditor.store.export import rows_of  # noqa: PLC0415
+    from auditor.store.queries import run_query  # noqa: PLC0415
 
     summary = {row["name"]: row for row in rows_of(run_query(store, "summary", {}))}
     incidents = rows_of(run_query(store, "incidents", {}))

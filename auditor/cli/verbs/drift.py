@@ -12,7 +12,7 @@ from auditor.cli.options import PATH
 from auditor.cli.output import emit, format_option, print_rows, say
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from auditor.store.store import Store
     from auditor.store.versions.drift import FleetDrift
 
 _COLUMNS = (
@@ -57,7 +57,8 @@ def command(store: Path, days: int, vehicle: str | None, page: Path | None, form
     Exit codes: 0 nothing drifts; 1 something drifts or has changed; 2 could not run; 3 no vehicle has enough days.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
-    from auditor.store import Store, table_of  # noqa: PLC0415
+    from auditor.store.export import table_of  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
     from auditor.store.versions.drift import COLUMNS, row_of  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
@@ -97,7 +98,7 @@ def _remark(found: "FleetDrift") -> None:
 def _write_page(found: "FleetDrift", store: "Store", page: Path) -> None:
     """Write the page, into the store's log where it lies in the store."""
     from auditor.cli.output_files import check_page  # noqa: PLC0415 - keeps --help quick
-    from auditor.reporting import render_drift_page  # noqa: PLC0415
+    from auditor.reporting.refresh_page import render_drift_page  # noqa: PLC0415
 
     check_page(page)
     inside = page.resolve().is_relative_to(store.folder)

@@ -146,7 +146,8 @@ def _evaluated(
     """Measure the attacks of all shares, judge them, and print the summary; True where all could be measured."""
     from auditor.lab.evaluation import judge_cases, keep_missed  # noqa: PLC0415 - heavy
     from auditor.pipeline.many import limits_by_size  # noqa: PLC0415
-    from auditor.store import Store, run_query  # noqa: PLC0415
+    from auditor.store.queries import run_query  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     kept, old = Store.open(store, create=True), 0
     run = _Run(jobs, limits_by_size(measuring.time_limit, measuring.memory_limit))

@@ -35,8 +35,8 @@ def command(store: Path, jobs: int, judging: "Criteria", form: str) -> int:
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging  # noqa: PLC0415
     from auditor.pipeline.library import judge_store  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     kept, tally = Store.open(store), Tally()
     with logged(kept.folder):

@@ -13,8 +13,8 @@ from auditor.cli.output import print_rows, say
 from auditor.model.stamps import NANOSECONDS
 
 if TYPE_CHECKING:
-    from auditor.store import Store
     from auditor.store.records import RecordingRecord
+    from auditor.store.store import Store
 
 
 @click.command("label", short_help="Ground truth for attacks made elsewhere.")
@@ -56,7 +56,7 @@ def command(
     that the recording carries: on its page, and in the query identification_rate.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.labels import label_attack, label_clean, recording_called, remove_label  # noqa: PLC0415 - heavy
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     described = any(value is not None for value in (sensor, topic, attack, first, last))
     if described + clean + listed + (remove is not None) != 1:

@@ -18,8 +18,8 @@ from auditor.errors import QueryError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from auditor.store import StoreFolder
     from auditor.store.export import Table
+    from auditor.store.folder import StoreFolder
     from auditor.store.sql_files import SqlFile
 
 _WIDEST_LIST = 110
@@ -89,7 +89,8 @@ def command(
     if source is not None:
         sql = _read(source)
     if sql is not None:
-        from auditor.store import SqlLimits, run_sandboxed  # noqa: PLC0415 - heavy
+        from auditor.store.sandbox.limits import SqlLimits  # noqa: PLC0415 - heavy
+        from auditor.store.sandbox.process import run_sandboxed  # noqa: PLC0415 - heavy
 
         limits = SqlLimits(time_limit, memory_limit)
         return _tell(store, sql, partial(run_sandboxed, text=sql, limits=limits), form, every=verify)
@@ -99,7 +100,7 @@ def command(
         _describe(name)
     else:
         from auditor.pipeline.asking import query  # noqa: PLC0415 - heavy
-        from auditor.store import query as find_query  # noqa: PLC0415
+        from auditor.store.queries import query as find_query  # noqa: PLC0415
         from auditor.store.sql_files import queries  # noqa: PLC0415
 
         values = _values(parameters, queries().get(name))
@@ -121,7 +122,7 @@ def _read(source: BinaryIO) -> str:
 
 def _tell(store: Path, sql: str, answer: "Callable[[StoreFolder], Table]", form: str, *, every: bool) -> Exit:
     """Print what a store answers to SQL."""
-    from auditor.store import StoreFolder  # noqa: PLC0415 - heavy
+    from auditor.store.folder import StoreFolder  # noqa: PLC0415 - heavy
 
     kept = StoreFolder.open(store)
     altered = tell_altered(kept, every=every)
@@ -135,7 +136,7 @@ def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
     emit(answer, form)
     if len(answer) or not _OF_VERDICTS.search(sql):
         return
-    from auditor.store import Store  # noqa: PLC0415 - heavy
+    from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
     measured = store.ids("measurements")
     missing = len(set(measured) - Store(store.folder).current_judgements().keys())
@@ -148,7 +149,7 @@ def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
 
 def _list() -> None:
     """The queries, and the views for one's own SQL."""
-    from auditor.store import list_queries, list_views  # noqa: PLC0415 - heavy
+    from auditor.store.queries import list_queries, list_views  # noqa: PLC0415 - heavy
 
     page = click.HelpFormatter(width=min(shutil.get_terminal_size().columns, _WIDEST_LIST))
     for heading, entries in (("Queries", list_queries()), ("Views for --sql and --file", list_views())):
@@ -159,7 +160,7 @@ def _list() -> None:
 
 
 def _describe(name: str) -> None:
-    from auditor.store import describe  # noqa: PLC0415 - heavy
+    from auditor.store.queries import describe  # noqa: PLC0415 - heavy
 
     description = describe(name)
     answer(description.text)

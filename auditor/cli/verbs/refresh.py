@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
     from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
-    from auditor.store import Store
+    from auditor.store.store import Store
     from auditor.store.versions.decisions import Failure, Refresh
 
 
@@ -60,7 +60,7 @@ def command(
     4 refused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.refresh_answers import exit_code, json_line, left_out_lines, planned_lines  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
     from auditor.store.versions.decisions import next_steps  # noqa: PLC0415
 
     if clean and not sources:
@@ -102,7 +102,7 @@ def _tried(
     Before the first night there is no store yet: an empty one stands for it.
     """
     from auditor.pipeline.refreshing.night import plan, refresh  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     with TemporaryDirectory() as empty:
         first = (recordings or others) and not (store.exists() and any(store.iterdir()))
@@ -131,7 +131,7 @@ def _refreshed(
     )
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, new_ones, refresh  # noqa: PLC0415
-    from auditor.reporting import render_refresh_page  # noqa: PLC0415
+    from auditor.reporting.refresh_page import render_refresh_page  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
 
     with only_refresh(kept), logged(kept.folder):

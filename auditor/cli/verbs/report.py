@@ -13,7 +13,7 @@ from auditor.cli.output import answer
 from auditor.model.pictures import Pictures
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 _REPORTS = ("incident", "evaluation")
 _PAGE = ".html"
@@ -59,7 +59,7 @@ def command(
     as it was written (auditor verify).
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output_files import check_page, check_pages  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415 - heavy
+    from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
     one_page = name == "evaluation" or recording or incident or (out is not None and out.suffix == _PAGE)
     if name == "evaluation" and (recording or incident):
@@ -88,12 +88,14 @@ def _written(
     one_page: bool,
 ) -> Path:
     """Write what was asked for; answer the page to open."""
-    from auditor import reporting  # noqa: PLC0415 - heavy
+    from auditor.reporting.evaluation.loading import render_evaluation_report  # noqa: PLC0415 - heavy
+    from auditor.reporting.fleet import render_fleet_report  # noqa: PLC0415
+    from auditor.reporting.incident.render import render_incident_page, render_incident_report  # noqa: PLC0415
 
     if name == "evaluation":
-        return reporting.render_evaluation_report(store, out=target)
+        return render_evaluation_report(store, out=target)
     if incident:
-        return reporting.render_incident_page(store, incident, out=target, pictures=pictures)
+        return render_incident_page(store, incident, out=target, pictures=pictures)
     if one_page:
-        return reporting.render_incident_report(store, out=target, recording=recording, pictures=pictures)
-    return reporting.render_fleet_report(store, out=target, pictures=pictures)
+        return render_incident_report(store, out=target, recording=recording, pictures=pictures)
+    return render_fleet_report(store, out=target, pictures=pictures)

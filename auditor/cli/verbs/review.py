@@ -11,7 +11,7 @@ from auditor.cli.logged import logged
 from auditor.cli.output import answer, emit_columns, format_option
 
 if TYPE_CHECKING:
-    from auditor.store import Store
+    from auditor.store.store import Store
 
 _LIST = "list"
 _WORDS = ("confirmed", "false-alarm", "known")
@@ -45,7 +45,7 @@ def command(
     time and sensors. A false alarm and what is known do not fail a scan, and a recording whose only incidents are false
     alarms may be calibrated on.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     given = (verdict, reason, until)
     if incident == _LIST:
@@ -62,7 +62,8 @@ def command(
 
 
 def _review(store: "Store", beginning: str, verdict: str, reason: str, until: date | None) -> None:
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.export import rows_of  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
     from auditor.store.reviews import ReviewVerdict, incident_called, review_incident  # noqa: PLC0415
 
     with logged(store.folder):
@@ -73,7 +74,7 @@ def _review(store: "Store", beginning: str, verdict: str, reason: str, until: da
 
 
 def _show(store: "Store", form: str) -> None:
-    from auditor.store import run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
 
     nothing = f"{store.folder}: nobody has reviewed an incident"
     emit_columns(run_query(store, "review_history", {}), form, _COLUMNS, nothing, wrapped=("reason", "sensors"))

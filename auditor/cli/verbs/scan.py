@@ -56,7 +56,7 @@ def command(
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import find_batch  # noqa: PLC0415
     from auditor.pipeline.scan import Scan  # noqa: PLC0415
-    from auditor.store import leave_pandas_out  # noqa: PLC0415
+    from auditor.store.export import leave_pandas_out  # noqa: PLC0415
 
     leave_pandas_out()
     settings = judge_settings(store, judging)  # a wrong calibration is refused before hours of measuring

@@ -45,7 +45,7 @@ def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: 
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import Location  # noqa: PLC0415
     from auditor.reporting.sketch import sketch, track_of  # noqa: PLC0415
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     if into is not None:
         check_new(into)

@@ -40,7 +40,8 @@ def list_recordings(store: Path, form: str) -> None:
     A recording that another holds every frame of stays in the store, and counts no longer. A conflict is another
     recording with other data at the same stamps of the same sensors.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
     with reading(kept.folder):
@@ -60,9 +61,9 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
 
     The recordings' own files are not touched. Calibrations stay, also those that were made of them.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
     from auditor.store.maintenance.removal import find_removable, remove_recordings  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
     found = find_removable(kept, recordings)
@@ -95,8 +96,8 @@ def check(store: Path) -> Exit:
 
     One line for each problem, and exit code 3 where there are any.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
     from auditor.store.maintenance.verify import verify  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
     problems = verify(kept).problems
@@ -122,8 +123,8 @@ def compact(store: Path) -> None:
     files of before, or the new ones; what it leaves behind goes the next time. Large files and pictures stay as they
     are, and so do files that are not as they were written: auditor verify names them.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
     from auditor.store.packs.packing import pack  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
     with logged(kept.folder):

@@ -47,9 +47,9 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     something that nobody reads.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.casefile.checking import is_case  # noqa: PLC0415 - keeps --help quick
-    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.log.signatures import public_key as read_key  # noqa: PLC0415
     from auditor.store.maintenance.verify import verify  # noqa: PLC0415
+    from auditor.store.store import Store  # noqa: PLC0415
 
     key = read_key(public_key) if public_key is not None else None
     if is_case(store):

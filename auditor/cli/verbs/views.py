@@ -20,6 +20,7 @@ def command(store: Path) -> None:
     auditor views > views.sql
     duckdb -init views.sql -c "FROM summary"
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, views_script  # noqa: PLC0415 - heavy
+    from auditor.store.store import Store  # noqa: PLC0415 - heavy
+    from auditor.store.views import views_script  # noqa: PLC0415 - heavy
 
     write_bytes(views_script(Store.open(store).folder).encode(errors="surrogateescape"))

@@ -1,4 +1,4 @@
-"""The experiments as lists of cases: the paper's, attacks and faults beyond it, and attacks that last."""
+"""The experiments as lists of cases: the paper's, attacks and faults beyond it, attacks that last, and ladders."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -303,3 +303,55 @@ EXPERIMENTS = (
 
 FURTHER = Experiment("further", all_triples, further_cases)
 INTERVALS = Experiment("intervals", all_triples, interval_cases, together=INTERVAL_FRAMES)
+
+
+LADDER_RADII_PX = (10.0, 20.0, 40.0, 56.0, 75.0, 112.0, 150.0)
+LADDER_LEVELS = (15.0, 30.0, 60.0, 90.0, 120.0, 255.0)
+OF_RADIUS_PX = 112.0
+LADDER_DUTIES = (0.025, 0.05, 0.1, 0.2)
+STRIPE_LEVEL = 120.0
+LADDER_WIDTHS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.5)
+LADDER_RANGES_M = (8.0, 25.0)
+LADDER_SECTORS_DEG = (1.0, 2.0, 4.0, 8.0)
+LADDERS_EACH = 10
+
+Step = tuple[str, float, Attack]
+
+
+def ladder_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+    """Attacks from weak to strong, on one sensor at a time, by which the largest that stays unseen is found.
+
+    Each ladder varies one thing that an attacker chooses, and draws the rest, its place above all, once for the frame.
+    `size` is what is varied, `strength` says what that is.
+    """
+    for sensor in rig.sensors:
+        for what, size, attack in _on_lidar(draws) if sensor == LIDAR else _on_camera(rig, sensor, draws):
+            yield Case({sensor: attack}, what, size)
+
+
+def _on_camera(rig: Rig, sensor: int, draws: SeededDraws) -> Iterator[Step]:
+    camera, rng = rig.camera(sensor), draws.of(sensor)
+    place = float(rng.uniform(0, camera.width_px)), float(rng.uniform(0, camera.height_px))
+    phase, scale = float(rng.uniform(0, STRIPES_PX)), camera.width_px / PAPER_WIDTH_PX
+    for strength in ("mild", "opaque"):
+        for radius in LADDER_RADII_PX:
+            yield f"{strength}, R in px", radius, Facula(STRENGTHS[strength], radius * scale, *place)
+    for level in LADDER_LEVELS:
+        yield f"R = {OF_RADIUS_PX:g} px, grey levels", level, Facula(level, OF_RADIUS_PX * scale, *place)
+    for level in LADDER_LEVELS:
+        yield "grey levels", level, Veil(level)
+    for duty in LADDER_DUTIES:
+        yield f"{STRIPE_LEVEL:g} levels, share of the rows", duty, Stripes(STRIPE_LEVEL, STRIPES_PX, phase, duty)
+
+
+def _on_lidar(draws: SeededDraws) -> Iterator[Step]:
+    rng = draws.of(LIDAR)
+    wall, azimuth = draw_wall(rng), float(rng.uniform(-25, 25))
+    for range_m in LADDER_RANGES_M:
+        for width in LADDER_WIDTHS_M:
+            yield f"{range_m:g} m away, m wide", width, replace(wall, range_m=range_m, width_m=width)
+    for width in LADDER_SECTORS_DEG:
+        yield "degrees", width, HiddenSector(width, azimuth)
+
+
+LADDERS = Experiment("unseen", all_triples, ladder_cases, each=LADDERS_EACH)

@@ -16,8 +16,10 @@ from auditor.measurement.drawing.clouds import changed_cloud, small_jpeg
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.workers import LimitsOf, run_all
-from auditor.store import Store, rows_of, run_query
 from auditor.store.evaluation_tables import CaseKey, MissedPicture, case_key, missed_pictures, write_missed_pictures
+from auditor.store.export import rows_of
+from auditor.store.queries import run_query
+from auditor.store.store import Store
 
 NOT_HERE = "its recording was not among those that were evaluated last, or it could not be read"
 NOT_AGAIN = "its frame could not be attacked again as it was"

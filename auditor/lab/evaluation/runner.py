@@ -22,6 +22,7 @@ from auditor.lab.evaluation.experiments import (
     EXPERIMENTS,
     FURTHER,
     INTERVALS,
+    LADDERS,
     Case,
     Experiment,
     SeededDraws,
@@ -31,7 +32,6 @@ from auditor.lab.evaluation.experiments import (
     read_patterns,
 )
 from auditor.lab.evaluation.features import FeaturesOfCases
-from auditor.lab.evaluation.ladders import LADDERS
 from auditor.lab.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
@@ -39,11 +39,11 @@ from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.pipeline.measured import procedure_by
 from auditor.resources import plug_ins
-from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
-from auditor.store.log import logged
+from auditor.store.log.runs import logged
 from auditor.store.records import content_id
+from auditor.store.store import Store
 
 CHUNK_FRAMES = 20
 """Frames of a chunk: a killed evaluation loses no more than these."""

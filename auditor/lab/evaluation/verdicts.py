@@ -18,9 +18,9 @@ from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from auditor.store import Store
 from auditor.store.case_arrays import Cases, Known, load_cases, too_old
 from auditor.store.evaluation_tables import JUDGED_R, CaseVerdict, write_case_verdicts
+from auditor.store.store import Store
 
 Block = tuple[str, int]
 

@@ -145,30 +145,10 @@ def _nothing() -> Floats32:
     return np.zeros((SIZE, SIZE), dtype=np.float32)
 
 
-def _asphalt(rng: np.random.Generator) -> Drawn:
-    return 1 + 0.13 * cloud_noise(rng, -0.35) + 0.05 * cloud_noise(rng, -1.5), _nothing()
-
-
-def _paving(rng: np.random.Generator) -> Drawn:
-    return _courses(rng, rows=24, columns=12, joint=0.12, spread=0.10) + 0.06 * cloud_noise(rng, -0.5), _nothing()
-
-
-def _grass(rng: np.random.Generator) -> Drawn:
-    return 1 + 0.24 * cloud_noise(rng, -0.7) + 0.15 * cloud_noise(rng, -1.5), _nothing()
-
-
-def _plaster(rng: np.random.Generator) -> Drawn:
-    return 1 + 0.012 * cloud_noise(rng, -0.3) + 0.02 * cloud_noise(rng, -2), _nothing()
-
-
 def _ribs(rng: np.random.Generator) -> Drawn:
     wave = np.cos(2 * np.pi * 16 * np.arange(SIZE) / SIZE)
     ribs = 0.2 * np.sign(wave) * np.abs(wave) ** 0.5 + np.repeat(0.2 * rng.standard_normal(16), SIZE // 16)
     return 1 + ribs * np.ones((SIZE, 1)) + 0.05 * cloud_noise(rng, -1), _nothing()
-
-
-def _bricks(rng: np.random.Generator) -> Drawn:
-    return _courses(rng, rows=32, columns=10, joint=-0.18, spread=0.12) + 0.04 * cloud_noise(rng, -0.5), _nothing()
 
 
 def _windows(rng: np.random.Generator) -> Drawn:
@@ -186,18 +166,6 @@ def _windows(rng: np.random.Generator) -> Drawn:
             value[rows, columns.start + 27 : columns.start + 30] = 1.3
             mask[rows, columns.start + 27 : columns.start + 30] = 0
     return value, mask
-
-
-def _roof(rng: np.random.Generator) -> Drawn:
-    return _courses(rng, rows=16, columns=20, joint=0.35, spread=0.12) + 0.05 * cloud_noise(rng, -0.8), _nothing()
-
-
-def _leaves(rng: np.random.Generator) -> Drawn:
-    return np.exp(0.65 * cloud_noise(rng, -0.55)), _share(cloud_noise(rng, -0.85), 0.42)
-
-
-def _hedge(rng: np.random.Generator) -> Drawn:
-    return np.exp(0.5 * cloud_noise(rng, -0.5)), _share(cloud_noise(rng, -0.6), 0.6)
 
 
 def _concrete(rng: np.random.Generator) -> Drawn:
@@ -264,15 +232,6 @@ def _bark(rng: np.random.Generator) -> Drawn:
     return np.exp(0.35 * (noise + np.roll(noise, 3, axis=0) + np.roll(noise, 6, axis=0)) / 2), _nothing()
 
 
-def _stains(rng: np.random.Generator) -> Drawn:
-    return 1 + 0.5 * cloud_noise(rng, -1.3), _nothing()
-
-
-def _shade(rng: np.random.Generator) -> Drawn:
-    """Light that comes through crowns: 1 lit, 0 in shade."""
-    return np.clip(0.5 + 2.2 * cloud_noise(rng, -1.35), 0, 1), _nothing()
-
-
 def _surroundings(rng: np.random.Generator) -> Drawn:
     """The surroundings that glossy surfaces reflect: columns are azimuths, rows run from straight down to up."""
     height = np.arange(SIZE)[:, None] / SIZE
@@ -300,17 +259,26 @@ def _share(noise: Floats32, share: float) -> Floats32:
     return np.asarray(noise > np.quantile(noise, 1 - share), dtype=np.float32)
 
 
-_DRAWERS = {
-    Tile.ASPHALT: _asphalt,
-    Tile.PAVING: _paving,
-    Tile.GRASS: _grass,
-    Tile.PLASTER: _plaster,
+_DRAWERS: dict[Tile, Callable[[np.random.Generator], Drawn]] = {
+    Tile.ASPHALT: lambda rng: (1 + 0.13 * cloud_noise(rng, -0.35) + 0.05 * cloud_noise(rng, -1.5), _nothing()),
+    Tile.PAVING: lambda rng: (
+        _courses(rng, rows=24, columns=12, joint=0.12, spread=0.10) + 0.06 * cloud_noise(rng, -0.5),
+        _nothing(),
+    ),
+    Tile.GRASS: lambda rng: (1 + 0.24 * cloud_noise(rng, -0.7) + 0.15 * cloud_noise(rng, -1.5), _nothing()),
+    Tile.PLASTER: lambda rng: (1 + 0.012 * cloud_noise(rng, -0.3) + 0.02 * cloud_noise(rng, -2), _nothing()),
     Tile.RIBS: _ribs,
-    Tile.BRICKS: _bricks,
+    Tile.BRICKS: lambda rng: (
+        _courses(rng, rows=32, columns=10, joint=-0.18, spread=0.12) + 0.04 * cloud_noise(rng, -0.5),
+        _nothing(),
+    ),
     Tile.WINDOWS: _windows,
-    Tile.ROOF: _roof,
-    Tile.LEAVES: _leaves,
-    Tile.HEDGE: _hedge,
+    Tile.ROOF: lambda rng: (
+        _courses(rng, rows=16, columns=20, joint=0.35, spread=0.12) + 0.05 * cloud_noise(rng, -0.8),
+        _nothing(),
+    ),
+    Tile.LEAVES: lambda rng: (np.exp(0.65 * cloud_noise(rng, -0.55)), _share(cloud_noise(rng, -0.85), 0.42)),
+    Tile.HEDGE: lambda rng: (np.exp(0.5 * cloud_noise(rng, -0.5)), _share(cloud_noise(rng, -0.6), 0.6)),
     Tile.CONCRETE: _concrete,
     Tile.PAINT: _paint,
     Tile.GLASS: _glass,
@@ -319,8 +287,9 @@ _DRAWERS = {
     Tile.FENCE: _fence,
     Tile.SIGN: _sign,
     Tile.BARK: _bark,
-    Tile.STAINS: _stains,
-    Tile.SHADE: _shade,
+    Tile.STAINS: lambda rng: (1 + 0.5 * cloud_noise(rng, -1.3), _nothing()),
+    # Light that comes through crowns: 1 lit, 0 in shade.
+    Tile.SHADE: lambda rng: (np.clip(0.5 + 2.2 * cloud_noise(rng, -1.35), 0, 1), _nothing()),
     Tile.SURROUNDINGS: _surroundings,
 }
 

@@ -30,9 +30,12 @@ from auditor.pipeline.judged import Judged, JudgeSettings, judge_all
 from auditor.pipeline.measured import FEW
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
-from auditor.pipeline.workers import Progress, run_all
-from auditor.store import Store, StoredJudgement, rows_of, run_sql
-from auditor.store.log import logged
+from auditor.pipeline.workers import Progress, in_order
+from auditor.store.export import rows_of
+from auditor.store.log.runs import logged
+from auditor.store.queries import run_sql
+from auditor.store.records import StoredJudgement
+from auditor.store.store import Store
 from auditor.store.versions.history import calibrations_in_force
 
 FEWEST_RECORDINGS = 4
@@ -264,7 +267,7 @@ WORTH_A_PROCESS = 50
 """Measurements that a process is begun for; it has to read the store's judgements and calibrations first."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Part:
     """The measurements of a store that one process judges, by a calibration that the store keeps, if one is named."""
 
@@ -298,11 +301,7 @@ def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, 
             store.keep_calibration(settings.calibration)
         without = replace(settings, calibration=None)
         parts = [_Part(store.folder, tuple(measurements[first::jobs]), without, named) for first in range(jobs)]
-        found: dict[str, Judged] = {}
-        for outcome in run_all(_judge_part, parts, jobs, lambda *_: None):
-            if outcome.error is not None:
-                raise outcome.error
-            found.update((one.measurement_id, one) for one in outcome.result or ())
+        found = {one.measurement_id: one for part in in_order(_judge_part, parts, jobs) for one in part}
         yield from (found[one] for one in measurements)
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 from auditor.pipeline.judge import counted_earlier
 from auditor.pipeline.judged import recording_name
-from auditor.store import RecordingRecord, Store, StoredJudgement
+from auditor.store.records import RecordingRecord, StoredJudgement
 from auditor.store.reviews import false_alarms
+from auditor.store.store import Store
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,13 @@ the others and to be written. Where all have few frames they are read once, and 
 several processes at once; what they give is the same for any number of them.
 """
 
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
-from typing import TypeVar
 
 from auditor.errors import NothingMeasuredError, ThresholdsError
 from auditor.identification.cross_validation import (
@@ -35,8 +34,9 @@ from auditor.model.rig_kind import ComparedTo, RigKind
 from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
-from auditor.pipeline.workers import Progress, run_all
-from auditor.store import Content, Store, content_of, make_calibration
+from auditor.pipeline.workers import Progress, in_order
+from auditor.store.calibrations import Content, content_of, make_calibration
+from auditor.store.store import Store
 
 MOST_GIVEN_BACK = 25_000
 """Frames of the recordings that a process judges and gives back at once, about 1 kB each; one recording at least."""
@@ -44,7 +44,6 @@ MOST_GIVEN_BACK = 25_000
 _BEGUN = 2
 """Parts a process that are begun at once: some are judged while others are written."""
 
-Result = TypeVar("Result")
 ByOthers = tuple[RobustThresholds, Mapping[Triple, float]]
 """The thresholds of other recordings by the robust method, and theta by the paper's."""
 
@@ -152,7 +151,7 @@ class MadeCalibration:
             return
         parts = (_Part(part, asked, tuple(islice(by_others, len(part)))) for part in _parts_of(self.clean.chosen))
         while waiting := list(islice(parts, _BEGUN * self.jobs)):
-            for judged in _in_order(_judge_part, waiting, self.jobs):
+            for judged in in_order(_judge_part, waiting, self.jobs):
                 yield from judged
 
 
@@ -188,7 +187,7 @@ def make(
         located = [(store.folder, known) for store, known in measurements]
         share = -(-len(located) // jobs)
         parts = [_Part(tuple(located[first : first + share]), asked) for first in range(0, len(located), share)]
-        for found in _in_order(_sum_up, parts, jobs):
+        for found in in_order(_sum_up, parts, jobs):
             sums.join(found)
     if asked.system.triples and not any(sums.samples.values()):
         raise NothingMeasuredError(
@@ -326,15 +325,3 @@ def _judged(system: System, clean: CleanFrames, by_others: ByOthers) -> JudgedBy
     thresholds, theta = by_others
     paper = judge_by_thetas(clean, theta, Statistic.GATED, system.fallback)
     return JudgedByOthers(clean, judge_by_others(clean, thresholds, system), paper)
-
-
-def _in_order(task: Callable[[_Part, Progress], Result], parts: Sequence[_Part], jobs: int) -> Iterator[Result]:
-    """The results of parts in their order, of so many processes. Raises what one of them raises."""
-    found: dict[_Part, Result] = {}
-    left = deque(parts)
-    for outcome in run_all(task, parts, jobs, lambda *_: None):
-        if outcome.error is not None:
-            raise outcome.error
-        found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
-        while left and left[0] in found:
-            yield found.pop(left.popleft())

@@ -24,15 +24,10 @@ from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judged import Judge, Judged, JudgeSettings
-from auditor.store import (
-    RecordingRecord,
-    Store,
-    StoredJudgement,
-    StoredMeasurement,
-    make_calibration,
-    writing_calibration,
-)
-from auditor.store.log import logged
+from auditor.store.calibrations import make_calibration, writing_calibration
+from auditor.store.log.runs import logged
+from auditor.store.records import RecordingRecord, StoredJudgement, StoredMeasurement
+from auditor.store.store import Store
 from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
 from auditor.store.versions.records import (
     CalibrationVersion,

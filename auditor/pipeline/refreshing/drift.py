@@ -10,7 +10,8 @@ import numpy as np
 from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
 from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.pipeline.calibrations.versions import latest_day
-from auditor.store import Store, run_sql
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from auditor.store.versions.drift import FleetDrift, LevelChange, SensorDrift
 
 _EPOCH = date(1970, 1, 1)

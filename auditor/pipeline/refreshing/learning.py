@@ -26,8 +26,8 @@ from auditor.model.calibration import Calibration
 from auditor.pipeline.judge import system_of
 from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, considered
 from auditor.pipeline.refreshing.pool import Group
-from auditor.store import Store, make_calibration
-from auditor.store.calibrations import OutdatedCalibrationError
+from auditor.store.calibrations import OutdatedCalibrationError, make_calibration
+from auditor.store.store import Store
 from auditor.store.versions.decisions import Decided, Decision, Interval, Rise, read_quarantine
 from auditor.store.versions.history import History, histories
 from auditor.store.versions.records import UsedRecording, lost_line, lost_versions, read_version

@@ -17,8 +17,8 @@ from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all
 from auditor.pipeline.remote.spool import Spool, named_as_given
 from auditor.recordings import Location, open_recording, survey
-from auditor.store import Store
 from auditor.store.reviews import false_alarms
+from auditor.store.store import Store
 from auditor.store.versions.decisions import (
     Decided,
     Decision,

@@ -19,8 +19,9 @@ from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import counted_earlier
 from auditor.pipeline.reading import reading_of
 from auditor.pipeline.remarks import conflicts_of
-from auditor.store import RecordingRecord, Store, StoredMeasurement
+from auditor.store.records import RecordingRecord, StoredMeasurement
 from auditor.store.reviews import false_alarms
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
 from auditor.store.versions.history import History, histories, history_for
 from auditor.store.versions.records import UsedRecording

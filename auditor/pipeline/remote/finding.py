@@ -12,7 +12,7 @@ from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import Found, find_recordings
 from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
-from auditor.store import RecordingRecord
+from auditor.store.records import RecordingRecord
 
 _METADATA = "metadata.yaml"
 """What makes a folder one recording, of rosbag2."""

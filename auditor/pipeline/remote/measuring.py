@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, nullcontext
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -19,7 +20,8 @@ from auditor.pipeline.remote.ray_cluster import Needs, connected
 from auditor.pipeline.remote.spool import Spool, named_as_given, spool_of
 from auditor.pipeline.workers import Limits, LimitsOf, Outcome, run_all, run_from
 from auditor.recordings import Location
-from auditor.store.log import run, this_program
+from auditor.store.log.entry import this_program
+from auditor.store.log.runs import run
 
 Item = TypeVar("Item")
 _AHEAD = 2
@@ -142,7 +144,7 @@ def measure_on_cluster(
     needs = Needs(settings.memory_limit, gpu=tasks[0].network.device != "cpu")
     synchronised(folder)
     with connected(settings.address) as cluster:
-        yield from cluster.run(work, cluster.groups(tasks, _size_of), needs)
+        yield from cluster.run(work, cluster.groups(tasks, attrgetter("size_bytes")), needs)
     synchronised(folder)
 
 
@@ -162,10 +164,3 @@ def _measure_there(
         found = [Outcome(here.index(one.item.given or one.item), one.result, one.error) for one in outcomes]
         spool.close()
         return found
-
-
-def _size_of(task: MeasureTask) -> int:
-    try:
-        return task.location.size_bytes
-    except OSError:  # its own error, later on
-        return 0

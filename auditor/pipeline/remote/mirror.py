@@ -37,12 +37,14 @@ from auditor.pipeline.remote.snapshots import (
     under,
 )
 from auditor.recordings.location import StoredObject
-from auditor.store import RecordingRecord, Store
 from auditor.store.files import is_part, make_folder, write_whole
-from auditor.store.log import LOG, hash_file, logged
-from auditor.store.log.chains import foreign_chains, is_mirror, log_lock, note_foreign
+from auditor.store.log.chains import LOG, foreign_chains, is_mirror, log_lock, note_foreign
+from auditor.store.log.entry import hash_file
+from auditor.store.log.runs import logged
 from auditor.store.maintenance.relations import relate
+from auditor.store.records import RecordingRecord
 from auditor.store.rows import stored_recording
+from auditor.store.store import Store
 from auditor.store.tables import read_rows
 
 EACH_S = 60.0

@@ -9,26 +9,3 @@
 takes a chain that no process holds, or begins one, so machines need no coordination; its first and last entries have
 the heads of all other chains that it saw.
 """
-
-from auditor.store.log.chains import LOG, Head, entries, heads
-from auditor.store.log.entry import Entry, Kind, Outcome, Output, hash_file, output_of, this_program
-from auditor.store.log.runs import Run, adopt, current_runs, logged, run
-
-__all__ = [
-    "LOG",
-    "Entry",
-    "Head",
-    "Kind",
-    "Outcome",
-    "Output",
-    "Run",
-    "adopt",
-    "current_runs",
-    "entries",
-    "hash_file",
-    "heads",
-    "logged",
-    "output_of",
-    "run",
-    "this_program",
-]

@@ -16,7 +16,7 @@ from auditor.model.checks import SIGNED_CHECKS
 from auditor.model.optics.common_view import view_size_px
 from auditor.model.rig import Rig
 from auditor.store.packs.index import finished_files
-from auditor.store.schema import ID_COLUMNS
+from auditor.store.schema import id_column
 from auditor.store.store import Store
 from auditor.store.tables import read_table, rows_of_files, stream_tables
 
@@ -170,10 +170,10 @@ def untied(store: Store, table: str, row_ids: Sequence[str]) -> Iterator[tuple[s
     named, counted = _NAMED.get(table, ()), _COUNTED.get(table)
     if not named and counted is None:
         return
-    columns = [ID_COLUMNS[table], *(counted[1] if counted else ()), *(column for column, _ in named)]
+    columns = [id_column(table), *(counted[1] if counted else ()), *(column for column, _ in named)]
     rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for row in rows_of_files(table, finished_files(store.packs, store.folder, table, there), [*dict.fromkeys(columns)]):
-        rows[row[ID_COLUMNS[table]]].append(row)
+        rows[row[id_column(table)]].append(row)
     counts = _counts(store, counted[0], there) if counted else {}
     for row_id, of_id in rows.items():
         if counted:
@@ -184,7 +184,7 @@ def untied(store: Store, table: str, row_ids: Sequence[str]) -> Iterator[tuple[s
 
 def _counts(store: Store, table: str, row_ids: Iterable[str]) -> dict[str, int]:
     """How many rows there are of each id, but for files that cannot be read, of which that is said."""
-    column = ID_COLUMNS[table]
+    column = id_column(table)
     files = finished_files(store.packs, store.folder, table, [one for one in row_ids if store.has(table, one)])
     found = Counter[str]()
     for path in files.packs:

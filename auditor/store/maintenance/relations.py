@@ -19,7 +19,8 @@ from auditor.model.frames import SensorState
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.files import locked
-from auditor.store.log import Kind, logged
+from auditor.store.log.entry import Kind
+from auditor.store.log.runs import logged
 from auditor.store.records import RecordingRecord, StoredMeasurement
 from auditor.store.store import Store
 from auditor.store.tables import read_table

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from auditor.errors import StoreError
 from auditor.store.files import locked
-from auditor.store.log import logged
 from auditor.store.log.entry import place_in
+from auditor.store.log.runs import logged
 from auditor.store.pictures import full_pictures
 from auditor.store.records import RecordingRecord
 from auditor.store.schema import MANIFESTS

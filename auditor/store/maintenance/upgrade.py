@@ -18,7 +18,8 @@ from auditor.errors import StoreError
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.folder import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.frames_writer import LookedShares
-from auditor.store.log import Kind, Output, output_of, run, this_program
+from auditor.store.log.entry import Kind, Output, output_of, this_program
+from auditor.store.log.runs import run
 from auditor.store.packs.index import Packs, Part
 from auditor.store.schema import MANIFESTS, SCHEMA_VERSION, TABLES, newer_version
 from auditor.store.tables import BATCH_ROWS, Row, read_table, write_rows

@@ -16,7 +16,7 @@ from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
 from auditor.store.maintenance.plausibility import implausible, untied
 from auditor.store.packs.index import FOLDER, INDEX, Files, Member, Packs
-from auditor.store.schema import ID_COLUMNS, MANIFESTS, TABLES
+from auditor.store.schema import MANIFESTS, TABLES, id_column
 from auditor.store.store import Store
 from auditor.store.tables import listed, read_table, rows_of_files
 
@@ -178,7 +178,7 @@ class _Verification:
 
     def _of_manifest(self, manifest: str) -> Iterator[Problem]:
         """The files that the rows of a manifest finish, by rows that are as they were written."""
-        files, column = self._store.files(manifest), ID_COLUMNS[manifest]
+        files, column = self._store.files(manifest), id_column(manifest)
         columns = [column, "outputs", *(["rig_id"] if manifest == "measurements" else [])]
         for path in files.alone:
             place = f"{manifest}/{path.name}"

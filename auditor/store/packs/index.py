@@ -17,10 +17,10 @@ import pyarrow as pa
 
 from auditor.errors import StoreError
 from auditor.store.files import finished, locked, make_folder, write_whole
-from auditor.store.schema import ID_COLUMNS
+from auditor.store.schema import id_column
 
 if TYPE_CHECKING:
-    from auditor.store.log import Run
+    from auditor.store.log.runs import Run
 
 INDEX = "packs.csv"
 FOLDER = "packs"
@@ -180,7 +180,7 @@ class Packs:
     def part(self, table: str, row_id: str) -> Part | None:
         """Where the rows of an id lie; None where no pack has them."""
         found = self.member(table, row_id)
-        return found and Part(found[0], ID_COLUMNS[table], row_id, found[1].group)
+        return found and Part(found[0], id_column(table), row_id, found[1].group)
 
     def hide(self, rows: Mapping[str, Collection[str]], entry: "Run") -> None:
         """The rows of some ids count no longer, by table; all of them go at one moment. Raises StoreError."""

@@ -18,12 +18,12 @@ import pyarrow.parquet as pq
 
 from auditor.store.files import finished, part_file, write_whole
 from auditor.store.folder import MARKER
-from auditor.store.log import Output, Run, entries, logged, output_of
-from auditor.store.log.chains import is_mirror
-from auditor.store.log.runs import Expected, expected
+from auditor.store.log.chains import entries, is_mirror
+from auditor.store.log.entry import Output, output_of
+from auditor.store.log.runs import Expected, Run, expected, logged
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED, Index, Member, index_lock, pack_path
 from auditor.store.records import content_id
-from auditor.store.schema import ID_COLUMNS, MANIFESTS, table_schema
+from auditor.store.schema import MANIFESTS, id_column, table_schema
 from auditor.store.store import Store
 from auditor.store.tables import Source, read_table, rows_of_files
 
@@ -130,7 +130,7 @@ def _own(store: Store, table: str, known: Expected) -> Iterator[_Piece]:
 
 def _named(store: Store, manifest: str) -> dict[str, Output]:
     """The files that the rows of a manifest finish, by their places."""
-    rows = rows_of_files(manifest, store.files(manifest), [ID_COLUMNS[manifest], "outputs"])
+    rows = rows_of_files(manifest, store.files(manifest), [id_column(manifest), "outputs"])
     outputs = (Output.of_fields(one) for row in rows for one in row["outputs"] or ())
     return {output.path: output for output in outputs}
 
@@ -195,7 +195,7 @@ def _grouped(table: str, pieces: Sequence[_Piece]) -> tuple[list[list[_Piece]], 
     members, rows = [], 0
     most_rows, most_members = (TOGETHER.get(table, 1) * most for most in (GROUP_ROWS, GROUP_MEMBERS))
     for piece in pieces:
-        count = len(read_table(table, piece.source, [ID_COLUMNS[table]]))
+        count = len(read_table(table, piece.source, [id_column(table)]))
         if count and (not groups or rows >= most_rows or len(groups[-1]) >= most_members):
             groups.append([])
             rows = 0

@@ -17,7 +17,8 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
 from auditor.store.calibrations import OutdatedCalibrationError
 from auditor.store.files import held, locked, make_folder
-from auditor.store.log import Kind, logged
+from auditor.store.log.entry import Kind
+from auditor.store.log.runs import logged
 from auditor.store.records import content_id, rig_kind_fields, rig_kind_of, to_utc
 from auditor.store.store import Store
 from auditor.store.tables import Row, read_rows

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tests.benchmarks.clustered import clustered_interval, effective_size
 from tests.benchmarks.long_drives import hourly_interval, poisson_interval
+from tests.benchmarks.rates import clustered_interval
 
 
 def test_clusters_that_are_all_or_nothing_give_a_wider_interval_than_mixed_ones() -> None:
@@ -16,13 +16,6 @@ def test_clusters_that_are_all_or_nothing_give_a_wider_interval_than_mixed_ones(
 def test_no_hit_is_bounded_by_the_number_of_clusters_not_of_cases() -> None:
     assert clustered_interval([0] * 10, [50] * 10) == pytest.approx((0, 0.3085), abs=1e-3)
     assert clustered_interval([50] * 10, [50] * 10) == pytest.approx((0.6915, 1), abs=1e-3)
-
-
-def test_a_series_that_repeats_itself_is_worth_less() -> None:
-    independent = np.random.default_rng(1).normal(size=400)
-    assert effective_size(independent) > 300
-    assert effective_size(np.repeat(independent[:40], 10)) < 80
-    assert effective_size(np.ones(9)) == 9
 
 
 @pytest.mark.parametrize(("seen", "low", "high"), [(0, 0.0, 3.689), (1, 0.0253, 5.572), (18, 10.67, 28.45)])

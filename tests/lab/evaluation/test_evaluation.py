@@ -33,8 +33,9 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
-from auditor.store import Store, run_query, run_sql
 from auditor.store.evaluation_tables import INTERVAL_FRAMES, CaseFeatures, EvaluationPart
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.matchers import WholeRange
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive

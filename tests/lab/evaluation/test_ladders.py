@@ -4,8 +4,7 @@ from collections import defaultdict
 
 import pytest
 
-from auditor.lab.evaluation.experiments import SeededDraws
-from auditor.lab.evaluation.ladders import LADDERS
+from auditor.lab.evaluation.experiments import LADDERS, SeededDraws
 from auditor.model.verdict import VerdictKind
 from auditor.reporting.evaluation.loading import unseen_grids
 from auditor.store.evaluation_tables import CaseVerdict, MeasuredCase, write_case_verdicts

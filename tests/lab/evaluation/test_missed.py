@@ -13,10 +13,11 @@ from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, judg
 from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment, all_triples
 from auditor.measurement.drawing.clouds import small_jpeg
 from auditor.reporting.evaluation.loading import NOT_KEPT, load_evaluation, missed_attacks, render_evaluation
-from auditor.store import Store, run_query
 from auditor.store.evaluation_tables import case_key, missed_pictures
 from auditor.store.maintenance.removal import remove_recordings
 from auditor.store.maintenance.verify import verify
+from auditor.store.queries import run_query
+from auditor.store.store import Store
 from tests.making.pages import Page
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import THREE_CAMERAS, drive_frames, write_drive

@@ -28,7 +28,8 @@ from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel, rea
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.rig import Triple
-from auditor.store import Store, run_query, run_sql
+from auditor.store.queries import run_query, run_sql
+from auditor.store.store import Store
 from tests.making.detector_models import write_camera_detector, write_cloud_detector
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import write_drive

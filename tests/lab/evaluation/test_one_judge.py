@@ -1,7 +1,10 @@
 """An evaluation gives each attack the verdict that a scan gives a recording that is attacked alike."""
 
 import os
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
 from itertools import islice
 from pathlib import Path
 
@@ -9,11 +12,181 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.lab.evaluation import experiments_of, runner
-from auditor.model.rig import Rig
+from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, experiments_of, judge_cases, runner
+from auditor.lab.evaluation.experiments import DELAYS, Attacks, Experiment, SeededDraws
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig
+from auditor.pipeline.judge import Criteria, judge_measurement
+from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 from tests.benchmarks.real_drives import frames
-from tests.making.attacked_copies import compare, same
+from tests.making.calibrations import calibrate
+
+R = Decimal("0.01")
+APART = 12
+"""Frames attacked in one copy lie so far apart that no verdict depends on two of them, and no incident."""
+
+_HARDLY_EVER = 10**6
+"""Of the recording that gives thresholds the clean frames are needed alone."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The verdict on a frame under some attacks."""
+
+    kind: str
+    attacked: tuple[int, ...]
+    causes: tuple[tuple[str, int | None, float], ...]
+    finding: str | None
+    finding_attacked: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One attacked frame: the attacks, and both verdicts."""
+
+    experiment: str
+    frame: int
+    attacked: tuple[int, ...]
+    attack: str
+    evaluated: Judged
+    scanned: Judged
+
+
+@dataclass(frozen=True)
+class _Case:
+    experiment: Experiment
+    frame: int
+    attacks: Attacks
+    key: tuple[object, ...]
+
+
+def compare(
+    folder: Path,
+    clean: Path,
+    others: Path,
+    experiments: Sequence[Experiment],
+    *,
+    every: int,
+    patterns: tuple[Path, ...],
+) -> Iterator[Compared]:
+    """Every attacked frame of a clean recording, by thresholds of another one.
+
+    Cases of the experiments are taken, which `evaluate` tries: of each `every`-th frame. Those that are not judged by
+    all sensors are left out: that is how a scan judges.
+    """
+    store = folder / "evaluated"
+    for path, attack_every in ((clean, every), (others, _HARDLY_EVER)):
+        task = EvaluateTask(Recorded(path), store, attack_every=attack_every, patterns=patterns)
+        evaluate_source(task, lambda *_: None)
+    judge_cases(Store.open(store))
+    with Recorded(clean).open() as (drive,):
+        rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
+        evaluated = _evaluated(Store.open(store), drive.recording_id, rig)
+        seed = int(drive.recording_id[:8], 16)
+    scans = folder / "scanned"
+    known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
+    calibration = calibrate([(Store.open(scans), known)])
+    judged: dict[str, list[_Case]] = {}
+    for number, everything in enumerate(_copies(frames, rig, seed, experiments, every)):
+        copy = [case for case in everything if case.key in evaluated]
+        if not copy:
+            continue
+        path = folder / f"copy {number}.mcap"
+        write_mcap(path, rig, _attacked(frames, rig, copy), image="raw", compression="none")
+        measured = measure_recording(MeasureTask(path, scans), lambda *_: None).measurement_ids[0]
+        judged[judge_measurement(Store.open(scans), measured, calibration, Criteria(R)).judgement_id] = copy
+        path.unlink()
+    scanned = _scanned(Store.open(scans), judged)
+    for judgement, copy in judged.items():
+        for case in copy:
+            names = " and ".join(sorted({attack.name for attack in case.attacks.values()}))
+            attacked, verdicts = tuple(sorted(case.attacks)), (evaluated[case.key], scanned[judgement, case.frame])
+            yield Compared(case.experiment.name, case.frame, attacked, names, *verdicts)
+
+
+_SAME_SCORE = 0.01
+
+
+def same(one: Judged, other: Judged) -> bool:
+    """True for equal verdicts with the same causes, whose scores differ by no more than a hundredth.
+
+    What is usual of a drive follows from its own frames, and in a scan the attacked one is among them.
+    """
+    pairs = zip(one.causes, other.causes, strict=False)
+    close = all(a[:2] == b[:2] and abs(a[2] - b[2]) < _SAME_SCORE for a, b in pairs)
+    return close and len(one.causes) == len(other.causes) and replace(one, causes=()) == replace(other, causes=())
+
+
+def _copies(
+    frames: Sequence[Frame], rig: Rig, seed: int, experiments: Sequence[Experiment], every: int
+) -> Iterator[list[_Case]]:
+    """The cases in the fewest possible copies: each frame, or each interval, is attacked once in a copy."""
+    for experiment in experiments:
+        if not experiment.attacks or set(experiment.triples(rig)) != set(rig.measured_triples):
+            continue
+        by_number: dict[tuple[int, int], list[_Case]] = defaultdict(list)
+        for at, frame in enumerate(frames):
+            if experiment.takes(frame.number, every):
+                past = frames[max(at - max(DELAYS), 0) : at]
+                cases = experiment.cases(rig, SeededDraws(0, seed, frame.number, 0), past)
+                for number, case in enumerate(cases):
+                    key = experiment.name, frame.number, case.attacked, case.attack, case.strength, case.size
+                    copy = number, 0 if experiment.together > 1 else at % APART
+                    by_number[copy].append(_Case(experiment, frame.number, case.attacks, key))
+        yield from by_number.values()
+
+
+def _attacked(frames: Sequence[Frame], rig: Rig, copy: Sequence[_Case]) -> Iterator[Frame]:
+    attacks_on = {case.frame: case.attacks for case in copy}
+    for frame in frames:
+        attacks = attacks_on.get(frame.number, {})
+        images = {s: attacks[s].apply(image) if s in attacks else image for s, image in frame.images.items()}
+        # Delayed data keep the stamp of their frame: an attack changes data, not their time.
+        images = {s: replace(image, stamp_ns=frame.images[s].stamp_ns) for s, image in images.items()}
+        cloud = frame.cloud
+        if LIDAR in attacks and cloud is not None:
+            cloud = replace(attacks[LIDAR].apply(cloud, rig), stamp_ns=cloud.stamp_ns)
+        yield replace(frame, images=images, cloud=cloud)
+
+
+def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, ...], Judged]:
+    sql = f"SELECT * FROM case_verdicts WHERE left_out = 'recording' AND recording_id = '{recording_id}'"
+    rows = [row for row in run_sql(store, sql).to_pylist() if tuple(row["system"]) == rig.sensors]
+    return {
+        tuple(tuple(row[name]) if name == "attacked" else row[name] for name in _KEY): _judged(
+            row["verdict"], row["identified"], row["causes"], row["window_kind"], row["window_named"]
+        )
+        for row in rows
+        if row["attacked"]
+    }
+
+
+_KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
+
+
+def _scanned(store: Store, judgement_ids: Iterable[str]) -> dict[tuple[str, int], Judged]:
+    """By judgement and frame. An evaluation tells of no event of a single frame."""
+    event = "CASE WHEN NOT alert THEN finding END, CASE WHEN NOT alert THEN finding_attacked END AS named"
+    columns = f"judgement_id, frame, kind, attacked, causes, {event}"
+    sql = f"SELECT {columns} FROM verdicts WHERE judgement_id IN ({', '.join(map(repr, judgement_ids))})"
+    rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())
+    return {(judgement, frame): _judged(*row) for judgement, frame, *row in rows}
+
+
+def _judged(
+    kind: str,
+    attacked: Sequence[int],
+    causes: Sequence[dict[str, object]],
+    finding: str | None,
+    finding_attacked: Sequence[int] | None,
+) -> Judged:
+    found = tuple((one["cause"], one["sensor"], one["score"]) for one in causes)
+    return Judged(kind, tuple(attacked), found, finding, tuple(finding_attacked or ()))
+
 
 FRAMES, ATTACKED = 3, 1
 """The frame attacked alone has one before and one after it."""

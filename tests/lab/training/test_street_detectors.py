@@ -16,7 +16,8 @@ from auditor.lab.evaluation.object_baseline.detectors.streets.network import pac
 from auditor.lab.evaluation.object_baseline.runner import street_labels  # noqa: E402
 from auditor.lab.evaluation.sources import Street  # noqa: E402
 from auditor.measurement import use_one_thread  # noqa: E402
-from auditor.store import Store, run_query, run_sql  # noqa: E402
+from auditor.store.queries import run_query, run_sql  # noqa: E402
+from auditor.store.store import Store  # noqa: E402
 from tests.making.street_detectors import (  # noqa: E402
     CLOUDS,
     IMAGES,

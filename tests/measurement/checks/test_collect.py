@@ -13,8 +13,7 @@ from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.model.checks import LIDAR_CHECKS, Check, CountedPair, SensorCheck, resolves_depth
 from auditor.model.frames import CameraImage
-from tests.making.scenes import plane_frame, plane_rig
-from tests.making.textured_scenes import RIG, scene
+from tests.making.scenes import RIG, plane_frame, plane_rig, scene
 
 OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
 """The checks of two grey cameras that are measured as they are."""

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher, equalised
-from tests.making.scenes import plane_images, plane_rig
-from tests.making.textured_scenes import scene
+from tests.making.scenes import plane_images, plane_rig, scene
 
 
 def picture(seed=0, low=10, high=200, size=(100, 200)):

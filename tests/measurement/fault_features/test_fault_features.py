@@ -10,8 +10,7 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.fault_features.lidar_agreement import BORDER, LidarComparison, agreement
 from auditor.model.fault_features import COLUMNS, PairFaultFeatures
-from tests.making.scenes import WIDTH, plane_cloud, plane_rig
-from tests.making.textured_scenes import DEPTH_M, RIG, scene
+from tests.making.scenes import DEPTH_M, RIG, WIDTH, plane_cloud, plane_rig, scene
 
 NEAR_M = 6.0
 

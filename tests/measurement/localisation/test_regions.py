@@ -9,8 +9,7 @@ from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.localisation.points import solid_around
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import REGION_STEP
-from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_rig
-from tests.making.textured_scenes import DEPTH_M, scene
+from tests.making.scenes import DEPTH_M, HEIGHT, WIDTH, plane_cloud, plane_rig, scene
 
 RIG = plane_rig()
 

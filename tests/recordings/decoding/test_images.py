@@ -14,6 +14,7 @@ from auditor.recordings.decoding import Decoders, DeepImageDecoder, ImageDecoder
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
+from tests.making.message_forms import mosaic
 
 MAKER = MessageMaker("cdr")
 RANDOM = np.random.default_rng(7)
@@ -69,14 +70,6 @@ def nv12(bgr: NDArray[np.uint8]) -> NDArray[np.uint8]:
     planes = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420)
     chroma = planes[48:].reshape(2, 24 * 32)
     return np.vstack([planes[:48], chroma.T.reshape(24, 64)])
-
-
-def mosaic(bgr: NDArray[np.uint8], order: str) -> NDArray[np.uint8]:
-    out = np.empty(bgr.shape[:2], np.uint8)
-    for place, colour in enumerate(order):
-        row, column = divmod(place, 2)
-        out[row::2, column::2] = bgr[row::2, column::2, "bgr".index(colour)]
-    return out
 
 
 def test_grey_images_come_out_as_recorded() -> None:

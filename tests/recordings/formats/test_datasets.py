@@ -37,8 +37,8 @@ from tests.making.datasets import (
 )
 from tests.making.forms import CONTAINERS
 from tests.making.message_forms import drive
+from tests.making.reading_all import frames_of
 from tests.making.scenes import plane_rig
-from tests.making.whole_reads import frames_of
 
 RIG = plane_rig((0.6, 0.3, 0.0))
 FRAMES = drive(RIG, 2)

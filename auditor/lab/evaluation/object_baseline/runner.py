@@ -21,8 +21,8 @@ from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
-from auditor.store import Store
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart
+from auditor.store.store import Store
 
 _LEAST_SEEN_BY_LEVEL = (0.8, 0.4, 0.1)
 """Of a vehicle that is seen less than this, the level of occlusion is one more; KITTI's levels are 0 to 3."""

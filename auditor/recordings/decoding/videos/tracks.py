@@ -227,13 +227,9 @@ def _follows(track: _Track, video: VideoData, size_px: SizePx | None) -> bool:
     for declared in head.sizes_px:
         check_size(declared, size_px)
         track.size_px = declared
-    follows = track.codec is not None and _is_next(head, track.number, late=late)
+    follows = track.codec is not None and (head.follows(track.number) if head.period else not late)
     track.number = track.number + 1 if head.number is None else head.number
     return track.size_px is not None and (head.is_key or follows)
-
-
-def _is_next(head: Head, last: int, *, late: bool) -> bool:
-    return head.follows(last) if head.period else not late
 
 
 def _av() -> Any:  # noqa: ANN401  # a module without types

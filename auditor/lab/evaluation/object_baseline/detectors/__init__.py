@@ -86,9 +86,11 @@ def _streets() -> tuple[CameraDetector, CloudDetector]:
 
 def _opened(path: Path) -> tuple[CameraDetector | None, CloudDetector | None]:
     with needing("a detector needs", "onnx", "--detector"):
-        from auditor.lab.evaluation.object_baseline.detectors.clouds import OnnxCloudDetector  # noqa: PLC0415
         from auditor.lab.evaluation.object_baseline.detectors.described import read_description  # noqa: PLC0415
-        from auditor.lab.evaluation.object_baseline.detectors.networks import OnnxCameraDetector  # noqa: PLC0415 - an extra
+        from auditor.lab.evaluation.object_baseline.detectors.networks import (  # noqa: PLC0415 - an extra
+            OnnxCameraDetector,
+            OnnxCloudDetector,
+        )
         from auditor.measurement.disparity.matchers.onnx_models import OnnxModel  # noqa: PLC0415
     description = read_description(path)
     model = OnnxModel(path)

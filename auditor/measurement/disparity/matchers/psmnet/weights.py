@@ -19,6 +19,7 @@ from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import (
     no_safetensors,
     read_weights_file,
 )
+from auditor.model.text import first_few
 
 DEFAULT_MAX_DISPARITY = 192
 """That of the published code (Chang and Chen, PSMNet, CVPR 2018)."""
@@ -277,12 +278,9 @@ def _colour(metadata: Mapping[str, Any]) -> bool:
 
 
 def _some(names: tuple[str, ...] | list[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     # A name is the file's own text: one line of it, and not a long one.
-    return (
-        ", ".join(name[:_NAME_LENGTH] if name.isprintable() else ascii(name[:_NAME_LENGTH]) for name in names[:_SHOWN])
-        + more
-    )
+    shown = [name[:_NAME_LENGTH] if name.isprintable() else ascii(name[:_NAME_LENGTH]) for name in names]
+    return first_few(shown, _SHOWN)
 
 
 SHIPPED = Path(__file__).with_name("streets_half_resolution_fp16.safetensors")

@@ -24,7 +24,7 @@ STRIDE = 4
 MULTIPLE = 32
 """Height and width of the input are multiples of this."""
 
-WIDTH = 12
+_WIDTH = 12
 MOST_OBJECTS = 100
 LEAST_SCORE = 0.1
 """Objects less sure than this are left out."""
@@ -49,10 +49,10 @@ class CentreNet(nn.Module):
     The first channel is the logit of an object's middle (Zhou et al., Objects as Points, 2019).
     """
 
-    def __init__(self, channels: int, numbers: int, width: int = WIDTH) -> None:
+    def __init__(self, channels: int, numbers: int) -> None:
         super().__init__()
-        sizes = [width, *(width * times for times in _LEVELS)]
-        self.first = nn.Sequential(_conv(channels, width, 2), _conv(width, width))
+        sizes = [_WIDTH, *(_WIDTH * times for times in _LEVELS)]
+        self.first = nn.Sequential(_conv(channels, _WIDTH, 2), _conv(_WIDTH, _WIDTH))
         self.down = nn.ModuleList(
             nn.Sequential(_conv(fine, coarse, 2), _conv(coarse, coarse), _conv(coarse, coarse))
             for fine, coarse in pairwise(sizes)
