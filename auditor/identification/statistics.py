@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auditor.identification.evidence_parameters import STRETCHES
 from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
-from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
+from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask, quantile_of
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
@@ -267,23 +267,6 @@ def measured_medians(values: Floats) -> tuple[Floats, Integers]:
             for place in (np.maximum(measured - 1, 0) // 2, measured // 2)
         )
     return np.asarray((lower + upper) / 2), np.asarray(measured)
-
-
-def quantile_of(ordered: Floats | Integers, share: float) -> float:
-    """As `np.quantile` of values in ascending order, none of them NaN: it takes most of its time to look at arguments.
-
-    Both interpolate between neighbours in the same way, so that the result is the same to the last bit.
-    """
-    place = (ordered.size - 1) * share
-    below = int(place)
-    lower, upper = float(ordered[below]), float(ordered[min(below + 1, ordered.size - 1)])
-    part, step = place - below, upper - lower
-    return lower + step * part if 2 * part < 1 else upper - step * (1 - part)
-
-
-def median_of(ordered: Floats) -> float:
-    """As `np.median` of values in ascending order, none of them NaN."""
-    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

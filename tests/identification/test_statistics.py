@@ -8,13 +8,12 @@ from auditor.identification.statistics import (
     CONFLICT_WINDOW,
     Window,
     fitted,
-    median_of,
-    quantile_of,
     sensor_statistics,
     stretch_medians,
     window_means_of,
     window_sums,
 )
+from auditor.model.arrays import median_of, quantile_of
 from auditor.model.checks import CAMERA_CHECKS, Check, CountedPair, SensorCheck, sensor_checks_of
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
