@@ -51,4 +51,4 @@ def _shown(lighter: float) -> float:
 
 def _darkest(levels: Image) -> float:
     """The logarithm of the level that so few of the levels (M,) lie below."""
-    return float(np.log(quantile_of(np.sort(levels), NUMBERS.darkest_share) + NUMBERS.offset))
+    return float(np.log(quantile_of(np.sort(levels, kind="stable"), NUMBERS.darkest_share) + NUMBERS.offset))
