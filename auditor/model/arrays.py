@@ -34,7 +34,7 @@ Indices = NDArray[np.intp]
 """Places in another array: (M,)."""
 
 
-def quantile_of(ordered: NDArray[np.number], share: float) -> float:
+def quantile_of(ordered: Floats | Floats32 | Integers | Image, share: float) -> float:
     """As `np.quantile` of values (M,) in ascending order, none of them NaN: it takes most of its time for arguments.
 
     Both interpolate between neighbours in the same way, so that the result is the same to the last bit.
@@ -46,6 +46,6 @@ def quantile_of(ordered: NDArray[np.number], share: float) -> float:
     return float(lower + step * part if 2 * part < 1 else upper - step * (1 - part))
 
 
-def median_of(ordered: NDArray[np.number]) -> float:
-    """As `np.median` of values (M,) in ascending order, none of them NaN; of bytes none may be above 127."""
+def median_of(ordered: Floats | Floats32 | Integers) -> float:
+    """As `np.median` of values (M,) in ascending order, none of them NaN."""
     return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)

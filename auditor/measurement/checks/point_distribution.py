@@ -152,7 +152,9 @@ def is_thinned(view: LidarView) -> bool:
     beam = np.floor(np.arctan2(y, view.level_m) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
     steps = steps[steps < _BEAMS_APART - tau]
-    return bool(steps.size) and quantile_of(np.sort(steps), POINT_SPACING.quantile) > np.float32(POINT_SPACING.widest)
+    return bool(steps.size) and bool(
+        quantile_of(np.sort(steps), POINT_SPACING.quantile) > np.float32(POINT_SPACING.widest)
+    )
 
 
 def thinned(seen: Seen, k: int) -> bool:
