@@ -19,8 +19,8 @@ import numpy as np
 from auditor.identification.evidence_parameters import DRIVE_LEVEL
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import effective_size, log_odds, prior_of_check
-from auditor.identification.statistics import quantile_of, stretch_medians
-from auditor.model.arrays import Floats, Integers
+from auditor.identification.statistics import stretch_medians
+from auditor.model.arrays import Floats, Integers, quantile_of
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
 from auditor.model.checks import SensorCheck
 from auditor.model.checks.kind import Of

@@ -20,8 +20,7 @@ import numpy as np
 
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL, OTHERS, FittedOn
-from auditor.identification.statistics import median_of
-from auditor.model.arrays import Flags, Floats, Integers
+from auditor.model.arrays import Flags, Floats, Integers, median_of
 from auditor.model.calibration import Expected
 from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR

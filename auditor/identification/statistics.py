@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auditor.identification.evidence_parameters import STRETCHES
 from auditor.identification.parameters import HIERARCHY, TEMPORAL_WINDOW, WINDOWED_MEAN
-from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask
+from auditor.model.arrays import Flags, Floats, Floats32, Indices, Integers, Mask, quantile_of
 from auditor.model.checks import (
     DIRECTION_CHECKS,
     FEWEST_VOTERS,
@@ -65,7 +65,7 @@ class WindowMeans:
 
     def of(self, places: Sequence[int]) -> "WindowMeans":
         """Those of some of the grids."""
-        return WindowMeans(self.means[places], self.known[places])
+        return WindowMeans(self.means.take(places, axis=0), self.known.take(places, axis=0))
 
     @property
     def opposite(self) -> "WindowMeans":
@@ -141,13 +141,15 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
     window = _WINDOWS.get(check.kind.counted, CAMERA_WINDOW)
-    steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
+    steps = LIGHT_STEPS if check in SIGNED_CHECKS else 1
     N, B = window_sums(valid, window), window_sums(total, window)
     windows = [fitted(window, one) for one in N] if check.kind.counted is Counted.POINTS else [window] * len(N)
     pseudo_count, fewest = (
-        np.array([getattr(one, name) for one in windows])[:, None, None] for name in ("pseudo_count", "fewest")
+        np.array([getattr(one, name) for one in windows], dtype=N.dtype)[:, None, None]
+        for name in ("pseudo_count", "fewest")
     )
-    return WindowMeans((B / ((N + pseudo_count) * steps)).astype(np.float32), fewest <= N)
+    # Whole numbers of 24 bits: the quotient is that of double precision, rounded.
+    return WindowMeans(np.divide(B, (N + pseudo_count) * steps, dtype=np.float32), fewest <= N)
 
 
 def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float | None:
@@ -177,7 +179,7 @@ def vote(check: Check, voters: WindowMeans, alike: Flags | None = None) -> float
 def _mean(voters: WindowMeans) -> Floats:
     """(rows, columns) the mean of what is known, 0 where nothing is."""
     total = np.add.reduce(np.where(voters.known, voters.means, np.float32(0)))
-    return np.asarray(total / np.maximum(_count(voters), 1))
+    return np.divide(total, np.maximum(_count(voters), 1), dtype=np.float64)
 
 
 def _enough(voters: WindowMeans, alike: Flags | None) -> Mask:
@@ -188,11 +190,12 @@ def _enough(voters: WindowMeans, alike: Flags | None) -> Mask:
 
 def _largest(said: NDArray[np.floating], enough: Mask) -> float | None:
     """The largest of (rows, columns) where enough voters compared a window; 0 at least."""
-    return max(float(said[enough].max()), 0.0) if enough.any() else None
+    compared = said[enough]
+    return max(float(compared.max()), 0.0) if compared.size else None
 
 
 def _count(voters: WindowMeans) -> Integers:
-    return np.asarray(np.add.reduce(voters.known, dtype=np.int64))
+    return np.asarray(np.add.reduce(voters.known, dtype=np.uint8))
 
 
 def fitted(window: Window, sums: Integers) -> Window:
@@ -264,23 +267,6 @@ def measured_medians(values: Floats) -> tuple[Floats, Integers]:
             for place in (np.maximum(measured - 1, 0) // 2, measured // 2)
         )
     return np.asarray((lower + upper) / 2), np.asarray(measured)
-
-
-def quantile_of(ordered: Floats | Integers, share: float) -> float:
-    """As `np.quantile` of values in ascending order, none of them NaN: it takes most of its time to look at arguments.
-
-    Both interpolate between neighbours in the same way, so that the result is the same to the last bit.
-    """
-    place = (ordered.size - 1) * share
-    below = int(place)
-    lower, upper = float(ordered[below]), float(ordered[min(below + 1, ordered.size - 1)])
-    part, step = place - below, upper - lower
-    return lower + step * part if 2 * part < 1 else upper - step * (1 - part)
-
-
-def median_of(ordered: Floats) -> float:
-    """As `np.median` of values in ascending order, none of them NaN."""
-    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
 
 
 def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[Indices, Indices]:

@@ -8,13 +8,12 @@ from auditor.identification.statistics import (
     CONFLICT_WINDOW,
     Window,
     fitted,
-    median_of,
-    quantile_of,
     sensor_statistics,
     stretch_medians,
     window_means_of,
     window_sums,
 )
+from auditor.model.arrays import median_of, quantile_of
 from auditor.model.checks import CAMERA_CHECKS, Check, CountedPair, SensorCheck, sensor_checks_of
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
@@ -353,9 +352,12 @@ def test_stretches_in_which_nothing_was_measured_have_no_median():
 
 @given(st.lists(st.floats(-30, 30), min_size=1, max_size=40), st.floats(0, 1))
 def test_quantiles_and_medians_are_numpys_to_the_last_bit(values, share):
-    ordered = np.sort(values)
-    assert quantile_of(ordered, share) == np.quantile(values, share)
-    assert median_of(ordered) == np.median(values)
+    for dtype in (np.float64, np.float32, np.int64):
+        of_type = np.array(values).astype(dtype)
+        assert quantile_of(np.sort(of_type), share) == np.quantile(of_type, share)
+        assert median_of(np.sort(of_type)) == np.median(of_type)
+    levels = np.abs(values).astype(np.uint8)
+    assert quantile_of(np.sort(levels), share) == np.quantile(levels, share)
 
 
 def test_a_drive_without_a_clock_is_one_stretch_and_none_has_none():

@@ -29,7 +29,7 @@ from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES
-from auditor.model.arrays import Floats, Floats32, Indices, Mask
+from auditor.model.arrays import Floats, Floats32, Indices, Mask, median_of
 from auditor.model.checks import FEWEST_VOTERS, Pair, conflict_cameras
 
 _STRIPS = round(np.pi / FALSE_RANGES.strip)
@@ -227,7 +227,7 @@ def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear
         ordered = np.sort(farther[bounds[sector] : bounds[sector + _SECTOR]])
         quartiles[:, sector] = ordered[[int(share * (ordered.size - 1)) for share in _QUARTILES]]
     known = ~np.isnan(quartiles[1])
-    lower, _, upper = quartiles - (np.median(quartiles[1, known]) if known.any() else 0.0)
+    lower, _, upper = quartiles - (median_of(np.sort(quartiles[1, known])) if known.any() else 0.0)
     return np.asarray(np.where(known, np.maximum(lower, 0) + np.minimum(upper, 0), np.nan))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.scattered_returns import scattered, statistic_in_view
-from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points
+from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask, Points, quantile_of
 from auditor.model.frames import PointCloud
 from auditor.model.parameters import BY_HAND, parameter
 from auditor.model.rig import Rig
@@ -242,7 +242,7 @@ def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
     ground = row // NUMBERS.ground_cells * _GROUND_SIDE + column // NUMBERS.ground_cells
     lowest = np.full(_GROUND_SIDE * _GROUND_SIDE, -_NOWHERE_M, dtype=np.float32)
     some = down_m[:: NUMBERS.sampled]
-    deepest = float(np.quantile(some, NUMBERS.road_quantile)) + NUMBERS.under_m if some.size else 0.0
+    deepest = quantile_of(np.sort(some), NUMBERS.road_quantile) + NUMBERS.under_m if some.size else 0.0
     np.maximum.at(lowest, ground, np.where(down_m < deepest, down_m, -_NOWHERE_M))
     around = np.asarray(cv2.dilate(lowest.reshape(_GROUND_SIDE, _GROUND_SIDE), _BESIDE)).ravel()
     return np.asarray(np.maximum(lowest, around - _LOWER_M).take(ground) - down_m)

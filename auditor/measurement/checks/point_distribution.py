@@ -14,7 +14,7 @@ import numpy as np
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
-from auditor.model.arrays import Floats, Indices, Mask, Points
+from auditor.model.arrays import Floats, Indices, Mask, Points, median_of, quantile_of
 from auditor.model.fault_features import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
@@ -39,7 +39,7 @@ def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShare
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
     alone = _alone(view, beyond, across)
-    return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), alone / mask.size)
+    return IsolatedShares(quantile_of(np.sort(shares), ISOLATED_POINTS.near_quantile), alone / mask.size)
 
 
 def _alone(view: LidarView, beyond: Mask, across: Indices) -> float:
@@ -117,7 +117,7 @@ def point_dropout(view: LidarView, width_px: int) -> float:
         left, right = np.ceil(view.span_px[0] / _STEP_PX), view.span_px[1] // _STEP_PX - POINT_DROPOUT.strip_steps
         within = strips[max(int(left), 0) : max(int(right) + 1, 0)]
         strips = within if within.size >= POINT_DROPOUT.strip_steps else strips
-    usual = float(np.median(strips))
+    usual = median_of(np.sort(strips))
     return max(1.0 - float(strips.min()) / usual, 0.0) if usual > 0 else 1.0
 
 
@@ -133,7 +133,7 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
         return None
     roughest = float(found.max())
     # Of rounded coordinates most sectors are as smooth as steps are flat, and a few are as rough as steps are high.
-    usual = max(float(np.median(found)), ROUGH_RANGES.least_usual_m, view.rounding_m / sqrt(12.0))
+    usual = max(median_of(np.sort(found)), ROUGH_RANGES.least_usual_m, view.rounding_m / sqrt(12.0))
     rough = roughest * roughest / usual
     return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
 
@@ -152,7 +152,9 @@ def is_thinned(view: LidarView) -> bool:
     beam = np.floor(np.arctan2(y, view.level_m) / POINT_SPACING.beam)
     steps = np.diff(np.sort(_BEAMS_APART * beam + np.arctan2(x, z)))
     steps = steps[steps < _BEAMS_APART - tau]
-    return bool(steps.size) and bool(np.quantile(np.sort(steps), POINT_SPACING.quantile) > POINT_SPACING.widest)
+    return bool(steps.size) and bool(
+        quantile_of(np.sort(steps), POINT_SPACING.quantile) > np.float32(POINT_SPACING.widest)
+    )
 
 
 def thinned(seen: Seen, k: int) -> bool:
@@ -201,7 +203,7 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     order = np.argsort(strip, kind="stable")
     bounds = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
     count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]
-    if not count.size or np.median(count) < ROUGH_RANGES.fewest:
+    if not count.size or median_of(np.sort(count)) < ROUGH_RANGES.fewest:
         return np.zeros(0)
     found = []
     for sector in np.flatnonzero(count >= ROUGH_RANGES.fewest_of_sector).tolist():

@@ -10,7 +10,7 @@ import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import consistency_of
 from auditor.measurement.checks.seen import Seen
-from auditor.model.arrays import Image
+from auditor.model.arrays import Image, quantile_of
 from auditor.model.parameters import BY_HAND, parameter
 
 _DARKEST = "three real drives, 41 real pairs of other cameras and streets, as they are and changed (docs/decisions.md)"
@@ -51,4 +51,4 @@ def _shown(lighter: float) -> float:
 
 def _darkest(levels: Image) -> float:
     """The logarithm of the level that so few of the levels (M,) lie below."""
-    return float(np.log(np.quantile(levels, NUMBERS.darkest_share) + NUMBERS.offset))
+    return float(np.log(quantile_of(np.sort(levels, kind="stable"), NUMBERS.darkest_share) + NUMBERS.offset))

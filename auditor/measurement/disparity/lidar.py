@@ -154,9 +154,9 @@ def _nearest(
     taken = np.sort(pixel[chosen])
     if (taken[1:] == taken[:-1]).any():  # several of a pixel are equally near: the last of all from far to near stays
         chosen, taken = np.argsort(-depth), np.unique(taken)
-    owner = np.empty(least.size, dtype=np.intp)
-    owner[pixel[chosen]] = points[chosen]
-    return np.asarray(owner[taken])
+    owner = least.view(np.int32)  # the same memory again: new one would have to be cleared
+    owner[pixel[chosen]] = chosen
+    return points.take(owner.take(taken))
 
 
 def rounding_step_m(point_m: Points) -> float:

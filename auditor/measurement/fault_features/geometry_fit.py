@@ -21,7 +21,7 @@ from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, PATCH_CORRELATION
 from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
-from auditor.model.arrays import Floats, Indices, Mask
+from auditor.model.arrays import Floats, Indices, Mask, quantile_of
 from auditor.model.checks import Pair, resolves_depth
 
 _ROWS, _COLUMNS = GEOMETRY_FIT.regions
@@ -162,7 +162,7 @@ def _better_regions(region: Indices, good: Mask, fewest: int) -> float:
     shares: Floats = np.bincount(region, weights=good, minlength=_ROWS * _COLUMNS)[known] / count[known]
     if shares.size < GEOMETRY_FIT.fewest_regions:
         return nan
-    return float(np.quantile(shares, GEOMETRY_FIT.regions_quantile))
+    return quantile_of(np.sort(shares), GEOMETRY_FIT.regions_quantile)
 
 
 def _measured(shares: Iterable[float]) -> list[float]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
-from auditor.model.arrays import Floats32, Image, Mask, Points
+from auditor.model.arrays import Floats32, Image, Mask, Points, median_of, quantile_of
 from auditor.model.checks import Pair
 from auditor.model.fault_features import Rows
 
@@ -46,7 +46,7 @@ def corners(half: Image, sees: Mask | None = None) -> Points:
     column = np.arange(_COLUMNS) * width + place % width
     strongest = blocks.max(axis=2)
     found = strongest if sees is None else strongest[strongest > 0]
-    weakest = np.quantile(found, 1 - ROW_ALIGNMENT.kept_share) if found.size else 0.0
+    weakest = quantile_of(np.sort(found, axis=None), 1 - ROW_ALIGNMENT.kept_share) if found.size else 0.0
     kept = (strongest >= weakest) & (strongest > 0)
     return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
 
@@ -83,7 +83,7 @@ def register(
 
 
 def _features(apart: Points, tracked: Mask, lagged_i: float, lagged_k: float) -> Rows:
-    offset = np.median(apart[tracked])
+    offset = median_of(np.sort(apart[tracked]))
     return Rows(
         tracked=float(np.count_nonzero(tracked)),
         row_aligned=_share(apart, tracked),
