@@ -136,15 +136,22 @@ def _reaches(rig: Rig, wide: list[Pair]) -> list[str]:
     """How far away invented and removed surfaces are noticed, by the widest pair."""
     # f b / z - f b / (1.5 z) is what Eq. 2 asks for.
     reach_m = max(_disparity_at_1_m(rig, pair) for pair in wide) * (1 - 1 / _BEHIND) / DISPARITY_ERROR.absolute_px
-    return [
-        f"a bogus wall is told from textured surfaces {_BEHIND:g} times as far away, up to {reach_m:.0f} m at most",
-        f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, below the LiDAR's horizon, "
-        "where a whole car or more is gone",
-        f"invented cars of some dozens of points are noticed from {FALSE_RANGES.nearest_m:g} m on, where cameras see "
-        "something else",
-        "not noticed: walls in front of the sky, or farther away; a few hundred points here and there; mostly a "
-        "LiDAR and a camera that are forged to agree (docs/attacks.md)",
+    lines = [
+        f"a bogus wall is told from textured surfaces {_BEHIND:g} times as far away, up to {reach_m:.0f} m at most"
     ]
+    missed = (
+        "walls in front of the sky, or farther away; a few hundred points here and there; mostly a LiDAR and a camera"
+    )
+    if len(wide) > 1:
+        lines += [
+            f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, below the LiDAR's horizon, "
+            "where a whole car or more is gone",
+            f"invented cars of some dozens of points are noticed from {FALSE_RANGES.nearest_m:g} m on, where cameras "
+            "see something else",
+        ]
+    else:
+        missed = f"objects that are removed, as one pair of cameras alone does not tell; {missed}"
+    return [*lines, f"not noticed: {missed} that are forged to agree (docs/attacks.md)"]
 
 
 def _disparity_at_1_m(rig: Rig, pair: Pair) -> float:

@@ -206,6 +206,9 @@ class OddPictures:
     """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
 
     most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
+    most_tint: int = parameter(
+        6, unit="levels more, where all pixels have them", source="a converter's grey of U = V = 127 has 3; by hand"
+    )
     least_filled: float = parameter(0.1, unit="share of the rows, of one level that is not black", source=BY_HAND)
 
 

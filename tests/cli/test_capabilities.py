@@ -40,6 +40,12 @@ def test_how_far_walls_are_told_follows_from_the_widest_pair():
     assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 5
 
 
+def test_one_pair_of_cameras_says_that_it_does_not_tell_what_is_gone():
+    lines = capabilities(plane_rig((0.9, 0.0)))
+    assert not [line for line in lines if line.startswith("vanished objects")]
+    assert [line for line in lines if line.startswith("not noticed: objects that are removed")]
+
+
 def test_without_a_lidar_the_cameras_checks_are_described():
     lines = capabilities(plane_rig((0.9, 0.6, 0.3, 0.0), lidar=False))
     assert short_pairs(plane_rig((0.1, 0.05, 0.02, 0.0), lidar=False)) == []

@@ -58,6 +58,19 @@ def test_a_grey_picture_of_three_channels_is_grey(apart: int, grey: bool) -> Non
     assert np.array_equal(found, pixels) if not grey else np.abs(found.astype(int) - levels).max() <= 1
 
 
+@pytest.mark.parametrize(
+    ("tint", "coloured", "grey"),
+    [((3, -4), 0, True), ((8, 0), 0, True), ((9, 0), 0, False), ((3, -4), 3, False)],
+    ids=["of a converter", "a strong one", "a stronger one", "a pixel of a colour beside"],
+)
+def test_a_grey_picture_with_the_same_tint_all_over_is_grey(tint: tuple[int, int], coloured: int, grey: bool) -> None:
+    """A converter to video whose middle of chroma is off by one leaves a tint of three levels; black has none."""
+    levels = np.random.default_rng(1).integers(0, 256, (48, 64), np.uint8)
+    pixels = np.stack([(levels + np.int16(more)).clip(0, 255) for more in (tint[0], 0, tint[1])], axis=-1)
+    levels[7, 9], pixels[7, 9] = 100, 100 + np.array([tint[0] + coloured, 0, tint[1]])
+    assert grey_if_grey(pixels.astype(np.uint8)).ndim == (2 if grey else 3)
+
+
 def test_a_grey_camera_gives_the_same_frames_in_three_channels(tmp_path: Path) -> None:
     plain = FRAMES[False]
     tripled = [

@@ -113,7 +113,20 @@ def grey_if_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _coloured(pixels: NDArray[np.uint8]) -> bool:
     blue, green, red = cv2.split(pixels)
-    return max(float(cv2.norm(green, one, cv2.NORM_INF)) for one in (blue, red)) > ODD_PICTURES.most_apart
+    return any(_has_colour(one, green) for one in (blue, red))
+
+
+def _has_colour(channel: cv2.typing.MatLike, green: cv2.typing.MatLike) -> bool:
+    """Whether a channel differs from green by more than a tint that is the same all over.
+
+    Where a level is clipped, so is its tint.
+    """
+    most = cv2.norm(green, channel, cv2.NORM_INF)
+    if most <= ODD_PICTURES.most_apart or most > ODD_PICTURES.most_apart + ODD_PICTURES.most_tint:
+        return most > ODD_PICTURES.most_apart
+    difference = cv2.subtract(channel, green, dtype=cv2.CV_16S)
+    apart = np.abs(difference - np.median(difference)) > ODD_PICTURES.most_apart
+    return bool(apart[(green > ODD_PICTURES.most_tint) & (green < _SATURATED - ODD_PICTURES.most_tint)].any())
 
 
 def roughness(values: Values, step: int) -> float:
