@@ -360,9 +360,9 @@ class Check(StrEnum):
             Of.SURROUNDINGS,
             Words(
                 "surrounding conflict",
-                "points stand where its beams passed a moment ago, wherever no camera looks",
-                "has points where its beams passed a moment ago, wherever no camera looks",
-                "the LiDAR has points where its beams passed a moment ago, wherever no camera looks",
+                "points stand where its beams passed a moment ago, on all sides",
+                "has points where its beams passed a moment ago, on some side of the vehicle",
+                "the LiDAR has points where its beams passed a moment ago, on some side of the vehicle",
             ),
             (_SELDOM,),
             where="free_space_conflict",
