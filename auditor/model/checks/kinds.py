@@ -360,7 +360,7 @@ class Check(StrEnum):
             Of.SURROUNDINGS,
             Words(
                 "surrounding conflict",
-                "points stand where its beams passed a moment ago, on all sides",
+                "points stand where its beams passed just before, on all sides",
                 "has points where its beams passed a moment ago, on some side of the vehicle",
                 "the LiDAR has points where its beams passed a moment ago, on some side of the vehicle",
             ),
