@@ -304,8 +304,9 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
-    if beside := [row["lidar_share"] for row in rows if (row["lidar_share"] or 1) < _MOST_BESIDE]:
-        least, most = (f"{100 * share:.0f} %" for share in (min(beside), max(beside)))
+    compared = [row["lidar_share"] for row in rows if row["lidar_share"] is not None]
+    if compared and min(compared) < _MOST_BESIDE:
+        least, most = (f"{100 * share:.0f} %" for share in (min(compared), max(compared)))
         answer(
             f"LiDAR: {least if least == most else f'{least} to {most}'} of its points are compared with cameras; "
             "elsewhere only what appears is noticed, by its own last scan"
