@@ -75,7 +75,9 @@ def test_what_several_rigs_say_of_one_attack_is_shown_once_and_reviewed_once(
     recordings: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert scan(recordings["wide"], tmp_path) == 1
-    shown = re.findall(r"^ ([0-9a-f]{8}) .* (\d)\s*$", capfd.readouterr().out, re.MULTILINE)
+    out = capfd.readouterr().out
+    assert re.search(r"^LiDAR: \d+ % to \d+ % of its points are compared with cameras; elsewhere only what ", out, re.M)
+    shown = re.findall(r"^ ([0-9a-f]{8}) .* (\d)\s*$", out, re.MULTILINE)
     rows = ask(tmp_path, "SELECT incident_id, kind, attacked, same_as FROM incidents")
     ((one, rigs),) = shown
     assert [(row["kind"], row["attacked"]) for row in rows if row["same_as"] is None] == [("attacked", [0])]

@@ -1,5 +1,4 @@
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -175,9 +174,7 @@ def test_any_rate_has_a_limit_by_the_robust_method_and_strict_refuses_what_was_n
     assert "thresholds learnt from 1 drive: at r = 0.001 a finding has a z above " in shown.out
     assert "resolv" not in shown.out + shown.err
     assert run(["scan", clean, *how, "-r", "0.001", "--strict"]) == 0
-    shown = capfd.readouterr().out
-    assert "thresholds learnt from 1 drive: a finding has a z above " in shown
-    assert re.search(r"^LiDAR: [1-9]\d? % of its points are compared with cameras; elsewhere only what appears", shown, re.M)
+    assert "thresholds learnt from 1 drive: a finding has a z above " in capfd.readouterr().out
     for verb in ("calibrate", "scan"):
         assert run([verb, clean, *how, "-r", "0.00001", "--strict"]) == 2
         assert "r = 0.00001 is smaller than what clean frames show" in capfd.readouterr().err
