@@ -8,11 +8,11 @@ from math import isnan, nan
 import numpy as np
 
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.checks.found import measuring
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.checks.still_light import Glimpse, OfThePast
+from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_views
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT, STILL_LIGHT

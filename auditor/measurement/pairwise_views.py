@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from auditor.measurement.checks.collect import collect_checks, with_pairs
-from auditor.measurement.checks.disparity_error import Comparison, compare_cameras
+from auditor.measurement.disparity.disparity_error import Comparison, compare_cameras
 from auditor.measurement.disparity.rectification import PairView
 from auditor.measurement.shared_view import FrameArrays, PairArrays, RectifiedFrame, lidar_views
 from auditor.model.checks import Pair

@@ -320,7 +320,8 @@ def _declared(check: Check) -> str:
 def _evidence_cases() -> Iterator[str]:
     for check in Check:
         words = check.kind.words
-        alone, two = (literal(text) for text in (words.evidence, words.evidence_by_two or words.evidence))
+        sentence = words.evidence or f"the LiDAR {words.found}"
+        alone, two = (literal(text) for text in (sentence, words.evidence_by_two or sentence))
         yield f"WHEN '{check}' THEN CASE WHEN by_two THEN {two} ELSE {alone} END"
     yield from (f"WHEN '{name}' THEN CASE WHEN by_two THEN {literal(text)} END" for name, text in FORMER.items())
 

@@ -67,7 +67,7 @@ CHECKS = ("measurement/checks", "golden/test_golden.py")
 SUBJECTS = (
     Subject(
         "E",
-        ("measurement/checks/disparity_error.py", "measurement/disparity/stereo.py"),
+        ("measurement/disparity/disparity_error.py", "measurement/disparity/stereo.py"),
         ("measurement/checks/test_disparity_error.py", *CHECKS),
     ),
     Subject(

@@ -1,4 +1,4 @@
-from auditor.cli.recording_description import capabilities, short_pairs
+from auditor.cli.capabilities import capabilities, short_pairs
 from tests.making.scenes import plane_rig
 
 

@@ -10,7 +10,7 @@ from auditor.lab.attacks.kinds import OnCamera, OnLidar
 from auditor.lab.evaluation.experiments import Attack, Attacks, of_two
 from auditor.measurement.checks.collect import FrameChecks, collect_checks, shares_of_ranges, with_pairs
 from auditor.measurement.checks.count_grid import ImageGrid
-from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
+from auditor.measurement.disparity.disparity_error import compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.matchers import Matcher

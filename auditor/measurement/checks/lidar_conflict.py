@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.count_grid import cells_of_directions
-from auditor.measurement.checks.disparity_error import inconsistent
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.seen import Seen
+from auditor.measurement.disparity.disparity_error import inconsistent
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION

@@ -22,9 +22,9 @@ from auditor.measurement.tone_curve import Classes, chroma_classes, predict, sat
 from auditor.model.arrays import Floats32, Image, Mask
 
 _NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)
-_WHITE = np.uint8(255)
+WHITE = np.uint8(255)
 _EVERY = LIGHT.fitted_step
-_UNITS = np.float32(LIGHT.level) + np.float32(LIGHT.share) * np.arange(256, dtype=np.uint8)
+UNITS = np.float32(LIGHT.level) + np.float32(LIGHT.share) * np.arange(256, dtype=np.uint8)
 """By predicted level, the residual of 1 in grey levels."""
 
 
@@ -144,12 +144,12 @@ class Channel:
         Where the source is saturated there is no upper limit, and what is saturated itself is not darker.
         """
         saturated, source_saturated = self.saturated
-        highest = cv2.dilate(cv2.max(predicted, source_saturated * _WHITE), _NEARBY)
+        highest = cv2.dilate(cv2.max(predicted, source_saturated * WHITE), _NEARBY)
         lowest = cv2.erode(predicted, _NEARBY)
         lowest *= ~saturated
         nearest = cv2.min(cv2.max(self.value, lowest), highest)
         residual = np.asarray(cv2.subtract(self.value, nearest, dtype=cv2.CV_32F), dtype=np.float32)
-        residual /= cv2.LUT(nearest, _UNITS)
+        residual /= cv2.LUT(nearest, UNITS)
         return residual
 
 

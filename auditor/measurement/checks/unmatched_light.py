@@ -10,16 +10,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.light import view_of
+from auditor.measurement.checks.light import UNITS, WHITE, view_of
 from auditor.measurement.checks.photometric_consistency import consistency_of
 from auditor.measurement.checks.seen import Seen
-from auditor.measurement.parameters import HALF, LIGHT
+from auditor.measurement.parameters import HALF
 from auditor.measurement.tone_curve import predict
 from auditor.model.arrays import Image, Mask
 from auditor.model.parameters import BY_HAND, parameter
 
 _REAL = "24 frames of three real drives, with discs and faculas painted in (docs/decisions.md): chosen on them"
-_WHITE = 255
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,6 @@ NUMBERS = UnmatchedLight()
 _STEP = NUMBERS.step_px
 _NEARBY = np.ones((2 * _STEP - 1, 2 * _STEP - 1), dtype=np.uint8)
 _PATCH = (NUMBERS.patch_px // _STEP, NUMBERS.patch_px // _STEP)
-_UNIT = np.float32(LIGHT.level) + np.float32(LIGHT.share) * np.arange(256, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +96,17 @@ def _highest_along(other: Sampled, curve: Image, reach: int) -> Image:
     What the other camera does not see is unknown, as what lies beyond its picture, and what saturates may be brighter.
     """
     predicted = np.asarray(cv2.LUT(other.highest, curve), dtype=np.uint8)
-    predicted[other.saturated | ~other.known] = _WHITE
+    predicted[other.saturated | ~other.known] = WHITE
     beside = NUMBERS.beside_px // _STEP
     along = np.ones((1, abs(reach) + 2 * beside + 1), dtype=np.uint8)
     anchor, border = (beside + max(reach, 0), 0), cv2.BORDER_CONSTANT
-    highest = cv2.dilate(predicted, along, anchor=anchor, borderType=border, borderValue=(_WHITE,))
+    highest = cv2.dilate(predicted, along, anchor=anchor, borderType=border, borderValue=(int(WHITE),))
     return np.asarray(highest, dtype=np.uint8)
 
 
 def _standing_out(own: Sampled, highest: Image) -> float:
     """How much of a patch that saturates lies above the highest level that is predicted."""
-    excess = (own.level.astype(np.float32) - highest) / _UNIT[highest]
+    excess = (own.level.astype(np.float32) - highest) / cv2.LUT(highest, UNITS)
     shown = np.clip(excess - np.float32(NUMBERS.usual), 0, 1) * own.known
     share, saturates = (
         cv2.blur(one, _PATCH, borderType=cv2.BORDER_CONSTANT) for one in (shown, own.saturated.astype(np.float32))

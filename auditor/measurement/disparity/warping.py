@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.count_grid import ImageGrid
-from auditor.measurement.checks.disparity_error import Comparison
+from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Indices, Mask

@@ -62,13 +62,14 @@ class Words:
     """What readers are told of a check: its `label`, and what it `says`, for the tables of documents.
 
     `found` is that it fires, on a page, of the sensor beside it; `evidence` is a sentence of its own, in which {i} is
-    the sensor. `found_by_two` and `evidence_by_two` are of two sensors, {i} and {k}, where it does not tell which.
+    the sensor: "the LiDAR" and what was found, where it is empty. `found_by_two` and `evidence_by_two` are of two
+    sensors, {i} and {k}, where it does not tell which.
     """
 
     label: str
     says: str
     found: str
-    evidence: str
+    evidence: str = ""
     found_by_two: str = ""
     evidence_by_two: str = ""
 

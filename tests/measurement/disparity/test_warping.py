@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auditor.lab.simulation.vehicles import make_rig, rotation
-from auditor.measurement.checks.disparity_error import Comparison
+from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.disparity.warping import PairToSharedView

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar, inconsistent
+from auditor.measurement.disparity.disparity_error import compare_cameras, compare_with_lidar, inconsistent
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.measurement import Counts, Statistic
 from tests.making.scenes import WrittenDown, plane_rig
