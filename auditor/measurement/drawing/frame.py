@@ -33,7 +33,7 @@ def damaged_cloud(cloud: PointCloud, rig: Rig, regions: Iterable[Region], sensor
     for region in regions:
         if region.sensor != sensor or sensor not in ideal.lidars:
             continue
-        if not ideal.cameras:
+        if not region.mask:
             damaged |= region.solid is not None and _inside(cloud.xyz_m, region.solid, ideal.alone(sensor))
         else:
             view = lidar_view(cloud, ideal, region.view)

@@ -11,7 +11,7 @@ from auditor.measurement.localisation.images import damaged_pixels
 from auditor.measurement.localisation.points import among, damaged_points, solid_around, things
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays
-from auditor.model.arrays import Mask
+from auditor.model.arrays import Mask, Points
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
@@ -22,8 +22,8 @@ def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[R
     """The regions of the `sensors` that may be attacked, in the pictures that people see: see `shown_rectification`.
 
     Which of them is attacked is only known once a frame is judged with its neighbours. `rig` is the recording's. A
-    camera's region is what other cameras see otherwise: a lone camera has none. Without cameras each thing that a LiDAR
-    or its last scan says is not there is a region, a solid without pixels.
+    camera's region is what other cameras see otherwise: a lone camera has none. Where no camera looks each thing that a
+    LiDAR or its last scan says is not there is a region, a solid without pixels.
     """
     if not rig.cameras:
         return tuple(_of_clouds(arrays, sensors, rig))
@@ -31,7 +31,7 @@ def localise(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> tuple[R
     cameras = [camera for camera in sorted(arrays.views) if camera in sensors and rig.n > 1]
     regions = [_of_camera(arrays, camera, shown) for camera in cameras]
     if LIDAR in sensors and arrays.lidar:
-        regions.append(_of_lidar(arrays, shown))
+        regions += [_of_lidar(arrays, shown), *_beside_views(arrays)]
     return tuple(region for region in regions if region)
 
 
@@ -43,10 +43,20 @@ def _of_camera(arrays: FrameArrays, camera: int, shown: Rig) -> Region | None:
 def _of_clouds(arrays: FrameArrays, sensors: Collection[int], rig: Rig) -> Iterator[Region]:
     for (sensor, by), (points, returns) in arrays.frame_checks.disputed.items():
         if sensor in sensors:
-            alone = rig.alone(sensor)
-            for thing in things(points, alone):
-                share, solid = len(thing) / returns, solid_around(thing, alone)
-                yield Region(sensor, by, _NO_BOX, share, b"", len(thing), solid)
+            yield from _of_things(points, returns, sensor, by, rig.alone(sensor))
+
+
+def _of_things(points: Points, returns: int, sensor: int, by: int, rig: Rig) -> Iterator[Region]:
+    for thing in things(points, rig):
+        yield Region(sensor, by, _NO_BOX, len(thing) / returns, b"", len(thing), solid_around(thing, rig))
+
+
+def _beside_views(arrays: FrameArrays) -> Iterator[Region]:
+    """What its last scan says of the LiDAR's points that no camera sees."""
+    points = arrays.frame_checks.from_nowhere
+    if points is not None and len(points) and arrays.cloud is not None:
+        seen = np.logical_or.reduce([among(points, view.point_m) for view in arrays.lidar.values()])
+        yield from _of_things(points[~seen], len(arrays.cloud.xyz_m), LIDAR, LIDAR, arrays.rig)
 
 
 def _of_lidar(arrays: FrameArrays, shown: Rig) -> Region | None:
