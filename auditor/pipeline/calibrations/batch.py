@@ -120,15 +120,8 @@ def drives_of(store: Store, measurements: Collection[str]) -> dict[str, str]:
     """
     rows = rows_of(run_sql(store, "SELECT recording_id, drive_id FROM recordings"))
     drives = {row["recording_id"]: row["drive_id"] for row in rows}
-    return {measurement: drives[_whole(store, measurement)] for measurement in measurements}
-
-
-def _whole(store: Store, measurement: str) -> str:
-    """Return the id of the recording that holds every frame of a measurement: its own, or a later one."""
-    recording = store.recording(store.measurement(measurement).recording_id)
-    while recording.superseded_by is not None and store.has_recording(recording.superseded_by):
-        recording = store.recording(recording.superseded_by)
-    return recording.recording_id
+    counted, recordings = store.counted_by(), {one: store.measurement(one).recording_id for one in measurements}
+    return {one: drives[counted.get(recording, recording)] for one, recording in recordings.items()}
 
 
 def calibrations_of_others(
