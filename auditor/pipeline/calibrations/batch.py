@@ -246,7 +246,7 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
     recording = store.recording(measurement.recording_id)
     rig, beside = store.rig(measurement.rig_id), measured_rigs(store, recording)
     return measurement.measured > 0 and not (
-        any(frames_not_audited(measurement, verdict, criteria.min_coverage, rig, beside))
+        any(frames_not_audited(store, measurement, verdict, criteria.min_coverage, rig, beside))
         or attacked_by_labels(store, measurement.measurement_id)
         or held_by(store, recording, among=recordings)
         or conflicts_of(store, recording)
