@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -125,6 +125,7 @@ class _Job:
     store: Store
     matcher: Matcher
     progress: Callable[[str, int], None]
+    began: datetime = field(default_factory=lambda: datetime.now(UTC))
 
     def measurement_id(self, rig: Rig) -> str:
         """The id of the measurement with a rig."""
@@ -301,7 +302,8 @@ class _Measuring:
             writer.add_pose(pose)
         with locked(store.folder):
             if store.has_measurement(known):
-                if not job.task.again:
+                store.forget(known)
+                if not job.task.again or store.measurement(known).measured_at > job.began:
                     return
                 remove_measurement(store, known)
             files = [file for picture in self._thumbnails.pages() for file in store.write_picture(known, picture)]

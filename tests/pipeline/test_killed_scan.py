@@ -81,8 +81,13 @@ def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_byt
     assert 0 < sum(finished) < KILLS * len(drives), "kills fell before and after finished recordings"
 
 
-def test_what_another_scan_finished_meanwhile_stays_as_it_is(night: tuple[Path, list[Path]], tmp_path: Path) -> None:
-    task, theirs = MeasureTask(night[1][0], tmp_path / "audit"), dict[Path, int]()
+@pytest.mark.parametrize("again", [False, True])
+def test_what_another_scan_finished_meanwhile_stays_as_it_is(
+    night: tuple[Path, list[Path]], tmp_path: Path, *, again: bool
+) -> None:
+    task, theirs = MeasureTask(night[1][0], tmp_path / "audit", again=again), dict[Path, int]()
+    if again:
+        measure_recording(task, lambda *_: None)
 
     def kept() -> dict[Path, int]:
         return {
