@@ -106,42 +106,50 @@ def show_shard(shard: str, scan: "Scan", tally: Tally) -> None:
 
 
 def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tally) -> "list[Judged]":
-    """Print what could not be judged or not fully audited, and why; return what became of each measurement."""
-    judged = []
+    """Print what could not be judged or not fully audited, and why; return what became of each measurement that counts.
+
+    Where another recording holds every frame of one, that one counts, and what is found in it.
+    """
+    judged, counting = list(results), []
     remarks: Remarks = {}
-    for one in results:
+    said: set[tuple[str, str]] = set()
+    counted = store.counted_by() if store is not None and judged else {}
+    for one in judged:
         assert store is not None, "what is judged was measured into a store"
-        judged.append(one)
         measurement = store.measurement(one.measurement_id)
+        counts_as = counted.get(measurement.recording_id, measurement.recording_id)
         kind = str(store.rig(measurement.rig_id).kind)
         for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
             remarks.setdefault((kind, remark), []).append(one.recording)
-        tally.recordings.add(measurement.recording_id)
-        if one.judgement is not None and one.found:
-            graded = tally.with_incidents if one.judgement.in_incidents else tally.with_alerts
-            graded.add(measurement.recording_id)
-        gaps = (one.error.what,) if one.error else one.gaps
-        if gaps:
+        tally.recordings.discard(measurement.recording_id)
+        tally.recordings.add(counts_as)
+        if counts_as == measurement.recording_id:
+            counting.append(one)
+            tally.found |= one.found
+            if one.judgement is not None and one.found:
+                graded = tally.with_incidents if one.judgement.in_incidents else tally.with_alerts
+                graded.add(counts_as)
+        gaps = "; ".join((one.error.what,) if one.error else one.gaps)
+        if gaps and (counts_as, gaps) not in said:
+            said.add((counts_as, gaps))
             path = store.recording(measurement.recording_id).path
-            tally.not_audited.append(NotAudited(one.recording, path, "; ".join(gaps)))
+            tally.not_audited.append(NotAudited(one.recording, path, gaps))
         tally.failed |= one.error is not None
         tally.incomplete |= one.error is None and not one.complete
-        tally.found |= one.found
         tally.audited |= one.judgement is not None
     _say_once(remarks)
-    return judged
+    return counting
 
 
 def show_audit(
     store: "Store | None",
     form: str,
     tally: Tally,
-    recording_ids: Collection[str] | None = None,
     judged: "Sequence[Judged] | None" = None,
     *,
     show_known: bool = True,
 ) -> None:
-    """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
+    """Print the summary of a store, with the incidents in it and a closing line.
 
     `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was and
     `show_known`, and the store is asked about it alone; earlier verdicts are counted. Recordings all of whose
@@ -159,9 +167,6 @@ def show_audit(
             questions["incidents"] = query("incidents")
         answers = run_sqls(asked, questions)
         summary = answers["summary"]
-        every = recording_ids is None
-        places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
-        summary = summary.take(places) if places else summary.slice(0, 0)
         rows = _with_provenance(rows_of(summary), judged or ())
         measurements = {row["measurement_id"] for row in rows}
         incidents = _with_excuses(answers["incidents"], measurements) if "incidents" in answers else []

@@ -130,7 +130,7 @@ class Judge:
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
             *as_a_part(judgement, calibration),
-            *frames_not_audited(stored, judgement, criteria.min_coverage, rig, rigs),
+            *frames_not_audited(store, stored, judgement, criteria.min_coverage, rig, rigs),
             *views_not_compared(rig, criteria.min_view, criteria.no_sensors, rigs),
             *conflicts_of(store, recording),
         )

@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -119,6 +119,7 @@ class _Job:
     store: Store
     matcher: Matcher
     progress: Callable[[str, int], None]
+    began: datetime = field(default_factory=lambda: datetime.now(UTC))
 
     def measurement_id(self, rig: Rig) -> str:
         """The id of the measurement with a rig."""
@@ -254,8 +255,8 @@ class _Measuring:
         """Keep the measurement of a rig, one of those that were found; it becomes visible with the last write.
 
         An earlier measurement goes with its judgements before the first table of the new one is put in its place: a
-        store has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into
-        force behind the last frame.
+        store has one, the other or none of the two, and never parts of both. What another process finished meanwhile
+        stays, which may be reading it. Nothing is kept of a rig that came into force behind the last frame.
         """
         job, rig, stream, writer = self._job, self._in_force.rig, self._stream, self._writer
         recording, store, known = job.recording, job.store, job.measurement_id(rig)
@@ -293,10 +294,14 @@ class _Measuring:
         recording.check_unchanged()
         for pose in poses:
             writer.add_pose(pose)
-        if store.has_measurement(known):
-            remove_measurement(store, known)
-        files = [file for picture in self._thumbnails.pages() for file in store.write_picture(known, picture)]
-        writer.commit(replace(record, pose_topics=poses.topics), files)
+        with locked(store.folder):
+            if store.has_measurement(known):
+                store.forget(known)
+                if not job.task.again or store.measurement(known).measured_at > job.began:
+                    return
+                remove_measurement(store, known)
+            files = [file for picture in self._thumbnails.pages() for file in store.write_picture(known, picture)]
+            writer.commit(replace(record, pose_topics=poses.topics), files)
         if job.task.again:
             remove_counted_earlier(store, known)
 

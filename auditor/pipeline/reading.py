@@ -3,6 +3,8 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from auditor.identification.paper import listed
 from auditor.model.checks import conflict_pairs, lies_too_close
 from auditor.model.coverage import (
@@ -14,17 +16,20 @@ from auditor.model.coverage import (
     not_compared_line,
     unread_line,
 )
-from auditor.model.frames import TopicBalance
+from auditor.model.frames import SensorState, TopicBalance
 from auditor.model.optics.common_view import compared_shares
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.settings import Criteria
+from auditor.model.stamps import NANOSECONDS
 from auditor.model.text import enumerated, first_few
 from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import BETWEEN, EDGE
 from auditor.store.records import StoredJudgement, StoredMeasurement
+from auditor.store.store import Store
 
 _MOST_DAMAGE = 3  # pieces of damage in one remark
 _MOST_FASTER = 3  # sensors in one remark
+_MOST_WITHOUT = 6  # sensors in one remark
 _MANY_BETWEEN = 1 / 3  # of a sensor's messages
 
 
@@ -163,9 +168,15 @@ def why_not_compared(rig: Rig) -> str:
 
 
 def frames_not_audited(
-    measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float, rig: Rig, beside: Sequence[Rig]
+    store: Store,
+    measurement: StoredMeasurement,
+    judgement: StoredJudgement,
+    min_coverage: float,
+    rig: Rig,
+    beside: Sequence[Rig],
 ) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged, and why where verdicts are withheld.
+    """Whether too few frames of a recording could be judged, and which sensors have no message in some; or why verdicts
+    are withheld.
 
     None is too few of a rig that rigs `beside` it stand in for.
     """
@@ -174,4 +185,17 @@ def frames_not_audited(
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due and not (checked_by_past(rig, beside) or looks_again(rig, beside)):
-        yield f"{audited} of {due} frames audited"
+        without = first_few(list(_without_messages(store, measurement, rig)), _MOST_WITHOUT)
+        yield f"{audited} of {due} frames audited" + (without and f": no message of {without}")
+
+
+def _without_messages(store: Store, measurement: StoredMeasurement, rig: Rig) -> Iterator[str]:
+    """The sensors that have no message in some frames, and in which; seconds are since the first frame."""
+    frames = store.load_statistics(measurement.measurement_id)
+    for sensor, states in zip(rig.sensors, frames.states.T, strict=True):
+        places = np.flatnonzero(states != SensorState.PRESENT)
+        if places.size:
+            first = places[0]
+            since_s = (frames.stamps_ns[first] - frames.stamps_ns[0]) / NANOSECONDS
+            which = "frame" if places.size == 1 else f"{places.size} frames, the first"
+            yield f"{rig.name(sensor)} in {which} {frames.frames[first]} ({since_s:.1f} s)"

@@ -58,7 +58,8 @@ def marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str
         which = "a similar" if marks.similarity is Similarity.SIMILAR else "another"
         yield f"thresholds transferred from {which} rig kind: {calibration.rig_kind}"
     if marks.other_lidar:
-        yield "another LiDAR than that of the thresholds, by its points in view"
+        whose = "that of the thresholds" if calibration.clean else "those of the prior"
+        yield f"another LiDAR than {whose}, by its points in view"
     if marks.in_sample:
         yield "in sample: the calibration was made of it"
     if marks.measured_otherwise:

@@ -159,15 +159,22 @@ class Scan:
 
     def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[Judged]:
         """Judge what was measured, by each other where nothing fits, or `only` these measurements one by one; verdicts
-        that would be the same are kept.
+        that would be the same are kept. Where another recording counts in place of one, both are judged.
         """
         store, judging = self.store, replace(settings, only_stale=True)
-        ids = self.measurement_ids if only is None else list(only)
-        if store is None or not ids or not self._is_whole:
+        if store is None or not self._is_whole:
             return
+        ids = [*self.measurement_ids, *self._counted(store)] if only is None else list(only)
         for one in judge_batch(store, ids, judging) if only is None else judge_all(store, ids, judging):
             self.judged.append(one)
             yield one
+
+    def _counted(self, store: Store) -> Iterator[str]:
+        """The measurements of other recordings that count in place of some of the batch."""
+        given, counted = {one.recording_id for one in self.measured}, store.counted_by() if self._results else {}
+        others = {counted[one] for one in given & counted.keys()} - given
+        if others:
+            yield from (one.measurement_id for one in store.measurements() if one.recording_id in others)
 
     def finish(self) -> Iterator[str]:
         """Keep the ledger of inputs, pack small files, and picture what was found; yields what people are to know."""

@@ -10,7 +10,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -338,7 +338,8 @@ def _work(
         signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
         signal.setitimer(signal.ITIMER_REAL, seconds)
     outcome = _outcome(task, item, lambda what, done: pipe.send((what, done)))
-    pipe.send(Outcome(None, outcome.result, outcome.error))  # the parent has the item
+    with suppress(ConnectionError):  # whoever asked was killed
+        pipe.send(Outcome(None, outcome.result, outcome.error))  # the parent has the item
 
 
 def _outcome(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Outcome[Item, Result]:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 from codecs import getincrementaldecoder
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,9 @@ READERS: tuple[tuple[str, Reader], ...] = (
 
 _ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
 """Names of recordings, also hidden ones or with something behind: logs are so renamed, and would be overlooked."""
+
+_UNPACKED_BY = {".gz": "gunzip", ".bz2": "bunzip2", ".xz": "unxz", ".lz4": "unlz4"}
+"""Of endings of packed files that are not read the commands that unpack them."""
 
 _TEXT_BYTES = 4096
 """So much of a file's beginning says whether it is text."""
@@ -88,8 +92,9 @@ def open_recording(where: Path | Location) -> Recording:
             return reader.open(path)
         within = _put_together(list(_search(path))) if path.is_dir() else []
         if len(within) != 1:
-            what = f"it holds {len(within)} recordings" if within else "this is not a recording of a known kind"
-            raise RecordingError(what, where=path, remedy=f"give {KINDS}")
+            if not within:
+                raise unknown_kind(path)
+            raise RecordingError(f"it holds {len(within)} recordings", where=path, remedy=f"give {KINDS}")
         return open_recording(within[0])
     except OSError as error:
         raise RecordingError(f"it cannot be read ({error.strerror or error})", where=location.first) from error
@@ -167,7 +172,18 @@ def _is_text(file: Path) -> bool:
         return False
 
 
+def unknown_kind(where: Path | str, kinds: str = KINDS) -> RecordingError:
+    """The error for a path or address that is no recording; of one that is packed it says what unpacks it."""
+    name = Path(where)
+    if name.suffix.lower() in _UNPACKED_BY and file_kind(name.with_suffix("")):
+        remedy = f"unpack it: {_UNPACKED_BY[name.suffix.lower()]} {shlex.quote(name.name)}; .zst is read as it is"
+        return RecordingError(f"a recording packed as {name.suffix} is not read", where=where, remedy=remedy)
+    return RecordingError("this is not a recording of a known kind", where=where, remedy=f"give {kinds}")
+
+
 def _misnamed(file: Path) -> RecordingError:
+    if file.suffix.lower() in _UNPACKED_BY:
+        return unknown_kind(file)
     return RecordingError(
         "it is named almost like a recording, and was not read", where=file, remedy="rename it, or move it elsewhere"
     )
@@ -194,7 +210,7 @@ def _recordings_at(path: Path) -> list[Path]:
     if _is_one(path):
         return [path]
     if not path.is_dir():
-        raise RecordingError("this is not a recording of a known kind", where=path, remedy=f"give {KINDS}")
+        raise unknown_kind(path)
     found = list(_search(path))
     if not found:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")

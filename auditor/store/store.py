@@ -127,6 +127,16 @@ class Store(StoreFolder):
         """The recording of an id."""
         return stored_recording(self._row("recordings", recording_id))
 
+    def counted_by(self) -> dict[str, str]:
+        """By each recording whose frames a later one holds, the recording that counts in its place."""
+        rows = self._rows("recordings", ("recording_id", "superseded_by"))
+        later = {row["recording_id"]: row["superseded_by"] for row in rows if row["superseded_by"] is not None}
+
+        def last(known: str) -> str:
+            return last(later[known]) if known in later else known
+
+        return {known: last(known) for known in later}
+
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig, its triples and its sensor checks."""
         with logged(self.folder):

@@ -3,13 +3,18 @@
 import json
 import re
 import shlex
+from datetime import UTC, datetime
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
 
 from auditor.cli import output, run
+from auditor.model.calibration import PRIOR, RobustThresholds
+from auditor.store.records import JudgementRecord
 from auditor.store.store import Store
 from tests.making.report_stores import add_recording, new_store
+from tests.making.stores import RULES
 
 ATTACK = [((1,), 10, 19)]
 
@@ -56,6 +61,18 @@ def test_no_rows_for_want_of_verdicts_say_so(store, capfd):
     assert "not judged" in printed(store, capfd, "--sql", "SELECT * FROM verdicts WHERE kind = 'attacked'")[1]
     assert "not judged" not in printed(store, capfd, "skipped")[1]
     assert json.loads(printed(store, capfd, "incidents", "--format", "json")[0]) == []
+
+
+def test_no_rows_for_want_of_thresholds_say_so(store, capfd):
+    add_recording(store)
+    asked = ("identification_rate", "r=0")
+    assert "learnt" not in printed(store, capfd, *asked)[1], "no recording has labels"
+    [known] = store.ids("measurements")
+    by_prior = RobustThresholds(PRIOR, Decimal("0.01"), 4.0, {}, {}, drives=0)
+    store.write_judgement(JudgementRecord(known, "robust", by_prior, RULES, datetime.now(UTC)), [])
+    out, err = printed(store, capfd, *asked)
+    assert "(no rows)" in out
+    assert "it asks of thresholds learnt from clean recordings, and no verdict is by such: auditor calibrate" in err
 
 
 @pytest.mark.parametrize("recording", ["nosuch", ""])

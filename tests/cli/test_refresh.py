@@ -172,8 +172,24 @@ def test_recordings_named_clean_that_have_findings_are_refused(refreshed, audit_
     assert (answer.code, kind["decided"]) == (4, "refused")
     assert "attacked.mcap was named clean, and others find" in kind["reasons"][0]
     assert in_force(audit) == before
+    [waiting] = audit("calibration", "quarantine", "--format", "json").rows
+    assert waiting["reason"] == kind["look_at"][0]["reason"]
+    assert waiting["reason"].startswith("named clean, and others find ")
     states = [row["state"] for row in audit("calibration", "list", "--format", "json").rows]
     assert states == ["in force", "refused"]
+
+
+def test_what_waits_and_is_named_clean_without_a_look_keeps_its_reason(refreshed, audit_of, tmp_path):
+    audit, other = audit_of(refreshed), Store.open(tmp_path / "other", create=True)
+    for vehicle in (8, 9):
+        add_drive(other, f"attacked{vehicle}.mcap", seed=50 + vehicle, vehicle=f"car{vehicle}", day=5, attacked=(1,))
+    audit("refresh", other.folder)
+    before = audit("calibration", "quarantine", "--format", "json").rows
+    assert [row["reason"].split(":")[0] for row in before] == ["raised by the version in force"] * 2
+    assert audit("refresh", other.folder, "--clean").code == 4
+    assert audit("calibration", "quarantine", "--format", "json").rows == before
+    left_out = [line for line in audit("refresh", other.folder).err.splitlines() if "left out: attacked" in line]
+    assert [line.partition(".mcap: ")[2] for line in left_out] == [row["reason"] for row in before]
 
 
 def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(refreshed, audit_of, monkeypatch):

@@ -78,8 +78,41 @@ def test_a_copy_in_another_format_is_counted_once_and_both_are_listed(audit, tmp
     assert len(superseded) == 1
     assert run(["query", "summary", f"recording={superseded[0]}", "--store", str(audit)]) == 2
     assert "holds every frame of it; ask for recording=" in capfd.readouterr().err
-    assert scan(audit, copy if superseded == ["copy.bag"] else Path(known["drive.mcap"]["paths"][-1])) == 1
-    assert "holds every frame of it, and is counted in its place" in capfd.readouterr().err
+    earlier = copy if superseded == ["copy.bag"] else Path(known["drive.mcap"]["paths"][-1])
+    [counted] = {"drive.mcap", "copy.bag"} - {*superseded}
+    capfd.readouterr()
+    assert scan(audit, earlier, how=("--format", "json")) == 1
+    out, err = capfd.readouterr()
+    assert "holds every frame of it, and is counted in its place" in err
+    told = json.loads(out)
+    assert [row["name"] for row in told["recordings"]] == [counted]
+    assert [part["name"] for row in told["incidents"] for part in row["parts"]] == [counted]
+    assert (
+        run(
+            [
+                "review",
+                told["incidents"][0]["incident_id"],
+                "--as",
+                "known",
+                "--reason",
+                "a test",
+                "--store",
+                str(audit),
+            ]
+        )
+        == 0
+    )
+    assert scan(audit, earlier) == 0  # the review is of both
+
+
+def test_a_part_of_what_was_scanned_before_shows_the_rows_of_the_whole(audit, night, tmp_path, capfd):
+    part = tmp_path / "part.mcap"
+    part.write_bytes((night / "drive.mcap").read_bytes()[: int(0.8 * (night / "drive.mcap").stat().st_size)])
+    assert scan(audit, part) == 4  # it is cut
+    out = capfd.readouterr().out
+    assert "1 recording: 1 with incidents" in out
+    assert "drive.mcap" in out
+    assert "part.mcap" not in out
 
 
 def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tmp_path, capfd):

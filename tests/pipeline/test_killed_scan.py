@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
+from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.store.schema import TABLES
 from tests.making.small_drives import START_NS, write_drive
 
@@ -77,3 +79,26 @@ def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_byt
         assert remarks.count("measured before") == finished[-1], remarks
         assert tables(store) == expected
     assert 0 < sum(finished) < KILLS * len(drives), "kills fell before and after finished recordings"
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_what_another_scan_finished_meanwhile_stays_as_it_is(
+    night: tuple[Path, list[Path]], tmp_path: Path, *, again: bool
+) -> None:
+    task, theirs = MeasureTask(night[1][0], tmp_path / "audit", again=again), dict[Path, int]()
+    if again:
+        measure_recording(task, lambda *_: None)
+
+    def kept() -> dict[Path, int]:
+        return {
+            path: path.stat().st_ino for table in ("frames", "measurements") for path in task.store.glob(f"{table}/*")
+        }
+
+    def meanwhile(_: str, frames: int) -> None:
+        if frames == 1:
+            measure_recording(task, lambda *_: None)
+            theirs.update({path: inode for path, inode in kept().items() if path.suffix == ".parquet"})
+
+    measure_recording(task, meanwhile)
+    assert len(theirs) == 2
+    assert kept() == theirs

@@ -12,10 +12,11 @@ import pytest
 from auditor.model.calibration import Marks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig_kind import Similarity
-from auditor.pipeline.judge import Criteria
+from auditor.pipeline.judge import Criteria, prior_for
 from auditor.pipeline.judged import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
+from auditor.pipeline.remarks import marked
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
@@ -104,6 +105,9 @@ def test_a_lidar_of_half_the_rings_is_another_one_and_nobody_accuses_it(audit) -
     found = judged(audit, "half the rings")
     assert found.judgement.marks == Marks(other_lidar=True)
     assert "another LiDAR than that of the thresholds, by its points in view" in found.warnings
+    prior = prior_for(store, by_name["half the rings"], Criteria(R))
+    assert prior is not None
+    assert "another LiDAR than those of the prior, by its points in view" in marked(found.judgement, prior)
     rows = verdicts(store, by_name["half the rings"])
     assert len(rows) == FRAMES
     assert not [row for row in rows if 0 in (row["named"] or ()) or row["finding"]]

@@ -69,7 +69,7 @@ def test_two_cameras_too_close_together_to_check_the_lidar_leave_the_frames_unau
     reason = "S_3 missing: S_1 and S_2 lie too close together to check the LiDAR, and no third camera was there"
     assert {row["reason"] for row in rows[LOST:]} == {reason}
     assert not found.complete
-    assert "frames audited" in found.warnings[0]
+    assert found.gaps[0] == "5 of 13 frames audited: no message of camera_3 in 8 frames, the first 5 (0.5 s)"
 
 
 def test_a_wall_that_they_cannot_check_is_left_unaudited_or_named_by_the_last_scan_and_never_clean(tmp_path):

@@ -194,6 +194,21 @@ def test_workers_end_with_their_parent() -> None:
     assert not any(is_running(pid) for pid in workers)
 
 
+def test_workers_whose_parent_was_killed_do_not_complain() -> None:
+    program = (
+        "import sys; sys.path[0] = sys.argv[1]\n"
+        "from tests.pipeline.test_workers import report_on; from auditor.pipeline.workers import run_all\n"
+        "list(run_all(report_on, [1, 2], 2, lambda item, what, done: print(what, flush=True)))"
+    )
+    command, pipe = [sys.executable, "-c", program, ROOT], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as parent:
+        assert parent.stdout is not None
+        assert parent.stderr is not None
+        parent.stdout.readline()
+        parent.kill()
+        assert parent.stderr.read() == ""
+
+
 def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() -> None:
     """They start when the process that they are forked from has imported everything, which takes a second."""
     program = (
@@ -222,6 +237,11 @@ def test_who_asks_no_more_leaves_no_process_behind(monkeypatch: pytest.MonkeyPat
 
 def square_or_wait(item: int, progress: Progress) -> int:
     return square(item, progress) if item else report_and_wait(item, progress)
+
+
+def report_on(item: int, progress: Progress) -> None:
+    while True:
+        progress(str(os.getpid()), item)
 
 
 def report_and_wait(item: int, progress: Progress) -> int:

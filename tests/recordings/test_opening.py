@@ -1,3 +1,4 @@
+import gzip
 import shutil
 from pathlib import Path
 
@@ -64,6 +65,20 @@ def test_files_of_a_searched_folder_that_are_named_almost_like_recordings_are_to
     assert names(found.recordings) == ["two.mcap"]
     assert [error.where for error in found.errors] == [str(path) for path in overlooked]
     assert all("named almost like a recording" in error.what and "rename it" in error.remedy for error in found.errors)
+
+
+def test_of_a_packed_recording_that_is_not_read_the_command_that_unpacks_it_is_told(
+    fleet: Path, tmp_path: Path
+) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    packed = tmp_path / "one two.mcap.gz"
+    packed.write_bytes(gzip.compress((fleet / "b" / "two.mcap").read_bytes()))
+    for given in (tmp_path, packed):
+        [error] = find_recordings([given]).errors
+        assert (error.what, error.where) == ("a recording packed as .gz is not read", str(packed))
+        assert error.remedy.startswith("unpack it: gunzip 'one two.mcap.gz'")
+    (tmp_path / "notes.gz").touch()
+    assert "known kind" in find_recordings([tmp_path / "notes.gz"]).errors[0].what
 
 
 def test_the_format_of_a_recording_is_the_name_of_its_reader(fleet: Path, tmp_path: Path) -> None:

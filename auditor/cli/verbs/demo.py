@@ -93,7 +93,7 @@ def _audit(kept: "Store", clean: "Sequence[Take]", suspected: "Sequence[Take]", 
     deque(judge_all(kept, learnt.measurement_ids, judging), maxlen=0)  # else the pages would call them not judged
     judged = show_judging(judge_all(kept, scan.measurement_ids, judging), kept, tally)
     _picture(kept, [one.measurement_id for one in judged if one.found], jobs)
-    show_audit(kept, "table", tally, {one.recording_id for one in scan.measured})
+    show_audit(kept, "table", tally, judged)
     return not (of_clean.failed or tally.failed)
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _WIDEST_LIST = 110
 _LONGEST_SQL = 1 << 20
 _OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements|incidents|incident_frames)\b")
+_OF_CALIBRATIONS = re.compile(r"\bFROM calibrations\b")
 _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 
 
@@ -132,19 +133,25 @@ def _tell(store: Path, sql: str, answer: "Callable[[StoreFolder], Table]", form:
 
 
 def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
-    """Print the answer. One without rows may come from missing verdicts: then it says so."""
+    """Print the answer. One without rows may come from missing verdicts or thresholds: then it says so."""
     emit(answer, form)
     if len(answer) or not _OF_VERDICTS.search(sql):
         return
     from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
-    measured = store.ids("measurements")
-    missing = len(set(measured) - Store(store.folder).current_judgements().keys())
+    measured, judged = store.ids("measurements"), Store(store.folder).current_judgements()
+    missing = len(set(measured) - judged.keys())
+    learnt = {one.calibration_id for one in judged.values()} & {*store.ids("calibrations")}
     if not measured:
         say("nothing has been measured: auditor scan audits recordings")
     elif missing:
         what = f"{missing} of {len(measured)} measurements {'is' if missing == 1 else 'are'}"
         say(f"{what} not judged: whether they were attacked is unknown; auditor judge reaches verdicts")
+    elif not learnt and _OF_CALIBRATIONS.search(sql):
+        say(
+            "it asks of thresholds learnt from clean recordings, and no verdict is by such: auditor calibrate learns "
+            "them, auditor judge judges by them"
+        )
 
 
 def _list() -> None:

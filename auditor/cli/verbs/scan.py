@@ -61,7 +61,7 @@ def command(
     leave_pandas_out()
     settings = judge_settings(store, judging)  # a wrong calibration is refused before hours of measuring
     batch = find_batch(recordings, store, measuring)
-    scan, tally = Scan(batch, store), Tally()
+    scan, tally, judged = Scan(batch, store), Tally(), []
     with scan.logged():
         show_measuring(scan, tally)
         for superseded in scan.relate():
@@ -71,11 +71,11 @@ def command(
         elif measure_only:
             show_unjudged(scan.measured, tally)
         else:
-            show_judging(scan.judge(settings), scan.store, tally)
+            judged = show_judging(scan.judge(settings), scan.store, tally)
         for remark in scan.finish():
             say(remark)
         if measuring.shard is not None:
             return tally.exit_code()
-        shown, show_known = {one.recording_id for one in scan.measured}, batch.shows_known or form != "table"
-        show_audit(scan.store if shown else None, form, tally, shown, scan.judged, show_known=show_known)
+        show_known = batch.shows_known or form != "table"
+        show_audit(scan.store if scan.measured else None, form, tally, judged, show_known=show_known)
     return tally.exit_code()

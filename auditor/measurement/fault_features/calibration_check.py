@@ -28,6 +28,10 @@ from auditor.model.rig import LIDAR, Rig
 _REPAIR = (
     "wrong unit, axes or mounting of its points, or another vehicle's cameras; put it right, or give a rig file (--rig)"
 )
+_TURNED = (
+    "a wrong rectification flag, a camera that turned, or another vehicle's rig; put it right, or give a rig file "
+    "(--rig)"
+)
 
 _FAR_APART = (
     "lie so far apart, as where only some were recorded, that lost returns and rough ranges are not measured: what is "
@@ -97,14 +101,15 @@ class CalibrationCheck:
         """One sentence each about what does not fit; none where rig and recording agree."""
         if self._rig is None:
             return ()
-        leftmost = self._rig.n
-        off = [
-            sentence
-            for pair, seen in sorted(self._features.items())
-            if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
-        ]
+        off = [f"{misfit}: {why}" for misfit, why in self._rows_off(self._rig)]
         # Where rows do not fit, stereo's distances cannot check the LiDAR's.
         return tuple(off or self._lidar_warnings(self._rig))
+
+    def _rows_off(self, rig: Rig) -> Iterator[tuple[str, str]]:
+        """The pairs with the leftmost camera whose rows do not fit, in words, and the likely reasons."""
+        for pair, seen in sorted(self._features.items()):
+            if pair[1] == rig.n and (misfit := _row_misfit(pair, seen, rig)) is not None:
+                yield misfit
 
     def remarks(self) -> tuple[str, ...]:
         """Which checks say nothing of how most clouds were recorded; lone cameras have none of them.
@@ -170,7 +175,9 @@ class CalibrationCheck:
         if other >= GEOMETRY_FIT.fits and not other - points < GEOMETRY_FIT.better_by:
             yield f"the points of the LiDAR {lidar} fit the images with {name}, and not as they are: {_REPAIR}"
         if points < GEOMETRY_FIT.at_chance:
-            yield f"the points of the LiDAR {lidar} fit the images nowhere, {points:.0%} by chance: {_REPAIR}"
+            off = next((f"{misfit}, and " for misfit, _ in self._rows_off(rig)), "")
+            why = _TURNED if off else _REPAIR
+            yield f"{off}the points of the LiDAR {lidar} fit the images nowhere, {points:.0%} by chance: {why}"
 
     def _best_axes(self) -> tuple[str, float]:
         """The other axes of points that fit best, and how well, in the better frames."""
@@ -239,14 +246,15 @@ def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
     return {sensor: min((by for by in gains if not isnan(by)), default=nan) for sensor, gains in found.items()}
 
 
-def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
+def _row_misfit(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> tuple[str, str] | None:
     row_aligned, offset_px = _fitting([s.rows.row_aligned for s in seen]), _median([s.rows.offset_px for s in seen])
     if isnan(row_aligned) or row_aligned >= CALIBRATION_CHECK.least_aligned:
         return None
     names = f"the images of {rig.name(pair[0])} and {rig.name(pair[1])}"
     if abs(offset_px) >= CALIBRATION_CHECK.clear_offset_px:
-        return f"{names} are off by {abs(offset_px):.1f} rows: wrong rectification flag, or another vehicle's rig?"
-    return f"{names} show {row_aligned:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
+        rows = f"{names} are off by {abs(offset_px):.1f} rows"
+        return rows, "wrong rectification flag, a camera that turned, or another vehicle's rig?"
+    return f"{names} show {row_aligned:.0%} of points on the same row", "wrong rectification flag, lens or rotation?"
 
 
 def _scale(arrays: FrameArrays, pair: Pair) -> float | None:

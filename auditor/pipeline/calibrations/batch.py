@@ -123,15 +123,8 @@ def drives_of(store: Store, measurements: Collection[str]) -> dict[str, str]:
     """
     rows = rows_of(run_sql(store, "SELECT recording_id, drive_id FROM recordings"))
     drives = {row["recording_id"]: row["drive_id"] for row in rows}
-    return {measurement: drives[_whole(store, measurement)] for measurement in measurements}
-
-
-def _whole(store: Store, measurement: str) -> str:
-    """Return the id of the recording that holds every frame of a measurement: its own, or a later one."""
-    recording = store.recording(store.measurement(measurement).recording_id)
-    while recording.superseded_by is not None and store.has_recording(recording.superseded_by):
-        recording = store.recording(recording.superseded_by)
-    return recording.recording_id
+    counted, recordings = store.counted_by(), {one: store.measurement(one).recording_id for one in measurements}
+    return {one: drives[counted.get(recording, recording)] for one, recording in recordings.items()}
 
 
 def calibrations_of_others(
@@ -256,7 +249,7 @@ def _may_teach(store: Store, verdict: StoredJudgement, recordings: Collection[st
     recording = store.recording(measurement.recording_id)
     rig, beside = store.rig(measurement.rig_id), measured_rigs(store, recording)
     return measurement.measured > 0 and not (
-        any(frames_not_audited(measurement, verdict, criteria.min_coverage, rig, beside))
+        any(frames_not_audited(store, measurement, verdict, criteria.min_coverage, rig, beside))
         or attacked_by_labels(store, measurement.measurement_id)
         or held_by(store, recording, among=recordings)
         or conflicts_of(store, recording)

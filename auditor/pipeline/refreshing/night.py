@@ -105,13 +105,14 @@ def refresh(
 def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[Finding]:
     """The new measurements that a person should look at, and those in whose incidents nobody has looked yet."""
     current, reviewed = store.current_judgements(), false_alarms(store)
+    why = {one.measurement_id: one.reason for decision in decisions for one in decision.look_at}
     for used in sorted((one for decision in decisions for one in decision.recordings), key=lambda one: one.name):
         known = used.measurement_id
         if known not in new:
             continue
         told = current[known].found if known in current else 0
-        if used.look_at:
-            yield Finding(used.name, used.reason)
+        if known in why:
+            yield Finding(used.name, why[known])
         elif told and known not in reviewed and not store.given_labels(used.recording_id):
             yield Finding(used.name, f"{told} frames of it are in incidents or alerts")
 
@@ -146,7 +147,8 @@ def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
 
 
 def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: datetime) -> list[Quarantined]:
-    """The recordings that wait for a person after a decision, by name; what waited before keeps its time.
+    """The recordings that wait for a person after a decision, by name; what waited before keeps its time, and where it
+    was named clean since, its reason.
 
     One that was judged, and that no store has just now, waits on.
     """
@@ -159,7 +161,7 @@ def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: da
             one.day,
             one.frames,
             one.findings_by_others,
-            one.reason,
+            before[one.recording_id].reason if one.included and one.recording_id in before else one.reason,
             judged=one.findings_by_others is not None,
             since=before[one.recording_id].since if one.recording_id in before else now,
         )

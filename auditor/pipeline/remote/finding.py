@@ -12,6 +12,7 @@ from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import Found, find_recordings
 from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
+from auditor.recordings.opening import unknown_kind
 from auditor.store.records import RecordingRecord
 
 _METADATA = "metadata.yaml"
@@ -91,7 +92,7 @@ def _recordings_at(address: Address) -> list[Remote]:
     single = None if address.is_pattern else find_object(address)
     if single is not None:
         if not file_kind(Path(single.address)):
-            raise RecordingError("this is not a recording of a known kind", where=address, remedy=f"give {KINDS}")
+            raise unknown_kind(single.address, KINDS)
         return [Remote(single.address, (single, *_journals_of(address, single)))]
     if address.scheme.startswith("http"):
         raise RecordingError("there is no such object", where=address, remedy="on the web, name one file an address")

@@ -1,7 +1,7 @@
 """What a refresh decided, for scripts, metrics and the page, and what is left to a person."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, date, datetime
 from decimal import Decimal
 from enum import StrEnum
@@ -94,8 +94,16 @@ class Decision:
 
     @property
     def look_at(self) -> tuple[UsedRecording, ...]:
-        """The recordings that a person should look at."""
-        return tuple(one for one in self.recordings if one.look_at)
+        """The recordings that a person should look at, and why: what others find in one that was named clean."""
+        return tuple(
+            replace(
+                one, reason=f"{one.reason}, and others find {one.findings_by_others} of {one.frames} frames not clean"
+            )
+            if one.included
+            else one
+            for one in self.recordings
+            if one.look_at
+        )
 
 
 @dataclass(frozen=True)

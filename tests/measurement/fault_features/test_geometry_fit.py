@@ -1,5 +1,7 @@
 """Points and images of real drives that fit somewhere, whatever is attacked, and such that fit nowhere."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ from auditor.model.rig import Rig
 from tests.benchmarks.geometry_fit import ATTACKS, FAULTS, withheld
 from tests.benchmarks.real_drives import frames
 from tests.making.wrong_rigs import CASES as WRONG_RIGS
+from tests.making.wrong_rigs import cameras, turned
 
 
 @pytest.fixture(scope="module")
@@ -35,3 +38,12 @@ def test_points_that_fit_nowhere_withhold_all_verdicts(some: tuple[Rig, list[Fra
 
 def test_a_wrong_baseline_withholds_all_verdicts(some: tuple[Rig, list[Frame]]) -> None:
     assert "fit the images nowhere" in withheld(WRONG_RIGS["baselines x 2"], *some)[0]
+
+
+def test_of_two_cameras_one_that_turned_is_named_beside_the_points(some: tuple[Rig, list[Frame]]) -> None:
+    rig, [frame] = some
+    two = Rig(rig.lidar, tuple(replace(rig.camera(number), number=number - 1) for number in (2, 3)))
+    pair = replace(frame, images={number - 1: frame.images[number] for number in (2, 3)})
+    why, _ = withheld(cameras([1], turn=turned(0.3, 0.3, 0.3)), two, [pair])
+    names = f"{two.camera(1).name} and {two.camera(2).name}"
+    assert re.match(rf"the images of {names} are off by \d\.\d rows, and the points of the LiDAR .* nowhere", why), why
