@@ -169,7 +169,9 @@ def _explaining(
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
-            yield z_of(one) >= min(lead, FAULT_SCALE.highest)
+            # Cameras that see next to nothing contradict the LiDAR by noise, however much.
+            blind = one.cause is Cause.DARK and _by_cameras(_strongest(verdict))
+            yield blind or z_of(one) >= min(lead, FAULT_SCALE.highest)
 
 
 def _lagging(seen: ObservedFeatures, camera: int) -> Floats:
@@ -335,8 +337,14 @@ def _covers_strongest(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """
     disagrees = hypothesis.cause in FAULTS and hypothesis.sensor != LIDAR
 
-    def is_of_it(one: Evidence) -> bool:
-        conflict = one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES
-        return hypothesis.sensor in (one.i, one.k) or (conflict and disagrees)
+    strongest = _strongest(verdict)
+    return hypothesis.sensor in (strongest.i, strongest.k) or (disagrees and _by_cameras(strongest))
 
-    return is_of_it(max(verdict.evidence, key=lambda one: one.score))
+
+def _strongest(verdict: Verdict) -> Evidence:
+    return max(verdict.evidence, key=lambda one: one.score)
+
+
+def _by_cameras(one: Evidence) -> bool:
+    """Whether it is what cameras say of the LiDAR."""
+    return one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES

@@ -565,6 +565,19 @@ def test_darkness_is_listed_where_no_check_fired_and_explains_no_light():
         assert weigh(verdict(check=check), dark, LIMIT).kind is VerdictKind.ATTACKED
 
 
+@pytest.mark.parametrize(
+    ("check", "kind"),
+    [
+        ("lidar_conflict", VerdictKind.SUSPECT),
+        ("false_ranges", VerdictKind.SUSPECT),
+        ("free_space_conflict", VerdictKind.ATTACKED),
+    ],
+)
+def test_in_the_dark_cameras_alone_name_no_lidar_however_much_they_contradict_it(check, kind):
+    dark = (FaultHypothesis(Cause.DARK, None, 0.51),)
+    assert weigh(verdict(attacked=(0,), check=check, i=0, lead=5.0), dark, LIMIT).kind is kind
+
+
 def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
     frozen = (FaultHypothesis(Cause.FROZEN, 2),)
     weighed = weigh(verdict(out_of_system=(2,)), frozen, LIMIT)
