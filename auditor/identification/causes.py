@@ -79,8 +79,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
     is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `striped` that of light in rows, and `unmatched` that of unmatched light, NaN
-    where they were not measured. `shown_s` are
+    where no other colour camera voted; `striped` that of light in rows, and `unpredicted` that of unmatched or veiling
+    light, which no tone curve predicts, NaN where they were not measured. `shown_s` are
     the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
     does not; NaN where no other frame is known.
     """
@@ -92,7 +92,7 @@ class Seen(NamedTuple):
     saturated_px: float = nan
     coloured: float = nan
     striped: float = nan
-    unmatched: float = nan
+    unpredicted: float = nan
     shown_s: float = nan
     gone: float = nan
 
@@ -151,9 +151,9 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured, striped, unmatched = (
-            nan if column is None else float(z[column])
-            for column in map(own.get, (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.UNMATCHED_LIGHT))
+        coloured, striped, *unpredicted = (
+            nan if (column := own.get(check)) is None else float(z[column])
+            for check in (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT)
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
@@ -161,7 +161,7 @@ def seen_of(
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, unmatched, *lasting)
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, float(np.fmax(*unpredicted)), *lasting)
     return found
 
 
@@ -185,5 +185,5 @@ def by_tone(seen: Seen) -> bool:
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted. Neither adds light of one colour, in rows, or that a tone curve does not predict.
     """
-    added = seen.thrown or seen.unmatched >= LIGHT_OF_CAUSES.least_thrown
+    added = seen.thrown or seen.unpredicted >= LIGHT_OF_CAUSES.least_thrown
     return not added and (seen.unchanged or seen.added < LIGHT_OF_CAUSES.hardly_added)

@@ -150,9 +150,10 @@ class CleanDrives:
         limit = joint_limit(float(checked(r)), judged_together)
         used = np.ones(len(self._recordings), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
+        known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
         gone = np.flatnonzero(~used).tolist()
         scales = {
-            cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in of_causes.items()
+            cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in known.items()
         }
         missing = {self._recordings[place] for place in gone}
         drives = len(self._places) - sum(not used[self._places[name]].any() for name in missing)
@@ -180,7 +181,7 @@ class CleanDrives:
 
 
 def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
-    """What is expected of a fault's score; what tones are usual of a rig its own drives say, and without any none are.
+    """What is expected of a fault's score; what tones are usual of a rig only its own drives say.
 
     Of faults that are findings by themselves drives narrow nothing: most vehicles are well adjusted, and say little
     about the few that are less.
