@@ -68,7 +68,7 @@ SUBJECTS = (
     Subject(
         "E",
         ("measurement/disparity/disparity_error.py", "measurement/disparity/stereo.py"),
-        ("measurement/checks/test_disparity_error.py", *CHECKS),
+        ("measurement/disparity/test_disparity_error.py", *CHECKS),
     ),
     Subject(
         "LiDAR projection",
