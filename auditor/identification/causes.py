@@ -161,7 +161,8 @@ def seen_of(
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, float(np.fmax.reduce(unpredicted)), *lasting)
+            most = float(np.fmax.reduce(unpredicted))
+            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, most, *lasting)
     return found
 
 
