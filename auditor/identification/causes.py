@@ -23,17 +23,18 @@ from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Verdict
 
 def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     """An aerosol, where the strongest of what fired is that returns scatter."""
-    strongest = _strongest(verdict.evidence)
+    strongest = strongest_of(verdict.evidence)
     return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and scatters(verdict.evidence) else ()
 
 
 def scatters(evidence: Sequence[Evidence]) -> bool:
     """Whether the strongest of what fired is that returns scatter."""
-    strongest = _strongest(evidence)
+    strongest = strongest_of(evidence)
     return strongest is not None and Check(strongest.check_name).kind.of_aerosol
 
 
-def _strongest(evidence: Sequence[Evidence]) -> Evidence | None:
+def strongest_of(evidence: Sequence[Evidence]) -> Evidence | None:
+    """The evidence with the largest score, None where nothing fired."""
     return max(evidence, key=lambda one: one.score, default=None)
 
 

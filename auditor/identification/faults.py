@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_lens
+from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_lens, strongest_of
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
@@ -170,8 +170,8 @@ def _explaining(
             yield True
         else:
             # Cameras that see next to nothing contradict the LiDAR by noise, however much.
-            blind = one.cause is Cause.DARK and _by_cameras(_strongest(verdict))
-            yield blind or z_of(one) >= min(lead, FAULT_SCALE.highest)
+            unlit = one.cause is Cause.DARK and _by_cameras(strongest_of(verdict.evidence))
+            yield unlit or z_of(one) >= min(lead, FAULT_SCALE.highest)
 
 
 def _lagging(seen: ObservedFeatures, camera: int) -> Floats:
@@ -336,15 +336,11 @@ def _covers_strongest(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     A camera that lags or has turned disagrees with the LiDAR too.
     """
     disagrees = hypothesis.cause in FAULTS and hypothesis.sensor != LIDAR
-
-    strongest = _strongest(verdict)
-    return hypothesis.sensor in (strongest.i, strongest.k) or (disagrees and _by_cameras(strongest))
-
-
-def _strongest(verdict: Verdict) -> Evidence:
-    return max(verdict.evidence, key=lambda one: one.score)
+    strongest = strongest_of(verdict.evidence)
+    of_it = strongest is not None and hypothesis.sensor in (strongest.i, strongest.k)
+    return of_it or (disagrees and _by_cameras(strongest))
 
 
-def _by_cameras(one: Evidence) -> bool:
+def _by_cameras(one: Evidence | None) -> bool:
     """Whether it is what cameras say of the LiDAR."""
-    return one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES
+    return one is not None and (one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES)

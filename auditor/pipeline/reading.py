@@ -175,10 +175,9 @@ def frames_not_audited(
     rig: Rig,
     beside: Sequence[Rig],
 ) -> Iterator[str]:
-    """Whether too few frames of a recording could be judged, and which sensors have no message in some; or why verdicts
-    are withheld.
+    """Whether too few frames of a recording could be judged, and why where verdicts are withheld.
 
-    None is too few of a rig that rigs `beside` it stand in for.
+    Sensors that have no message in some of them are named. None is too few of a rig that rigs `beside` it stand in for.
     """
     if measurement.withheld:
         yield f"verdicts withheld: {measurement.withheld}"

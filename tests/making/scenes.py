@@ -1,12 +1,18 @@
 """Small rigs that look at one textured plane, so that every disparity is known."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.checks.seen import Seen
+from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.model.arrays import Mask
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.rig import Camera, Lidar, Rig
 
@@ -51,6 +57,21 @@ def plane_frame(rig: Rig, depth_m: float = 9.0, without: frozenset[int] = frozen
     states = {s: Presence(SensorState.MISSING if s in without else SensorState.PRESENT) for s in rig.sensors}
     cloud = PointCloud(0, plane_cloud(depth_m)) if rig.lidar and 0 not in without else None
     return Frame(0, 0, states, cloud, images)
+
+
+def seen_by_pair(
+    levels: Mapping[int, NDArray[np.uint8]],
+    rig: Rig,
+    valid_masks: Mapping[int, Mask] | None = None,
+    *,
+    together: bool = True,
+) -> Seen:
+    """The pictures of cameras 1, the source, and 3, the reference, as checks see them; `together` they match or not."""
+    half = {one: halve(picture) for one, picture in levels.items()}
+    texture = {one: textured(picture) for one, picture in half.items()}
+    stereo = stereo_map(SgbmMatcher(), levels[3], levels[1], texture[3], texture[1])
+    maps = {(1, 3): replace(stereo, valid=stereo.valid & together)}
+    return Seen(half, {}, maps, {}, rig, valid_masks or {})
 
 
 def moved(rig: Rig, offsets_m: tuple[tuple[float, float, float], ...]) -> Rig:

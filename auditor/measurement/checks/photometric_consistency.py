@@ -98,6 +98,14 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(inconsistent), matches)
 
 
+def matched_samples(seen: Seen, i: int, k: int, step: int) -> tuple[Indices, Indices, Indices]:
+    """(M,) every `step`-th half-resolution pixel each way that a pair sees: row, column, and the source's column."""
+    matches = seen.once(consistency_of, i, k).matches
+    row, column = (places * step for places in np.nonzero(matches.seen[::step, ::step]))
+    there = np.rint(matches.column[row, column]).astype(np.intp).clip(0, matches.column.shape[1] - 1)
+    return row, column, there
+
+
 def patches_of(seen: Seen, k: int) -> Patches:
     """The patches of a camera's image."""
     return Patches.of(seen.half_res[k])

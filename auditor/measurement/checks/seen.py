@@ -18,8 +18,8 @@ class Seen:
     """One frame, as checks see it.
 
     `half_res` are the half-resolution grey images (h, w) of the cameras present, `colours` (h, w, 3) those of colour
-    cameras, `maps` the stereo maps by (source, reference), `views` the LiDAR's views by reference. `known` (H, W) are
-    the full-resolution pixels that a camera sees; of a camera that has none, all.
+    cameras, `maps` the stereo maps by (source, reference), `views` the LiDAR's views by reference. Of
+    their full-resolution pixels cameras see only their `valid_masks` (H, W); one without a mask sees all.
     """
 
     half_res: Mapping[int, Image]
@@ -27,7 +27,7 @@ class Seen:
     maps: Mapping[Pair, StereoMap]
     views: Mapping[int, LidarView]
     rig: Rig
-    known: Mapping[int, Mask] = field(default_factory=dict)
+    valid_masks: Mapping[int, Mask] = field(default_factory=dict)
     _made: dict[tuple[object, ...], object] = field(default_factory=dict)
 
     def once(self, make: Callable[..., Made], *which: int) -> Made:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.light import UNITS, WHITE, view_of
-from auditor.measurement.checks.photometric_consistency import consistency_of
+from auditor.measurement.checks.photometric_consistency import matched_samples
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.parameters import HALF
 from auditor.measurement.tone_curve import predict
@@ -57,13 +57,10 @@ def measure_unmatched_light(seen: Seen, i: int, k: int) -> tuple[float | None, f
 
     None where they see too little together.
     """
-    matches = seen.once(consistency_of, i, k).matches
-    row, column = np.nonzero(matches.seen[::_STEP, ::_STEP])
+    row, column, there = seen.once(matched_samples, i, k, _STEP)
     if row.size < NUMBERS.fewest:
         return None, None
     source, reference = seen.once(view_of, i), seen.once(view_of, k)
-    row, column = row * _STEP, column * _STEP
-    there = np.rint(matches.column[row, column]).astype(np.intp).clip(0, source.levels.shape[1] - 1)
     s, t = source.levels[row, there], reference.levels[row, column]
     usable = np.asarray((s < source.saturation) & (t < reference.saturation))
     to_source, to_reference = predict(t, s, usable).table[0], predict(s, t, usable).table[0]
@@ -76,7 +73,7 @@ def measure_unmatched_light(seen: Seen, i: int, k: int) -> tuple[float | None, f
 
 def sampled(seen: Seen, camera: int) -> Sampled:
     """The samples of a camera's levels."""
-    view, whole = seen.once(view_of, camera), seen.known.get(camera)
+    view, whole = seen.once(view_of, camera), seen.valid_masks.get(camera)
     highest = np.asarray(cv2.dilate(view.levels, _NEARBY)[::_STEP, ::_STEP], dtype=np.uint8)
     known = np.ones(highest.shape, dtype=np.bool_)
     if whole is not None:

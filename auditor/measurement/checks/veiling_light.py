@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.measurement.checks.photometric_consistency import consistency_of
+from auditor.measurement.checks.photometric_consistency import matched_samples
 from auditor.measurement.checks.seen import Seen
 from auditor.model.arrays import Image, quantile_of
 from auditor.model.parameters import BY_HAND, parameter
@@ -35,12 +35,9 @@ def measure_veiling_light(seen: Seen, i: int, k: int) -> tuple[float | None, flo
 
     None where they see too little together.
     """
-    matches, step = seen.once(consistency_of, i, k).matches, NUMBERS.step_px
-    row, column = np.nonzero(matches.seen[::step, ::step])
+    row, column, there = seen.once(matched_samples, i, k, NUMBERS.step_px)
     if row.size < NUMBERS.fewest:
         return None, None
-    row, column = row * step, column * step
-    there = np.rint(matches.column[row, column]).astype(np.intp).clip(0, seen.half_res[i].shape[1] - 1)
     lighter = _darkest(seen.half_res[i][row, there]) - _darkest(seen.half_res[k][row, column])
     return _shown(lighter), _shown(-lighter)
 

@@ -4,12 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.unmatched_light import measure_unmatched_light
-from auditor.measurement.disparity.half_resolution import halve
-from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.measurement.disparity.stereo import stereo_map, textured
-from tests.making.scenes import FOCAL, plane_images, plane_rig
+from tests.making.scenes import FOCAL, plane_images, plane_rig, seen_by_pair
 
 SIZE_PX = (640, 240)
 SOURCE, REFERENCE = 1, 3
@@ -33,13 +29,7 @@ def measured(of_source=lambda levels: levels, of_reference=lambda levels: levels
     """Unmatched light of the source, and of the reference."""
     changes = {SOURCE: of_source, REFERENCE: of_reference}
     levels = {one: changes[one](picture) for one, picture in pictures().items()}
-    half = {one: halve(picture) for one, picture in levels.items()}
-    texture = {one: textured(picture) for one, picture in half.items()}
-    stereo = stereo_map(SgbmMatcher(), levels[REFERENCE], levels[SOURCE], texture[REFERENCE], texture[SOURCE])
-    if not together:
-        stereo.valid[:] = False
-    maps = {(SOURCE, REFERENCE): stereo}
-    seen = Seen(half, {}, maps, {}, plane_rig(size_px=SIZE_PX), known or {})
+    seen = seen_by_pair(levels, plane_rig(size_px=SIZE_PX), known, together=together)
     return measure_unmatched_light(seen, SOURCE, REFERENCE)
 
 

@@ -1,16 +1,10 @@
 """Light on the whole of one camera's lens is found by its darkest parts; gains and tone curves leave these dark."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.seen import Seen
 from auditor.measurement.checks.veiling_light import measure_veiling_light
-from auditor.measurement.disparity.half_resolution import halve
-from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.measurement.disparity.stereo import stereo_map, textured
-from tests.making.scenes import plane_frame, plane_rig
+from tests.making.scenes import plane_frame, plane_rig, seen_by_pair
 
 FOUND = 0.2
 """From which on a frame is raised by the prior that ships."""
@@ -24,11 +18,7 @@ def measured(change_of_source=lambda levels: levels, change_of_reference=lambda 
     }
     changes = {1: change_of_source, 3: change_of_reference}
     levels = {one: changes[one](pictures[one]).clip(0, 255).astype(np.uint8) for one in changes}
-    half = {one: halve(pixels) for one, pixels in levels.items()}
-    texture = {one: textured(pixels) for one, pixels in half.items()}
-    stereo = stereo_map(SgbmMatcher(), levels[3], levels[1], texture[3], texture[1])
-    stereo = replace(stereo, valid=stereo.valid & together)
-    return measure_veiling_light(Seen(half, {}, {(1, 3): stereo}, {}, rig), 1, 3)
+    return measure_veiling_light(seen_by_pair(levels, rig, together=together), 1, 3)
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.6, 90), (1.0, 80), (0.3, 150)])
