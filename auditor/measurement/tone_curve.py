@@ -78,6 +78,15 @@ def saturation_level(image: Image) -> int:
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 
+def saturates_from(source: Image, target: Image, saturation: int) -> int:
+    """The source's level from which on most of the target is saturated, of samples (M,) of both; 255 if none."""
+    bins = source // np.uint8(_WIDTH)
+    every, saturated = (np.bincount(some, minlength=_BINS) for some in (bins, bins[target >= saturation]))
+    used = np.flatnonzero(every >= TONE_CURVE.fewest)
+    mostly = np.flatnonzero(_monotone(2 * saturated[used] / every[used]) >= 1)
+    return int(used[mostly[0]]) * _WIDTH if mostly.size else _WHITE
+
+
 def tone_curve(source: Image, target: Image) -> Image:
     """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends."""
     middle, level = _medians(source, target)

@@ -11,7 +11,8 @@ from auditor.measurement.checks.seen import Seen
 from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
+from auditor.measurement.parameters import HALF, LIGHT, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
+from auditor.measurement.tone_curve import saturates_from, saturation_level
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 
 _RADIUS = PATCH_CORRELATION.radius_px
@@ -33,6 +34,12 @@ class Matches:
 
     column: Floats32
     seen: Mask
+
+    def samples(self, step: int) -> tuple[Indices, Indices, Indices]:
+        """(M,) every `step`-th pixel each way that both cameras see: row, column, and the source's column."""
+        row, column = (places * step for places in np.nonzero(self.seen[::step, ::step]))
+        there = np.rint(self.column[row, column]).astype(np.intp).clip(0, self.column.shape[1] - 1)
+        return row, column, there
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +92,20 @@ def matches_of(stereo: StereoMap) -> Matches:
 
 
 def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) -> PairConsistency:
-    """Warp the source image (h, w) by DM_{i,k} and correlate it with the reference's patches, at half resolution."""
+    """Warp the source image (h, w) by DM_{i,k} and correlate it with the reference's patches, at half resolution.
+
+    Each image is cut off at the level from which on the other one saturates: a camera that is exposed longer shows no
+    texture there, and light that only it sees has other levels in the other camera.
+    """
     matches = matches_of(stereo)
+    row, column, there = matches.samples(LIGHT.fitted_step)
+    of_reference, of_source = still.pixels[row, column], source[row, there]
+    end, source_end = saturation_level(still.pixels), saturation_level(source)
+    cut, source_cut = saturates_from(of_reference, of_source, source_end), saturates_from(of_source, of_reference, end)
+    if cut < end:
+        still = Patches.of(np.minimum(still.pixels, np.uint8(cut)))
+    if source_cut < source_end:
+        source = np.minimum(source, np.uint8(source_cut))
     warped = Patches.of(warp(source, matches.column))
     ncc = _mean(_products(still.pixels, warped.pixels))
     ncc -= still.mean * warped.mean
@@ -99,11 +118,8 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
 
 
 def matched_samples(seen: Seen, i: int, k: int, step: int) -> tuple[Indices, Indices, Indices]:
-    """(M,) every `step`-th half-resolution pixel each way that a pair sees: row, column, and the source's column."""
-    matches = seen.once(consistency_of, i, k).matches
-    row, column = (places * step for places in np.nonzero(matches.seen[::step, ::step]))
-    there = np.rint(matches.column[row, column]).astype(np.intp).clip(0, matches.column.shape[1] - 1)
-    return row, column, there
+    """(M,) the samples of a pair's matches."""
+    return seen.once(consistency_of, i, k).matches.samples(step)
 
 
 def patches_of(seen: Seen, k: int) -> Patches:

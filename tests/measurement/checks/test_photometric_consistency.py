@@ -71,8 +71,10 @@ def test_where_one_camera_sees_something_else_they_are_inconsistent_and_nowhere_
 
 
 def striped(amplitude):
-    """Upright stripes a pixel wide, so many grey levels above and below 128."""
-    return np.tile(np.where(np.arange(160) % 2, 128 + amplitude, 128 - amplitude).astype(np.uint8), (60, 1))
+    """Upright stripes a pixel wide, so many grey levels above and below 128, and one white pixel."""
+    image = np.tile(np.where(np.arange(160) % 2, 128 + amplitude, 128 - amplitude).astype(np.uint8), (60, 1))
+    image[0, 0] = 255
+    return image
 
 
 @pytest.mark.parametrize(("amplitude", "comparable"), [(FAINTEST, True), (FAINTEST - 1, False)])
