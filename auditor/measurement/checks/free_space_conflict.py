@@ -43,6 +43,11 @@ class FreeSpaceConflict:
     clearly_m: float = parameter(0.5, unit="m above the ground from which on one is asked about", source=_CHOSEN)
     most_s: float = parameter(0.16, unit="s between the two scans", source="scans at 10 Hz; by hand")
     most_shift_cells: int = parameter(12, unit="cells that the vehicle moves in between", source="6 m: 60 m/s; by hand")
+    turns_deg: tuple[int, ...] = parameter(
+        tuple(range(-8, 9)),
+        unit="degrees that the vehicle turns in between, tried where it seems not to",
+        source="three real drives turned by 35 to 70 degrees/s (docs/decisions.md)",
+    )
     moves_m_s: float = parameter(35.0, unit="m/s of other vehicles, along the way", source=_CHOSEN)
     beside_m: float = parameter(1.5, unit="m, across the way: what turns and crosses", source=_CHOSEN)
     beam_rad: float = parameter(0.0105, unit="radians, side of a cell of beams", source="0.6 degrees; by hand")
@@ -132,6 +137,19 @@ class Scan:
         """(SIDE, SIDE) 1 where a cell holds some (M,) of its points."""
         return grid_of(self.cell.take(np.flatnonzero(some)))
 
+    def turned(self, angle: float) -> "Scan":
+        """The scan as a vehicle sees it that has turned to the right by an angle, in radians."""
+        right, down, ahead = self.ended_m
+        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        ended = np.stack([cos * right - sin * ahead, down, sin * right + cos * ahead])
+        kept = within_reach(ended.take(self.within, axis=1))
+        within = self.within[kept]
+        xyz = ended.take(within, axis=1)
+        row, column = cells_from_above(xyz)
+        masks = {name: getattr(self, name)[kept] for name in ("solid", "clearly", "from_nowhere")}
+        cell = (row * SIDE + column).astype(np.intp)
+        return replace(self, within=within, ended_m=ended, xyz_m=xyz, cell=cell, **masks)
+
     def objects(self, grid: Image) -> tuple[int, Indices]:
         """The number (M,) of the object that each point is of, by the cells of a grid that touch; 0 is none.
 
@@ -192,8 +210,7 @@ class OwnScans:
         now = Scan.of(cloud, rig)
         found = None
         if before is not None and now.follows(before):
-            self._way = _shift(now.things, before.things)
-            found = _from_nowhere(now, before, self._way)
+            self._way, found = _compared(now, before)
         self._last = now if found is None else replace(now, from_nowhere=found)
         if found is None:
             return None
@@ -248,6 +265,19 @@ def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
     return np.asarray(np.maximum(lowest, around - _LOWER_M).take(ground) - down_m)
 
 
+def _compared(now: Scan, before: Scan) -> tuple[Shift, Mask | None]:
+    """How what stands still moved, and what came from nowhere; unless nothing did, whether the vehicle has turned."""
+    _, shift = _match(now, before)
+    found = _from_nowhere(now, before, shift)
+    if found is not None and not found.any():
+        return shift, found
+    turned = [before.turned(np.radians(turn)) for turn in NUMBERS.turns_deg]
+    matches = [_match(now, one) for one in turned]
+    best = max(range(len(turned)), key=lambda place: matches[place][0])
+    _, shift = matches[best]
+    return shift, _from_nowhere(now, turned[best], shift)
+
+
 def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
     """(M,) the points of objects that came from nowhere, or that did earlier and are still alone.
 
@@ -274,13 +304,13 @@ def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
     return np.asarray(now.solid & found.take(of))
 
 
-def _shift(now: Image, before: Image) -> Shift:
-    """How what stands still moved: by the shift at which most cells that hold objects now did so before."""
+def _match(now: Scan, before: Scan) -> tuple[float, Shift]:
+    """How what stands still moved: the shift at which most cells that hold objects now did so before; how many."""
     most = NUMBERS.most_shift_cells
-    here, there = (cells.astype(np.float32) for cells in (now, before))
+    here, there = (scan.things.astype(np.float32) for scan in (now, before))
     together = cv2.GaussianBlur(cv2.matchTemplate(there, here[most:-most, most:-most], cv2.TM_CCORR), (3, 3), 0)
     row, column = np.unravel_index(int(np.argmax(together)), together.shape)
-    return Shift(int(row) - most, int(column) - most)
+    return float(together[row, column]), Shift(int(row) - most, int(column) - most)
 
 
 def near(there: Image, shift: Shift, around: Image) -> Mask:

@@ -92,6 +92,30 @@ def test_a_clean_drive_with_traffic_has_none() -> None:
     assert conflicts(drive_clouds()) == [None, 0, 0, 0, 0, 0]
 
 
+def from_turning(clouds: Sequence[PointCloud], degrees_s: float) -> list[PointCloud]:
+    """The scans as a vehicle makes them that turns to the left: its LiDAR goes round in 0.1 s, as it turns."""
+    turned = []
+    for number, cloud in enumerate(clouds):
+        ahead, left, up = cloud.xyz_m.T
+        seconds = 0.1 * (number - np.arctan2(left, ahead) / (2 * np.pi))
+        angle = np.radians(degrees_s) * seconds
+        cos, sin = np.cos(angle), np.sin(angle)
+        xyz = np.stack([cos * ahead + sin * left, cos * left - sin * ahead, up], axis=1).astype(np.float32)
+        turned.append(replace(cloud, xyz_m=xyz))
+    return turned
+
+
+@pytest.mark.parametrize("degrees_s", [-70, -40, 20, 40, 70])
+def test_a_vehicle_that_turns_meets_nothing_new_but_a_ghost_car(degrees_s: float) -> None:
+    ghost = GhostCar(60, 8.0)
+    clouds = drive_clouds()
+    assert conflicts(from_turning(clouds, degrees_s)) == [None, 0, 0, 0, 0, 0]
+    spoofed = [*clouds[:3], *(ghost.apply(cloud, drive().rig) for cloud in clouds[3:])]
+    found = conflicts(from_turning(spoofed, degrees_s))
+    assert found[:3] == [None, 0, 0]
+    assert all(number is not None and number > 40 for number in found[3:])
+
+
 def test_a_ghost_car_is_found_as_it_appears_and_as_long_as_it_stays() -> None:
     ghost = GhostCar(60, 8.0)
     found = conflicts([*drive_clouds()[:2], *(ghost.apply(cloud, drive().rig) for cloud in drive_clouds()[2:])])

@@ -84,11 +84,13 @@ def test_what_has_texture_in_either_image_is_comparable(textured, amplitude, com
     pair[textured] = striped(amplitude)
     found = consistency(*pair, flat_map(0))
     assert found.comparable[5:-5, 5:-5].all() == comparable
-    np.testing.assert_array_equal(found.inconsistent, found.comparable)
+    inside = slice(10, None)
+    np.testing.assert_array_equal(found.inconsistent[inside, inside], found.comparable[inside, inside])
 
 
 def test_where_neither_image_has_texture_nothing_is_comparable():
-    assert not consistency(striped(0), striped(0) + np.uint8(90), flat_map(0)).comparable.any()
+    grey = np.full((60, 160), 128, dtype=np.uint8)
+    assert not consistency(grey, grey + np.uint8(90), flat_map(0)).comparable.any()
 
 
 @pytest.mark.parametrize("gain", [0.4, 1.5])
