@@ -129,6 +129,11 @@ class ToneCurve:
 
     bins: int = parameter(32, unit="bins of the source's levels", source=_LIGHT)
     fewest: int = parameter(15, unit="samples of a bin", source=_LIGHT)
+    nearly_saturated: float = parameter(
+        0.85,
+        unit="of a camera's saturation, predicted where most of it saturates",
+        source="gains of 1.3 to 2.0 and lights on three real drives: 0.65 to 0.9 tried (docs/decisions.md)",
+    )
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,12 @@ class Prediction:
             return np.asarray(cv2.LUT(source, self.table[0]), dtype=np.uint8)
         return np.asarray(self.table.take(classes * np.uint16(_LEVELS) + source), dtype=np.uint8)
 
+    def saturated_from(self, level: int) -> "Prediction":
+        """From a level of the source on the least that any class predicts: colours turn white where they saturate."""
+        table = self.table.copy()
+        table[:, level:] = table[:, level:].min(axis=0)
+        return Prediction(table)
+
 
 def predict(source: Image, target: Image, usable: Mask, classes: Classes | None = None) -> Prediction:
     """Fit the target's levels to the source's, (M,) each where `usable`; by class where classes (M,) are given.
@@ -78,13 +84,21 @@ def saturation_level(image: Image) -> int:
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 
-def saturates_from(source: Image, target: Image, saturation: int) -> int:
-    """The source's level from which on most of the target is saturated, of samples (M,) of both; 255 if none."""
+def saturates_from(source: Image, target: Image, source_end: int, target_end: int) -> int:
+    """The source's level from which on the target saturates, of samples (M,) of both; 255 if there is none.
+
+    `source_end` and `target_end` are the levels from which on each saturates. Most samples there are saturated, and so
+    nearly is what the curve of those that are not predicts: light that only the target sees saturates darker ones too.
+    """
     bins = source // np.uint8(_WIDTH)
-    every, saturated = (np.bincount(some, minlength=_BINS) for some in (bins, bins[target >= saturation]))
+    every, saturated = (np.bincount(some, minlength=_BINS) for some in (bins, bins[target >= target_end]))
     used = np.flatnonzero(every >= TONE_CURVE.fewest)
     mostly = np.flatnonzero(_monotone(2 * saturated[used] / every[used]) >= 1)
-    return int(used[mostly[0]]) * _WIDTH if mostly.size else _WHITE
+    if not mostly.size:
+        return _WHITE
+    apart = (source < source_end) & (target < target_end)
+    nearly = tone_curve(source[apart], target[apart]) >= TONE_CURVE.nearly_saturated * target_end
+    return max(int(used[mostly[0]]) * _WIDTH, int(nearly.argmax()) if nearly.any() else _WHITE)
 
 
 def tone_curve(source: Image, target: Image) -> Image:

@@ -171,7 +171,7 @@ def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
 def _of_levels(channel: Channel, seen: Mask, classes: Classes | None = None) -> Floats32:
     """The residual of levels; grey ones are predicted from a colour camera's by its classes (h, w) of chroma."""
     prediction = predict(*channel.sampled(seen), None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
-    return channel.residual(prediction.of(channel.other, classes))
+    return channel.residual(prediction.saturated_from(channel.other_saturation).of(channel.other, classes))
 
 
 def _split(colour: Image) -> tuple[Image, ...]:

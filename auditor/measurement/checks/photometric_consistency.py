@@ -101,7 +101,8 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
     row, column, there = matches.samples(LIGHT.fitted_step)
     of_reference, of_source = still.pixels[row, column], source[row, there]
     end, source_end = saturation_level(still.pixels), saturation_level(source)
-    cut, source_cut = saturates_from(of_reference, of_source, source_end), saturates_from(of_source, of_reference, end)
+    cut = saturates_from(of_reference, of_source, end, source_end)
+    source_cut = saturates_from(of_source, of_reference, source_end, end)
     if cut < end:
         still = Patches.of(np.minimum(still.pixels, np.uint8(cut)))
     if source_cut < source_end:
