@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auditor.measurement.tone_curve import chroma_classes, predict, saturation_level
+from auditor.measurement.tone_curve import chroma_classes, predict, saturates_from, saturation_level
 
 LEVELS = np.arange(256, dtype=np.uint8)
 
@@ -161,3 +161,31 @@ def test_two_below_its_top_level_an_image_is_not_crowded():
     image[:10] = 234
     image[0, 0] = 235
     assert saturation_level(image) == 232
+
+
+@pytest.mark.parametrize(("gain", "level"), [(1.25, 200), (2.0, 128), (0.9, 255)])
+def test_a_camera_saturates_from_the_level_on_that_its_gain_says(gain, level):
+    source = samples(low=10, high=250)
+    assert saturates_from(source, rounded(source * gain), 250, 250) == pytest.approx(level, abs=8)
+
+
+def test_light_that_saturates_most_of_a_level_cuts_off_no_more_than_the_gain_does():
+    source = samples(low=10, high=200)
+    target = rounded(source * 1.1)
+    target[source > 100] = 255  # a lamp before the brighter half of what it sees
+    assert saturates_from(source, target, 250, 250) == pytest.approx(0.85 * 250 / 1.1, abs=3)
+
+
+def test_a_camera_that_never_saturates_is_cut_off_nowhere():
+    source = samples()
+    assert saturates_from(source, source // 2, 250, 250) == 255
+
+
+def test_colours_that_saturate_predict_the_least_of_all_classes():
+    source = np.concatenate([samples(seed=seed, high=250) for seed in range(2)])
+    classes = np.repeat(np.array([3, 12], np.uint8), source.size // 2)
+    target = rounded(source * np.where(classes == 3, 0.6, 0.9))
+    found = predict(source, target, np.ones(source.size, dtype=np.bool_), classes).saturated_from(250)
+    levels = np.array([200, 252], np.uint8)
+    assert found.of(levels, np.array([3, 3], np.uint8)).tolist() == pytest.approx([120, 151], abs=3)
+    assert found.of(levels, np.array([12, 12], np.uint8)).tolist() == pytest.approx([180, 151], abs=3)

@@ -138,6 +138,18 @@ def test_what_is_saturated_in_the_source_has_no_upper_limit():
     assert strongest(cut[1], np.where(lower > 130, lower, np.minimum(lower, 130)))[0] > 0.5
 
 
+def test_a_colour_camera_that_is_exposed_longer_and_saturates_has_no_light():
+    wide = np.pad(scene(high=180)[0], ((0, 0), (0, SHIFT)), mode="reflect").astype(np.float32)
+    colour = np.repeat(wide[..., None], 3, axis=2)
+    sky = np.linspace(150, 60, 80, dtype=np.float32)[:, None]  # blue, and darker to a grey camera than its luma
+    colour[:80], wide[:80] = sky[..., None] * np.float32([1.3, 1.0, 0.85]), 0.6 * sky
+    longer = np.clip(colour[:, :WIDTH] * 2.4, 0, 255).astype(np.uint8)
+    grey = wide[:, SHIFT:].astype(np.uint8)
+    assert strongest(longer, grey)[0] < 0.2
+    longer[110:170, 200:300] = 255
+    assert strongest(longer, grey)[0] > 0.3
+
+
 def test_what_is_saturated_itself_is_not_darker():
     reference, source = scene(high=120)
     # The source alone tells that a lamp is brighter than the lit wall beside it.

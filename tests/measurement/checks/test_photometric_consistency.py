@@ -70,6 +70,17 @@ def test_where_one_camera_sees_something_else_they_are_inconsistent_and_nowhere_
     assert not pair.inconsistent[:, 125:].any()
 
 
+@pytest.mark.parametrize("brighter", [0, 1], ids=["the reference", "the source"])
+@pytest.mark.parametrize("gain", [1.5, 2.0, 3.0])
+def test_what_a_longer_exposure_saturates_is_not_inconsistent_and_light_is(half_res, gain, brighter):
+    images = [cv2.normalize(one, None, 20, 245, cv2.NORM_MINMAX) for one in half_res]
+    images[brighter] = np.clip(images[brighter] * gain, 0, 255).astype(np.uint8)
+    pair = consistency(*images, flat_map(20))
+    assert pair.inconsistent.mean() < 0.002
+    images[brighter][15:45, 60:110] = 255
+    assert consistency(*images, flat_map(20)).inconsistent[20:40, 82:104].mean() > 0.3
+
+
 def striped(amplitude):
     """Upright stripes a pixel wide, so many grey levels above and below 128, and one white pixel."""
     image = np.tile(np.where(np.arange(160) % 2, 128 + amplitude, 128 - amplitude).astype(np.uint8), (60, 1))
