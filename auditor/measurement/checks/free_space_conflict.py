@@ -139,9 +139,7 @@ class Scan:
 
     def turned(self, angle: float) -> "Scan":
         """The scan as a vehicle sees it that has turned to the right by an angle, in radians."""
-        right, down, ahead = self.ended_m
-        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
-        ended = np.stack([cos * right - sin * ahead, down, sin * right + cos * ahead])
+        ended = _turned_to(self.ended_m, angle)
         kept = within_reach(ended.take(self.within, axis=1))
         within = self.within[kept]
         xyz = ended.take(within, axis=1)
@@ -267,15 +265,28 @@ def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
 
 def _compared(now: Scan, before: Scan) -> tuple[Shift, Mask | None]:
     """How what stands still moved, and what came from nowhere; unless nothing did, whether the vehicle has turned."""
-    _, shift = _match(now, before)
+    _, shift = _match(now.things, before.things)
     found = _from_nowhere(now, before, shift)
     if found is not None and not found.any():
         return shift, found
-    turned = [before.turned(np.radians(turn)) for turn in NUMBERS.turns_deg]
-    matches = [_match(now, one) for one in turned]
-    best = max(range(len(turned)), key=lambda place: matches[place][0])
-    _, shift = matches[best]
-    return shift, _from_nowhere(now, turned[best], shift)
+    turns = np.radians(NUMBERS.turns_deg).tolist()
+    matches = [_match(now.things, turned_cells(before.things, turn)) for turn in turns]
+    turn, (_, shift) = max(zip(turns, matches, strict=True), key=lambda tried: tried[1][0])
+    return shift, _from_nowhere(now, before.turned(turn), shift)
+
+
+def turned_cells(cells: Image, angle: float) -> Image:
+    """The marked cells as a vehicle sees them that has turned to the right by an angle, in radians."""
+    ahead, right = ((along + 0.5) * NUMBERS.cell_m - _REACH_M for along in np.nonzero(cells))
+    xyz = _turned_to(np.stack([right, np.zeros_like(right), ahead]), angle)
+    row, column = cells_from_above(xyz[:, within_reach(xyz)])
+    return grid_of((row * SIDE + column).astype(np.intp))
+
+
+def _turned_to(xyz: Floats32 | Floats, angle: float) -> Floats32:
+    right, down, ahead = xyz
+    cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+    return np.asarray([cos * right - sin * ahead, down, sin * right + cos * ahead], dtype=np.float32)
 
 
 def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
@@ -304,10 +315,10 @@ def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
     return np.asarray(now.solid & found.take(of))
 
 
-def _match(now: Scan, before: Scan) -> tuple[float, Shift]:
+def _match(now: Image, before: Image) -> tuple[float, Shift]:
     """How what stands still moved: the shift at which most cells that hold objects now did so before; how many."""
     most = NUMBERS.most_shift_cells
-    here, there = (scan.things.astype(np.float32) for scan in (now, before))
+    here, there = (cells.astype(np.float32) for cells in (now, before))
     together = cv2.GaussianBlur(cv2.matchTemplate(there, here[most:-most, most:-most], cv2.TM_CCORR), (3, 3), 0)
     row, column = np.unravel_index(int(np.argmax(together)), together.shape)
     return float(together[row, column]), Shift(int(row) - most, int(column) - most)
