@@ -103,19 +103,27 @@ def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
     """(F,) the largest z of the checks that count in each frame: `name_attacked` compares it with its limit."""
     scores = np.full(len(z), -np.inf)
     for absent, frames in _frames_by_missing(missing).items():
-        columns = system.detecting(absent)
-        scores[frames] = np.nanmax(z[frames][:, columns], axis=1, initial=-np.inf)
+        scores[frames] = _detected(z[frames], system, absent)
     return scores
+
+
+def _detected(z: Floats, system: System, absent: frozenset[int]) -> Floats:
+    """(F,) the largest z of the checks that count; of those by all cameras but one what lies beyond a margin."""
+    counts = np.nanmax(z[:, system.detecting(absent)], axis=1, initial=-np.inf)
+    but_one = np.nanmax(z[:, system.but_one(absent)], axis=1, initial=-np.inf)
+    return np.asarray(np.maximum(counts, but_one - NAMING.but_one_beyond))
 
 
 def sensor_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
     """(F, S) the largest z of the checks of each sensor that count in each frame; -inf where none was measured."""
     scores = np.full((len(z), len(system.sensors)), -np.inf)
     for absent, frames in _frames_by_missing(missing).items():
-        columns = system.counting(absent).tolist()
+        columns, but_one = system.counting(absent).tolist(), system.but_one(absent).tolist()
         for place, sensor in enumerate(system.sensors):
             own = [column for column in columns if sensor in system.sensor_checks[column].nameable]
-            scores[frames, place] = np.nanmax(z[np.ix_(frames, own)], axis=1, initial=-np.inf)
+            further = [column for column in but_one if system.sensor_checks[column].sensor == sensor]
+            values = np.hstack([z[np.ix_(frames, own)], z[np.ix_(frames, further)] - NAMING.but_one_beyond])
+            scores[frames, place] = np.nanmax(values, axis=1, initial=-np.inf)
     return scores
 
 
@@ -133,7 +141,7 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
     columns = system.counting(absent)
-    score = np.nanmax(z[:, system.detecting(absent)], axis=1, initial=-np.inf)
+    score = _detected(z, system, absent)
     raised = np.flatnonzero(score > limit)
     explained = dict(zip(raised.tolist(), _explain(z[raised], system, absent, limit), strict=True))
     why_not = _why_not_compared(system, present, outside)
@@ -270,7 +278,7 @@ def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet
     known = [(value, system.sensor_checks[c].sensor) for value, c in found if not isnan(value)]
     best = max((value for value, _ in known), default=limit)
     if best <= limit:  # what names no sensor exceeds it alone: what two say of each other
-        return float(np.nanmax(z[system.detecting(absent)], initial=limit)) - limit
+        return float(_detected(z[None], system, absent)[0]) - limit
     rivals = [value for value, sensor in known if sensor not in attacked] if attacked else []
     return best - max(limit, *rivals) if rivals else best - limit
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
 
@@ -78,6 +78,16 @@ class System:
             self._counting[absent] = np.array(counting_checks(self.sensor_checks, absent), dtype=np.intp)
         return self._counting[absent]
 
+    def but_one(self, absent: frozenset[int]) -> Indices:
+        """The checks of unmatched light by all cameras but one: light that is alike in two of them cancels out."""
+        if absent not in self._but_one:
+            self._but_one[absent] = np.array(_but_one(self.sensor_checks, absent), dtype=np.intp)
+        return self._but_one[absent]
+
+    @cached_property
+    def _but_one(self) -> dict[frozenset[int], Indices]:
+        return {}
+
     def naming(self, absent: frozenset[int]) -> list[int]:
         """Those of them that speak of one sensor."""
         if absent not in self._naming:
@@ -122,3 +132,19 @@ def _detecting(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -
         if len(one.nameable) > 1 and one.check not in _NEVER_OF_TWO and absent.isdisjoint(one.needed)
     )
     return tuple(sorted({*counting_checks(sensor_checks, absent), *alone}))
+
+
+@cache
+def _but_one(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -> tuple[int, ...]:
+    by_all = {
+        one.sensor: len(one.others)
+        for one in (sensor_checks[c] for c in counting_checks(sensor_checks, absent))
+        if one.check is Check.UNMATCHED_LIGHT
+    }
+    return tuple(
+        column
+        for column, one in enumerate(sensor_checks)
+        if one.check is Check.UNMATCHED_LIGHT
+        and absent.isdisjoint(one.needed)
+        and FEWEST_VOTERS <= len(one.others) == by_all[one.sensor] - 1
+    )

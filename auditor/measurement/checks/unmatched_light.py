@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.light import UNITS, WHITE, view_of
+from auditor.measurement.checks.light import UNITS, WHITE, View, view_of
 from auditor.measurement.checks.photometric_consistency import matched_samples
 from auditor.measurement.checks.seen import Seen
 from auditor.measurement.parameters import HALF
-from auditor.measurement.tone_curve import predict
-from auditor.model.arrays import Image, Mask
+from auditor.measurement.tone_curve import Classes, Prediction, predict
+from auditor.model.arrays import Image, Indices, Mask
 from auditor.model.parameters import BY_HAND, parameter
 
 _REAL = "24 frames of three real drives, with discs and faculas painted in (docs/decisions.md): chosen on them"
@@ -63,11 +63,13 @@ def measure_unmatched_light(seen: Seen, i: int, k: int) -> tuple[float | None, f
     source, reference = seen.once(view_of, i), seen.once(view_of, k)
     s, t = source.levels[row, there], reference.levels[row, column]
     usable = np.asarray((s < source.saturation) & (t < reference.saturation))
-    to_source, to_reference = predict(t, s, usable).table[0], predict(s, t, usable).table[0]
     sampled_i, sampled_k, reach = seen.once(sampled, i), seen.once(sampled, k), _reach(seen, i, k)
+    of_source, of_reference = _hues(source, reference), _hues(reference, source)
+    to_source = _predicted(sampled_k, predict(t, s, usable, _at(of_reference, row, column)), of_reference)
+    to_reference = _predicted(sampled_i, predict(s, t, usable, _at(of_source, row, there)), of_source)
     return (
-        _standing_out(sampled_i, _highest_along(sampled_k, to_source, -reach)),
-        _standing_out(sampled_k, _highest_along(sampled_i, to_reference, reach)),
+        _standing_out(sampled_i, _highest_along(to_source, -reach)),
+        _standing_out(sampled_k, _highest_along(to_reference, reach)),
     )
 
 
@@ -87,13 +89,30 @@ def _reach(seen: Seen, i: int, k: int) -> int:
     return int(np.ceil(focal_px * seen.rig.baseline_m(i, k) / NUMBERS.nearest_m / _STEP))
 
 
-def _highest_along(other: Sampled, curve: Image, reach: int) -> Image:
+def _hues(view: View, other: View) -> Classes | None:
+    """The classes of chroma of a camera by which the levels of another are predicted: of a grey one from colours."""
+    return view.classes if view.channels and not other.channels else None
+
+
+def _at(classes: Classes | None, row: Indices, column: Indices) -> Classes | None:
+    return None if classes is None else classes[row, column]
+
+
+def _predicted(other: Sampled, prediction: Prediction, classes: Classes | None) -> Image:
+    """The level (h, w) that each sample of the other camera predicts.
+
+    What it does not see is unknown, and what saturates may be brighter.
+    """
+    predicted = prediction.of(other.highest, None if classes is None else classes[::_STEP, ::_STEP])
+    predicted[other.saturated | ~other.known] = WHITE
+    return predicted
+
+
+def _highest_along(predicted: Image, reach: int) -> Image:
     """The highest level (h, w) predicted along rows, of `reach` samples to the left, or to the right below 0.
 
-    What the other camera does not see is unknown, as what lies beyond its picture, and what saturates may be brighter.
+    What lies beyond the picture is unknown.
     """
-    predicted = np.asarray(cv2.LUT(other.highest, curve), dtype=np.uint8)
-    predicted[other.saturated | ~other.known] = WHITE
     beside = NUMBERS.beside_px // _STEP
     along = np.ones((1, abs(reach) + 2 * beside + 1), dtype=np.uint8)
     anchor, border = (beside + max(reach, 0), 0), cv2.BORDER_CONSTANT
