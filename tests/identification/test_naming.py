@@ -370,3 +370,41 @@ def test_a_lone_camera_s_frame_is_clean_below_the_limit_and_not_auditable_where_
     assert "the vehicle stands" in standing.reason
     blind = one({}, system=LONE, missing=frozenset({1}))
     assert blind.kind is VerdictKind.NOT_AUDITABLE
+
+
+UNMATCHED = Check.UNMATCHED_LIGHT
+
+
+def alike_in(first, second, value=8.0):
+    """What one light shows that lies at the same place in two of four cameras: only the others see that it is none."""
+    rest = tuple(n for n in (1, 2, 3, 4) if n not in (first, second))
+    return {by(sensor, *rest, check=UNMATCHED): value for sensor in (first, second)}
+
+
+@pytest.mark.parametrize(("first", "second"), [(1, 2), (1, 3), (2, 4), (3, 4)])
+def test_light_that_is_alike_in_two_of_four_cameras_is_found_and_both_are_named(first, second):
+    verdict = one(alike_in(first, second))
+    assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, (first, second))
+    assert {entry.i for entry in verdict.evidence} == {first, second}
+    assert verdict.gap == pytest.approx(8.0 - 2.0 - LIMIT), "by what it exceeds the limit less the margin"
+    z = scores(FOUR, alike_in(first, second), -1.0)
+    assert attack_scores(z, FOUR, [NONE]).tolist() == [6.0]
+    assert np.flatnonzero(sensor_scores(z, FOUR, [NONE])[0] > LIMIT).tolist() == [first, second]
+
+
+def test_what_two_of_three_other_cameras_say_of_unmatched_light_has_to_exceed_the_limit_clearly():
+    assert one(alike_in(1, 2, LIMIT + 1.9)).kind is VerdictKind.CLEAN
+    assert one(alike_in(1, 2, LIMIT + 2.1)).kind is not VerdictKind.CLEAN
+
+
+def test_of_three_cameras_two_that_see_the_same_light_are_not_told_from_the_third():
+    lit = {by(sensor, 3, check=UNMATCHED): 8.0 for sensor in (1, 2)}
+    assert one(lit, system=THREE).kind is VerdictKind.CLEAN
+    assert not THREE.but_one(NONE).size
+
+
+def test_without_a_camera_three_are_left_and_nothing_is_said_by_all_but_one():
+    assert FOUR.but_one(frozenset({2})).size == 0
+    by_two = [FOUR.sensor_checks[column] for column in FOUR.but_one(NONE).tolist()]
+    assert {(one.check, len(one.others)) for one in by_two} == {(UNMATCHED, 2)}
+    assert len(by_two) == 4 * 3
