@@ -43,11 +43,7 @@ class FreeSpaceConflict:
     clearly_m: float = parameter(0.5, unit="m above the ground from which on one is asked about", source=_CHOSEN)
     most_s: float = parameter(0.16, unit="s between the two scans", source="scans at 10 Hz; by hand")
     most_shift_cells: int = parameter(12, unit="cells that the vehicle moves in between", source="6 m: 60 m/s; by hand")
-    turns_deg: tuple[int, ...] = parameter(
-        tuple(range(-8, 9)),
-        unit="degrees that the vehicle turns in between, tried where it seems not to",
-        source="three real drives turned by 35 to 70 degrees/s (docs/decisions.md)",
-    )
+    turns_deg: tuple[int, ...] = parameter(tuple(range(-8, 9)), unit="degrees, turns in between", source=_CHOSEN)
     moves_m_s: float = parameter(35.0, unit="m/s of other vehicles, along the way", source=_CHOSEN)
     beside_m: float = parameter(1.5, unit="m, across the way: what turns and crosses", source=_CHOSEN)
     beam_rad: float = parameter(0.0105, unit="radians, side of a cell of beams", source="0.6 degrees; by hand")
@@ -120,8 +116,7 @@ class Scan:
         away = right * right + ahead * ahead
         solid = (above > NUMBERS.stands_m) & (away > NUMBERS.nearest_m**2)
         clearly = solid & (above > NUMBERS.clearly_m) & (away < NUMBERS.farthest_m**2)
-        nothing = np.zeros(within.size, dtype=np.bool_)
-        cell = (row * SIDE + column).astype(np.intp)
+        cell, nothing = (row * SIDE + column).astype(np.intp), np.zeros(within.size, dtype=np.bool_)
         return cls(cloud.stamp_ns, cloud.xyz_m, within, ended, xyz, cell, solid, clearly, nothing)
 
     def points(self, some: Mask) -> Points:
@@ -271,7 +266,7 @@ def _compared(now: Scan, before: Scan) -> tuple[Shift, Mask | None]:
         return shift, found
     turns = np.radians(NUMBERS.turns_deg).tolist()
     matches = [_match(now.things, turned_cells(before.things, turn)) for turn in turns]
-    turn, (_, shift) = max(zip(turns, matches, strict=True), key=lambda tried: tried[1][0])
+    turn, (_, shift) = max(zip(turns, matches, strict=True), key=lambda tried: tried[1])
     return shift, _from_nowhere(now, before.turned(turn), shift)
 
 
@@ -326,8 +321,7 @@ def _match(now: Image, before: Image) -> tuple[float, Shift]:
 
 def near(there: Image, shift: Shift, around: Image) -> Mask:
     """By cell of now: whether a thing of the marked cells of a moment ago can have come there."""
-    row, column = np.nonzero(there)
-    row, column = row - shift.ahead, column - shift.right
+    row, column = (cells - by for cells, by in zip(np.nonzero(there), shift, strict=True))
     within = (row >= 0) & (row < SIDE) & (column >= 0) & (column < SIDE)
     here = np.zeros_like(there)
     here[row[within], column[within]] = 1
