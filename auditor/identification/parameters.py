@@ -255,9 +255,9 @@ class Naming:
         0.7, unit="posterior probability of a set, below which no sensor is named", source=CURVES
     )
     but_one_beyond: float = parameter(
-        2.0,
+        4.0,
         unit="z that unmatched light by all cameras but one exceeds the limit by",
-        source="480 clean frames of streets 7000 to 7059: 0, 0.5 and 1 tried (docs/decisions.md)",
+        source="480 clean frames of streets 7000 to 7059: 0 to 4 tried (docs/decisions.md)",
     )
 
 
