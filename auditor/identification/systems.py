@@ -7,13 +7,11 @@ import numpy as np
 
 from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
+from auditor.model.checks import CAMERA_CHECKS, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
 
 _OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
-_NEVER_OF_TWO = frozenset({Check.REMOVED_LIGHT, Check.UNMATCHED_LIGHT})
-"""Of two cameras beside others: where one lacks light the other has some, and of unmatched light all others vote."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +117,6 @@ def _detecting(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -
     alone = (
         column
         for column, one in enumerate(sensor_checks)
-        if len(one.nameable) > 1 and one.check not in _NEVER_OF_TWO and absent.isdisjoint(one.needed)
+        if len(one.nameable) > 1 and not one.check.kind.never_of_two and absent.isdisjoint(one.needed)
     )
     return tuple(sorted({*counting_checks(sensor_checks, absent), *alone}))

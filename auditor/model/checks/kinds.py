@@ -93,6 +93,7 @@ class Check(StrEnum):
             of_light=True,
             opposite_of="added_light",
             common=True,
+            never_of_two=True,
         ),
     )
     PHOTOMETRIC_INCONSISTENCY = (
@@ -344,6 +345,7 @@ class Check(StrEnum):
             (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), _UNMATCHED), _SELDOM),
             vote=Vote.SMALLEST,
             of_light=True,
+            never_of_two=True,
         ),
     )
     SURROUNDING_CONFLICT = (
