@@ -110,9 +110,28 @@ def test_what_is_there_from_the_first_scan_on_is_not_found() -> None:
     ]
 
 
-@pytest.mark.parametrize("moved_m", [0.0, 3.0, -3.0])
-def test_a_vehicle_that_was_near_a_moment_ago_has_moved(moved_m: float) -> None:
-    assert conflicts([road(1, thing(20, 0)), road(2, thing(20 + moved_m, 0))]) == [None, 0]
+@pytest.mark.parametrize("moved_m", [(0.0, 0.0), (3.0, 0.0), (-3.0, 0.0), (0.0, 3.0)])
+def test_a_vehicle_that_was_near_a_moment_ago_has_moved(moved_m: tuple[float, float]) -> None:
+    ahead_m, right_m = moved_m
+    assert conflicts([road(1, thing(20, 0)), road(2, thing(20 + ahead_m, right_m))]) == [None, 0]
+
+
+def test_no_vehicle_moves_so_far_in_a_moment() -> None:
+    assert (conflicts([road(1, thing(20, 0)), road(2, thing(20, 6))])[1] or 0) > 100
+
+
+def test_the_vehicle_itself_is_no_thing() -> None:
+    assert conflicts([road(1), road(2, thing(2.5, 0, height_m=2.5))]) == [None, 0]
+
+
+def test_the_share_that_is_asked_about_is_that_of_things_within_reach() -> None:
+    scans = OwnScans()
+    assert scans.asked_share == 0
+    scans.conflicts(road(1), drive().rig)
+    assert scans.asked_share == 0, "it was compared with nothing"
+    now = road(2, thing(20, 0))
+    scans.conflicts(now, drive().rig)
+    assert scans.asked_share * len(now.xyz_m) == pytest.approx(200 * 1.0 / 1.5, abs=25), "half a metre above the road"
 
 
 def test_a_thing_that_stands_where_beams_passed_is_found_by_all_its_points() -> None:
