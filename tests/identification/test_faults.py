@@ -548,8 +548,10 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
     [(sensor, shown)] = seen_of(alone, z, statistics, SYSTEM, LIGHT).items()
     assert (sensor, shown[:8]) == (1, (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 12, 0, 0, 0))
     assert np.isnan(shown[8:]).all(), "nothing is known of the frames nearby"
-    clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, 0 * z]), span_s=0.3))
-    assert clean[1][8:] == pytest.approx((0.1, 2 / 3))
+    weaker = 0 * z
+    weaker[columns[Check.ADDED_LIGHT, 1, (2, 3)]] = 3.0
+    clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, weaker]), span_s=0.3))
+    assert clean[1][8:] == pytest.approx((0.1, 2 / 3)), "by the strongest of its checks"
     lit = z.copy()
     lit[columns[Check.UNMATCHED_LIGHT, 1, (2, 3)]] = 6.0
     assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].unpredicted == 6.0, "no veil shows, unmatched light does"
