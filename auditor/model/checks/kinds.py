@@ -24,10 +24,7 @@ _SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN)
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor.
-
-    Measurements keep statistics in this order, and those of earlier versions lack the last: a new one stands last.
-    """
+    """A kind of statistic of a sensor. A new one stands last: measurements keep this order, old ones lack the last."""
 
     LIDAR_CONFLICT = (
         "lidar_conflict",
