@@ -16,7 +16,7 @@ from auditor.lab.simulation.drives import make_drive
 from auditor.recordings import write_mcap
 from tests.making.audits import ask
 
-FRAMES, ATTACKED = 12, range(5, 11)
+FRAMES, ATTACKED = 10, range(5, 9)
 WALL = BogusWall(range_m=7.0, lateral_m=-1.5, seed=3)
 BY_PAST = "is checked by each camera's own past alone: S_1 and S_2 lie too close together to check its ranges"
 
