@@ -157,6 +157,18 @@ def test_a_direction_that_was_not_scanned_says_nothing() -> None:
     assert conflicts([before, road(2, thing(20, 0))]) == [None, 0]
 
 
+def test_a_direction_from_which_nothing_returned_says_nothing() -> None:
+    before = PointCloud(PERIOD_NS, ROAD[ROAD[:, 2] < -1.6].astype(np.float32))
+    assert conflicts([before, road(2, thing(20, 0) + np.array([0, 0, 1.2]))]) == [None, 0]
+
+
+@pytest.mark.parametrize("azimuth", [90.0, -135.0, 180.0])
+def test_what_appears_is_found_all_around(azimuth: float) -> None:
+    cos, sin = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
+    turned = thing(20, 0) @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    assert conflicts([road(1), road(2, turned)]) == [None, pytest.approx(200 * 1.2 / 1.5, abs=30)]
+
+
 def test_echoes_from_below_the_road_do_not_make_the_road_a_thing() -> None:
     echoes = np.column_stack([*np.random.default_rng(2).uniform(-20, 20, (2, 60)), np.full(60, -7.0)])
     assert conflicts([road(1, echoes), road(2, thing(20, 0))])[1] == conflicts([road(1), road(2, thing(20, 0))])[1]
