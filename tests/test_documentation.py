@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from auditor import __version__
 from auditor.cli import VERBS, auditor
-from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, GATE, INFLUENCE, TWO_SAMPLES
+from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, DRIFT, GATE, INFLUENCE, TWO_SAMPLES
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -191,3 +191,13 @@ def test_the_numbers_of_the_page_are_those_of_the_program() -> None:
         3,
         True,
     )
+
+
+def test_the_numbers_of_the_page_on_drift_are_those_of_the_program() -> None:
+    text = " ".join((ROOT / "docs" / "drift.md").read_text(encoding="utf-8").split())
+    assert f"A day of fewer than {DRIFT.fewest_frames} frames" in text
+    assert (DRIFT.extreme, "drawn to two deviations" in text) == (2.0, True)
+    assert (DRIFT.days_around, "the median of the five days around it" in text) == (5, True)
+    assert (DRIFT.days_beside, "medians of up to seven days beside it" in text) == (7, True)
+    assert (DRIFT.rougher, "multiplied by ten" in text) == (10.0, True)
+    assert (DRIFT.false_alarms, "on one evening of a hundred" in text) == (0.01, True)

@@ -29,7 +29,6 @@ class CleanDrive:
         unit="share of the new recordings, and of all of the days that are learnt from, that may be raised",
         source="beyond it medians say nothing; 0.25 stopped refreshes under a fifth of attacked logs for nothing",
     )
-    few_raised: int = parameter(1, unit="raised recordings of a night that refuse nothing", source=BY_HAND)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,6 @@ from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
 
 _OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
-_NEVER_OF_TWO = frozenset({Check.REMOVED_LIGHT, Check.UNMATCHED_LIGHT})
-"""Of two cameras beside others: where one lacks light the other has some, and of unmatched light all others vote."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,7 @@ def _detecting(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -
     alone = (
         column
         for column, one in enumerate(sensor_checks)
-        if len(one.nameable) > 1 and one.check not in _NEVER_OF_TWO and absent.isdisjoint(one.needed)
+        if len(one.nameable) > 1 and not one.check.kind.never_of_two and absent.isdisjoint(one.needed)
     )
     return tuple(sorted({*counting_checks(sensor_checks, absent), *alone}))
 

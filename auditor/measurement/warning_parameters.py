@@ -23,7 +23,6 @@ class CalibrationCheck:
     wrong_scale: float = parameter(0.05, unit="share", source=BY_HAND)
     fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
     smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
-    frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
     fewest_successive: int = parameter(4, unit="of those that can be compared", source=BY_HAND)
     least_ground: float = parameter(
         0.67, unit="share of directions with returns that have the ground's", source=f"{_DECISIONS}, no ground"
@@ -42,8 +41,7 @@ class GeometryFit:
     fewest_points: int = parameter(15, unit="compared LiDAR points a region", source=BY_HAND)
     fewest_pixels: int = parameter(100, unit="comparable half-resolution pixels a region", source=BY_HAND)
     fewest_regions: int = parameter(6, unit="regions: light on a reference camera leaves three", source=_FIT)
-    regions_quantile: float = parameter(0.75, unit="quantile of the regions' shares", source=_FIT)
-    frames_quantile: float = parameter(0.75, unit="quantile of the frames' shares", source=_FIT)
+    better_quantile: float = parameter(0.75, unit="quantile of the shares of regions, and of frames", source=_FIT)
     at_chance: float = parameter(0.18, unit="share of points that agree by chance, at most", source=_FIT)
     in_doubt: float = parameter(0.7, unit="share of points below which other axes are tried", source=_FIT)
     fits: float = parameter(0.5, unit="share from which on a way to read a calibration fits", source=_FIT)

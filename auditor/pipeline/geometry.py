@@ -27,6 +27,7 @@ from auditor.measurement import (
     views_of_sides,
 )
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.fault_features.geometry_fit import better_quarter
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.checks import pasts_of
 from auditor.model.frames import Frame, Skipped
@@ -116,7 +117,7 @@ def _sides(recording: Recording, surveyed: Survey, topics: Mapping[str, str]) ->
     for rig in search_rigs(surveyed).rigs:
         if rig.lidar is not None and rig.n > 1 and any(camera.topic in topics for camera in rig.cameras):
             measured = _measured(_frames(recording, surveyed, rig), rig)
-            return _better_frames([fit_of_sides(arrays, views_of_sides(arrays)) for arrays in measured])
+            return better_quarter([fit_of_sides(arrays, views_of_sides(arrays)) for arrays in measured])
     return float("nan")
 
 
@@ -232,7 +233,7 @@ def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Ma
     frames = list(_frames(recording, survey, rig))
     for way, cut in _OTHER_WAYS_UP.items():
         fits = _fits((_cut(frame, worst, cut) for frame in frames), rig)
-        fit = _better_frames([one.of_cameras.get(worst, np.nan) for one in fits])
+        fit = better_quarter([one.of_cameras.get(worst, np.nan) for one in fits])
         if fit >= GEOMETRY_FIT.fits and fit - of_cameras[worst] >= GEOMETRY_FIT.better_by:
             what = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"
             return (
@@ -324,7 +325,7 @@ def _best(candidates: Sequence[_Candidate]) -> tuple[_Candidate, float]:
 def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
     """How well a rig of a survey fits some frames of the beginning, in the better ones."""
     fits = _fits(_frames(recording, survey, rig), rig)
-    return _Candidate(survey, _better_frames([one.points for one in fits]), _better_frames([o.pictures for o in fits]))
+    return _Candidate(survey, better_quarter([one.points for one in fits]), better_quarter([o.pictures for o in fits]))
 
 
 def _fits(frames: Iterable[Frame], rig: Rig) -> list[GeometryFit]:
@@ -343,11 +344,6 @@ def _cut(frame: Frame, camera: int, cut: tuple[slice, slice]) -> Frame:
     if camera in images:
         images[camera] = replace(images[camera], pixels=np.ascontiguousarray(images[camera].pixels[cut]))
     return replace(frame, images=images)
-
-
-def _better_frames(shares: Sequence[float]) -> float:
-    known = [share for share in shares if not np.isnan(share)]
-    return float(np.quantile(known, GEOMETRY_FIT.frames_quantile)) if known else float("nan")
 
 
 def _frames(recording: Recording, survey: Survey, rig: Rig) -> Iterator[Frame]:

@@ -136,8 +136,7 @@ class MovingFrames:
 class LidarChoice:
     """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
 
-    columns: int = parameter(12, unit="cells across a picture that points may fall into", source=BY_HAND)
-    rows: int = parameter(8, unit="cells down the same", source=BY_HAND)
+    cells: tuple[int, int] = parameter((8, 12), unit="rows and columns of a picture's cells", source=BY_HAND)
     nearest_m: float = parameter(1.0, unit="m ahead of a camera, a point", source=BY_HAND)
     least_of_best: float = parameter(
         0.5,

@@ -50,6 +50,7 @@ LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdict
 
 _CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
+_READ = re.compile(r"\b(?:FROM|JOIN)\s+\w+(?:\([\w\s,]*)?|\w+\(", re.IGNORECASE)
 _SELECT = re.compile(
     r"(?P<with>(?:\s|--[^\n]*\n)*WITH\b(?!\s+RECURSIVE\b))|(?:\s|--[^\n]*\n)*(?:SELECT|FROM)\b", re.IGNORECASE
 )
@@ -69,7 +70,7 @@ def with_views(text: str) -> str:
     DuckDB binds and plans a view anew wherever one of its name stands, and all views behind it with it; a CTE once.
     Rows of frames are not gathered there: what a question does not want of them is not even read.
     """
-    found, named = _SELECT.match(text), " ".join(_views_in(text))
+    found, named = _SELECT.match(text), " ".join(_read_in(text) & views().keys())
     if not named or found is None:
         return text
     ctes = ",\n".join(map(_cte, in_order(needed_by(named))))
@@ -83,10 +84,6 @@ def _cte(view: str) -> str:
     return f"{view} AS {how}(\n{sql}\n)"
 
 
-def _views_in(text: str) -> frozenset[str]:
-    return _words(text.lower()) & views().keys()
-
-
 def connected(store: StoreFolder | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection with the views and macros that a SQL text needs (all, where it names no view), then locked.
 
@@ -98,7 +95,7 @@ def connected(store: StoreFolder | None, text: str = "", limits: SqlLimits | Non
         filling = _Filling(connection)
         with _reading(store, needed_by(text)):
             _fill(filling, store, files, needed_by(text))
-            for view in _views_in(text) or views().keys() & needed_by(text):
+            for view in _words(text.lower()) & views().keys() or views().keys() & needed_by(text):
                 connection.execute(f"CREATE VIEW {view} AS {with_views(views()[view].sql)}")
             if _shows_comments(text):
                 connection.execute(comments(connection))
@@ -134,7 +131,7 @@ def asking(store: StoreFolder | None, text: str) -> Iterator[duckdb.DuckDBPyConn
     kept = _KEPT.pop(os.getpid(), None) or _Kept(_without_files())
     with ExitStack() as on_error:
         connection = on_error.enter_context(kept.connection)
-        filling = _lent(kept, store, needed_by(text))
+        filling = _lent(kept, store, needed_by(" ".join(_read_in(text))))
         try:
             yield connection
         finally:
@@ -371,7 +368,7 @@ def needed_by(text: str) -> frozenset[str]:
     if not found & tables:
         return names
     while True:
-        behind = {word for name in found & bodies.keys() for word in _words(bodies[name])} & names
+        behind = {word for name in found & bodies.keys() for word in _read_in(bodies[name])} & names
         behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
         if behind <= found:
             return found
@@ -379,6 +376,11 @@ def needed_by(text: str) -> frozenset[str]:
 
 
 @cache
+def _read_in(sql: str) -> frozenset[str]:
+    """The names of SQL of our own that stand where a table or function does: columns may be called as a view is."""
+    return _words(" ".join(_READ.findall(sql)).lower())
+
+
 def _words(sql: str) -> frozenset[str]:
     return frozenset(_WORD.findall(sql))
 

@@ -1,3 +1,7 @@
+from dataclasses import replace
+
+import numpy as np
+
 from auditor.cli.capabilities import capabilities, short_pairs
 from tests.making.scenes import plane_rig
 
@@ -9,6 +13,7 @@ def test_four_sensors_name_one_and_close_cameras_do_not_check_the_lidar():
     assert "up to 1 attacked sensor at once" in first
     assert checked == "the LiDAR is checked by S_1 and S_3, S_1 and S_2"
     assert short.endswith("S_2 and S_3")
+    assert any(line.startswith("vanished objects") for line in capabilities(rig)), "two pairs tell what is gone"
     assert light.startswith("not told apart: weak light that is held on one camera for seconds, and drops or glare")
 
 
@@ -38,6 +43,14 @@ def test_how_far_walls_are_told_follows_from_the_widest_pair():
     assert lines[4].startswith("invented cars of some dozens of points are noticed from 6 m on")
     assert lines[5].startswith("not noticed: walls in front of the sky")
     assert len(capabilities(plane_rig((0.1, 0.05, 0.0)))) == 5
+
+
+def test_in_one_view_walls_are_told_as_far_as_the_camera_with_the_shortest_lens_allows():
+    rig = plane_rig((0.9, 0.6, 0.0))
+    wide = replace(rig.cameras[1], projection=rig.cameras[1].projection * np.array([[0.5], [0.5], [1]]))
+    of_one = replace(rig, cameras=(rig.cameras[0], wide, rig.cameras[2]))
+    assert of_one.shares_view
+    assert "up to 15 m at most" in capabilities(of_one)[2]
 
 
 def test_one_pair_of_cameras_says_that_it_does_not_tell_what_is_gone():

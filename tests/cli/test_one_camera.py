@@ -13,7 +13,7 @@ from auditor.recordings import write_mcap, write_rig
 from tests.making.audits import ask
 from tests.making.foxglove_messages import ddad, nuscenes, write_protobuf
 
-FRAMES, ATTACKED = 12, range(5, 11)
+FRAMES, ATTACKED = 10, range(5, 9)
 WALL = BogusWall(range_m=7.0, lateral_m=-1.5, seed=3)
 LIGHT = "is looked at for light by its own past alone: no other camera sees it"
 

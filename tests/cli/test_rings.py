@@ -14,7 +14,7 @@ from tests.making.published_recordings import write_published
 from tests.making.published_rigs import PUBLISHED_RIGS
 from tests.making.ring_drives import make_ring_drive
 
-FRAMES, ATTACKED = 10, range(3, 9)
+FRAMES, ATTACKED = 8, range(3, 7)
 RIG = replace(
     PUBLISHED_RIGS["nuscenes"].smaller(0.4),
     cameras=tuple(PUBLISHED_RIGS["nuscenes"].smaller(0.4).cameras[n] for n in (0, 3, 5)),

@@ -9,7 +9,7 @@ from auditor.identification.faults import fault_hypotheses, fault_scores, faults
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
-from auditor.model.checks import CAMERA_CHECKS, sensor_checks_of
+from auditor.model.checks import CAMERA_CHECKS, Check, sensor_checks_of
 from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS
 from auditor.model.rig import triples_of
@@ -472,21 +472,23 @@ def test_how_long_a_check_shows_as_much_as_in_a_frame_is_counted_among_the_frame
     z = np.array([[4.0, NAN], [2.0, NAN], [1.9, NAN], [NAN, NAN], [4.4, 3.0]])
     assert Nearby(z, span_s=3.0).lasting(0, 4.0) == (2.0, pytest.approx(1 / 3)), "two of three others have half as much"
     assert np.isnan(Nearby(z, span_s=3.0).lasting(1, 3.0)).all(), "no other frame is known"
+    assert Nearby(z[[0, 4]], span_s=0.2).lasting(0, 4.0) == (0.2, 0.0), "one other frame is enough"
     assert Nearby(z, span_s=9.0).lasting(0, 4.0) == Nearby(z, span_s=3.0).lasting(0, 4.0), "gaps count for 3 s at most"
 
 
 def test_nearby_are_the_frames_within_half_of_three_seconds_or_the_next_one_beyond_a_gap():
-    stamps_ns = np.array([0.0, 0.1, 0.2, 2.3, 6.4, 12.0, 11.0, 11.1]) * 1_000_000_000
-    first, end = bounds_nearby(stamps_ns.astype(np.int64), np.array([0, 0, 0, 1, 2, 3, 4, 4]))
+    stamps_ns = np.array([0.0, 0.1, 0.2, 2.3, 7.3, 12.9, 11.0, 11.1, 11.1]) * 1_000_000_000
+    first, end = bounds_nearby(stamps_ns.astype(np.int64), np.array([0, 0, 0, 1, 2, 3, 4, 4, 5]))
     assert list(zip(first.tolist(), end.tolist(), strict=True)) == [
         (0, 3),
         (0, 3),
         (0, 4),  # the next one is 2.1 s later
-        (2, 5),
+        (2, 5),  # 5 s are not too long
         (3, 5),  # 5.6 s are too long
         (5, 6),  # the clock was set back
         (6, 8),
         (6, 8),
+        (8, 9),  # the clock stood
     ]
 
 
@@ -546,8 +548,13 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
     [(sensor, shown)] = seen_of(alone, z, statistics, SYSTEM, LIGHT).items()
     assert (sensor, shown[:8]) == (1, (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 12, 0, 0, 0))
     assert np.isnan(shown[8:]).all(), "nothing is known of the frames nearby"
-    clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, 0 * z]), span_s=0.3))
-    assert clean[1][8:] == pytest.approx((0.1, 2 / 3))
+    weaker = 0 * z
+    weaker[columns[Check.ADDED_LIGHT, 1, (2, 3)]] = 3.0
+    clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, weaker]), span_s=0.3))
+    assert clean[1][8:] == pytest.approx((0.1, 2 / 3)), "by the strongest of its checks"
+    lit = z.copy()
+    lit[columns[Check.UNMATCHED_LIGHT, 1, (2, 3)]] = 6.0
+    assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].unpredicted == 6.0, "no veil shows, unmatched light does"
     light_of_both = seen_of(both, z, statistics, SYSTEM, LIGHT)[1]
     assert light_of_both[:8] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 12, 0, 0, 0)
     assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4]), "it was measured before light was kept"

@@ -66,6 +66,14 @@ def fleet() -> list[Drive]:
     return [drawn(seed, vehicle=f"v{seed % 6}", day=seed % 8) for seed in range(24)]
 
 
+def test_a_drive_is_raised_from_more_windows_on_than_clean_ones_have_findings_in_by_chance() -> None:
+    assert Shown(600, 16, 0, 120, 16, 0).raised(R) == ""
+    assert (
+        Shown(600, 17, 0, 120, 17, 0).raised(R)
+        == "17 of 600 frames are findings at r = 0.01: too many for a clean drive"
+    )
+
+
 def test_a_refresh_judges_as_a_scan_does_that_knows_the_drives_own_level(fleet: list[Drive]) -> None:
     odd = drawn(90, raised=0.7)
     thresholds = thresholds_of([one.clean for one in fleet], SYSTEM, R)

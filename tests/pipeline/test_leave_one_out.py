@@ -22,7 +22,7 @@ from tests.making.small_drives import drive_frames
 
 RIG = plane_rig((0.6, 0.3, 0.0))
 R = Decimal("0.01")
-FRAMES = 14
+FRAMES = 12
 
 
 def frames(name):

@@ -16,7 +16,7 @@ from tests.making.published_rigs import PUBLISHED_RIGS
 from tests.making.reading_all import count_reads
 
 RIG = PUBLISHED_RIGS["nuscenes"].smaller(0.15)
-FRAMES = 8
+FRAMES = 6
 CHANGES_BY_ITSELF = {"measured_at", "seconds", "sightings"}
 
 

@@ -16,7 +16,7 @@ import sys
 from auditor.cli import run
 if __name__ == "__main__":
     log, store = sys.argv[1:]
-    codes = [run(["scan", log, "--store", store])]
+    codes = [run(["scan", log, "--pictures", "none", "--store", store])]
     for form in ("table", "csv", "json", "parquet"):
         codes.append(run(["query", "incidents", "--format", form, "--store", store]))
     codes.append(run(["report", "--store", store]))

@@ -97,6 +97,14 @@ def test_a_file_that_cannot_be_read_is_named_and_the_next_question_is_answered(s
     assert run_sql(stores[0], FRAMES).num_rows == 2
 
 
+def test_a_question_reads_no_table_that_a_column_is_called_as(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    add_judgement(store, rig, add_measurement(store, rig, [make_measurement(rig, 0)]), "c")
+    [path] = store.finished_paths("frames")
+    path.write_bytes(b"PAR1")
+    assert run_sql(store, "SELECT frames FROM incidents").num_rows == 0
+
+
 def test_questions_at_the_same_time_have_a_database_each(stores):
     with asking(stores[0], FRAMES) as one, asking(stores[1], FRAMES) as other:
         assert [len(connection.execute(with_views(FRAMES)).fetchall()) for connection in (one, other)] == [2, 3]

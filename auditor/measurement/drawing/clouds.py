@@ -159,24 +159,21 @@ def range_image(points: Points, damaged: Mask, rig_SE3_lidar: Matrix, framed: Se
     """
     width, height = _RANGE_PX
     drawn = np.full((height + _LEGEND_PX, width, 3), _GROUND, dtype=np.uint8)
-    right, down, forward = _in_rig(points, rig_SE3_lidar)
-    range_m = np.sqrt(right**2 + down**2 + forward**2)
-    order = np.flatnonzero(range_m > 0)
-    order = order[np.argsort(-range_m[order])]  # far to near: of several points in a pixel the nearest stays
-    if len(order):
-        azimuth = np.degrees(np.arctan2(right[order], forward[order]))
-        elevation = np.degrees(np.arcsin(-down[order] / range_m[order]))
+    away = points.any(axis=1)
+    directions = np.stack(_directions(points[away], rig_SE3_lidar))
+    if directions.size:
+        order = np.argsort(-directions[2])  # far to near: of several points in a pixel the nearest stays
+        (azimuth, elevation, range_m), marked = directions[:, order], damaged[away][order]
         lowest, highest = np.quantile(elevation, _ELEVATIONS_SHARE)
         column, row = (
             _placed(azimuth, azimuth.min(), azimuth.max(), width),
             _placed(-elevation, -highest, -lowest, height),
         )
-        colours = _colours(-np.log(range_m[order]), -np.log(_FAR_M), -np.log(_NEAR_M))
-        colours[damaged[order]] = _WHITE
+        colours = _colours(-np.log(range_m), -np.log(_FAR_M), -np.log(_NEAR_M))
+        colours[marked] = _WHITE
         # Beams are sparser than rows: a point is three pixels high.
         for shift in (-1, 1, 0):
             drawn[np.clip(row + shift, 0, height - 1), column] = colours
-        marked = damaged[order]
         for shift in (-1, 0, 1):
             drawn[np.clip(row[marked] + shift, 0, height - 1), column[marked]] = _WHITE
         words = (
@@ -193,17 +190,22 @@ def _frame(drawn: Image, thing: Framed, rig_SE3_lidar: Matrix, limits_deg: Seque
     """Draw a frame where the points of a thing would be in a range image of such azimuths and elevations."""
     width, height = _RANGE_PX
     least, most, highest, lowest = limits_deg
-    right, down, forward = _in_rig(thing.points, rig_SE3_lidar)
-    range_m = np.sqrt(right**2 + down**2 + forward**2)
-    azimuth = np.degrees(np.arctan2(right, forward))
+    azimuth, elevation, range_m = _directions(thing.points, rig_SE3_lidar)
     middle = float(np.median(azimuth))  # what stands behind goes over one edge, and not through the whole picture
     column = _placed(middle + (azimuth - middle + 180) % 360 - 180, least, most, width)
-    row = _placed(np.degrees(np.arcsin(down / range_m)), -highest, -lowest, height)
+    row = _placed(-elevation, -highest, -lowest, height)
     left, top = int(column.min()) - _FRAME_PX, max(int(row.min()) - _FRAME_PX, 0)
     cv2.rectangle(drawn, (left, top), (int(column.max()) + _FRAME_PX, int(row.max()) + _FRAME_PX), _WHITE, 2)
     words = f"S_{thing.sensor} has points here, {np.median(range_m):.0f} m away"
     at = min(max(left, 4), width - 340), top - 8 if top > _EDGE_PX else int(row.max()) + _FRAME_PX + 22
     _write(drawn, words, at, _WHITE, _LARGER)
+
+
+def _directions(points: Points, rig_SE3_lidar: Matrix) -> tuple[Floats, Floats, Floats]:
+    """(N,) azimuths and elevations in degrees, and ranges in metres, of points away from the LiDAR."""
+    right, down, forward = _in_rig(points, rig_SE3_lidar)
+    range_m = np.sqrt(right**2 + down**2 + forward**2)
+    return np.degrees(np.arctan2(right, forward)), np.degrees(np.arcsin(-down / range_m)), range_m
 
 
 def _in_rig(points: Points, rig_SE3_lidar: Matrix) -> Floats:

@@ -15,7 +15,13 @@ import numpy as np
 
 from auditor.measurement.checks.point_distribution import is_rounded
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
+from auditor.measurement.fault_features.geometry_fit import (
+    GeometryFit,
+    better_quarter,
+    fit_of_sides,
+    geometry_fit,
+    views_of_sides,
+)
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import COUNT_GRID, HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
@@ -126,13 +132,13 @@ class CalibrationCheck:
     @property
     def pictures(self) -> float:
         """How well the images of pairs fit each other in the better frames, a share; NaN where it is not known."""
-        return _fitting([fit.pictures for fit in self._fits])
+        return better_quarter([fit.pictures for fit in self._fits])
 
     @property
     def of_cameras(self) -> Mapping[int, float]:
         """How well the images of each camera fit another's in the better frames, a share; NaN where it is not known."""
         cameras = {camera for fit in self._fits for camera in fit.of_cameras}
-        return {one: _fitting([fit.of_cameras.get(one, nan) for fit in self._fits]) for one in sorted(cameras)}
+        return {one: better_quarter([fit.of_cameras.get(one, nan) for fit in self._fits]) for one in sorted(cameras)}
 
     def withheld(self) -> str:
         """Why no verdict may be given: a sensor is late, or in most frames the points fit the images nowhere; or empty.
@@ -165,12 +171,12 @@ class CalibrationCheck:
                 f"the points of the LiDAR {lidar} fit the images of the frame behind their own, and not those: its "
                 "stamps are a period early; put them right, or give its offset in a rig file (--rig)"
             )
-        if rig.n > 1 and _fitting(self._ground) < CALIBRATION_CHECK.least_ground:
+        if rig.n > 1 and better_quarter(self._ground) < CALIBRATION_CHECK.least_ground:
             yield (
                 f"the points of the LiDAR {lidar} hold no ground, which was taken out before they were recorded: what "
                 "an attack removes cannot be told from it; record the sensor's own points"
             )
-        points = _fitting([fit.points for fit in self._fits])
+        points = better_quarter([fit.points for fit in self._fits])
         name, other = self._best_axes()
         if other >= GEOMETRY_FIT.fits and not other - points < GEOMETRY_FIT.better_by:
             yield f"the points of the LiDAR {lidar} fit the images with {name}, and not as they are: {_REPAIR}"
@@ -182,12 +188,12 @@ class CalibrationCheck:
     def _best_axes(self) -> tuple[str, float]:
         """The other axes of points that fit best, and how well, in the better frames."""
         names = sorted({name for fit in self._fits for name in fit.other_axes})
-        fits = {name: _fitting([fit.other_axes.get(name, 0.0) for fit in self._fits]) for name in names}
+        fits = {name: better_quarter([fit.other_axes.get(name, 0.0) for fit in self._fits]) for name in names}
         return max(fits.items(), key=lambda one: np.nan_to_num(one[1]), default=("", 0.0))
 
     def _lidar_warnings(self, rig: Rig) -> Iterator[str]:
         pairs = [pair for pair in self._features if pair[1] == rig.n]
-        agreeing = {pair: _fitting([s.agreement.agreeing for s in self._features[pair]]) for pair in pairs}
+        agreeing = {pair: better_quarter([s.agreement.agreeing for s in self._features[pair]]) for pair in pairs}
         known = [pair for pair in pairs if not isnan(agreeing[pair])]
         if not known or rig.lidar is None:
             return
@@ -247,7 +253,8 @@ def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
 
 
 def _row_misfit(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> tuple[str, str] | None:
-    row_aligned, offset_px = _fitting([s.rows.row_aligned for s in seen]), _median([s.rows.offset_px for s in seen])
+    aligned = [one.rows for one in seen]
+    row_aligned, offset_px = better_quarter(a.row_aligned for a in aligned), _median([a.offset_px for a in aligned])
     if isnan(row_aligned) or row_aligned >= CALIBRATION_CHECK.least_aligned:
         return None
     names = f"the images of {rig.name(pair[0])} and {rig.name(pair[1])}"
@@ -294,15 +301,6 @@ def _is_cropped(view: LidarView) -> bool:
     """Whether the cloud begins farther away than false ranges are looked for, or ends nearer than lost returns are."""
     nearest_m, farthest_m = view.reach_m
     return nearest_m > FALSE_RANGES.nearest_m or farthest_m < LOST_RETURNS.farthest_m
-
-
-def _fitting(shares: list[float]) -> float:
-    """The share that fits in the better frames; NaN where it was never measured.
-
-    So an attack on up to three quarters of the frames is not taken for a wrong calibration.
-    """
-    known = [share for share in shares if not isnan(share)]
-    return float(np.quantile(known, CALIBRATION_CHECK.frames_quantile)) if known else float("nan")
 
 
 def _median(values: list[float]) -> float:

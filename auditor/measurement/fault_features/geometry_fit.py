@@ -75,6 +75,15 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     )
 
 
+def better_quarter(shares: Iterable[float]) -> float:
+    """The share that is good in the better ones of regions, or of frames; NaN where none was measured.
+
+    So an attack on up to three quarters of them is not taken for a rig that does not fit.
+    """
+    known = np.sort(_measured(shares))
+    return quantile_of(known, GEOMETRY_FIT.better_quantile) if known.size else nan
+
+
 def views_of_sides(arrays: FrameArrays) -> dict[Pair, LidarView]:
     """The LiDAR's views by the wide pairs whose sides are compared."""
     parts = _wide(_by_pair(arrays))
@@ -160,9 +169,7 @@ def _better_regions(region: Indices, good: Mask, fewest: int) -> float:
     count = np.bincount(region, minlength=_ROWS * _COLUMNS)
     known = count >= fewest
     shares: Floats = np.bincount(region, weights=good, minlength=_ROWS * _COLUMNS)[known] / count[known]
-    if shares.size < GEOMETRY_FIT.fewest_regions:
-        return nan
-    return quantile_of(np.sort(shares), GEOMETRY_FIT.regions_quantile)
+    return better_quarter(shares) if shares.size >= GEOMETRY_FIT.fewest_regions else nan
 
 
 def _measured(shares: Iterable[float]) -> list[float]:

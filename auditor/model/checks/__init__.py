@@ -19,11 +19,11 @@ _BY_VIEW = frozenset(one for one in Check if one.kind.of in (Of.VIEW, Of.OWN_SCA
 DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counted.POINTS, Counted.SURFACES))
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
-CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
-"""The checks of a camera by the others that look at grey levels: all but those of coloured and of striped light."""
-
 IMAGE_CHECKS = tuple(one for one in Check if one.kind.counted in (Counted.PIXELS, Counted.LIGHT))
 """All checks that are counted in the images of camera pairs."""
+
+CAMERA_CHECKS = tuple(one for one in IMAGE_CHECKS if not one.kind.of_colours)
+"""Those of them that look at grey levels."""
 
 ADDED_LATER = tuple(Check)[tuple(Check).index(Check.COLOURED_LIGHT) :]
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""

@@ -83,6 +83,7 @@ class Kind:
     of them it is. `of_light`: darkness makes it never fire. `of_aerosol`: dust, steam or exhaust explain what it finds.
     `opposite_of` is the check whose counts it takes, with the other sign. `common`: clean frames exceed limits by it as
     its prior says, so that it makes the limit of all checks together higher; by others they hardly ever do.
+    `never_of_two`: two cameras beside others find nothing by it, as where one lacks light the other has some.
     """
 
     of: Of
@@ -96,3 +97,4 @@ class Kind:
     of_aerosol: bool = False
     opposite_of: str = ""
     common: bool = False
+    never_of_two: bool = False

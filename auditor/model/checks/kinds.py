@@ -24,10 +24,7 @@ _SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN)
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor.
-
-    Measurements keep statistics in this order, and those of earlier versions lack the last: a new one stands last.
-    """
+    """A kind of statistic of a sensor. A new one stands last: measurements keep this order, old ones lack the last."""
 
     LIDAR_CONFLICT = (
         "lidar_conflict",
@@ -93,6 +90,7 @@ class Check(StrEnum):
             of_light=True,
             opposite_of="added_light",
             common=True,
+            never_of_two=True,
         ),
     )
     PHOTOMETRIC_INCONSISTENCY = (
@@ -344,6 +342,7 @@ class Check(StrEnum):
             (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), _UNMATCHED), _SELDOM),
             vote=Vote.SMALLEST,
             of_light=True,
+            never_of_two=True,
         ),
     )
     SURROUNDING_CONFLICT = (

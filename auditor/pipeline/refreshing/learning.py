@@ -157,7 +157,7 @@ def _too_many_raised(choice: Choice) -> Iterator[str]:
         (choice.raised, choice.judged, "new recordings"),
         (*choice.waiting_of, "recordings of the days that are learnt from"),
     ):
-        if raised > CLEAN_DRIVE.few_raised and raised > CLEAN_DRIVE.most_raised * of:
+        if raised > 1 and raised > CLEAN_DRIVE.most_raised * of:
             share = f"{CLEAN_DRIVE.most_raised:.0%}"
             yield f"{raised} of {of} {what} are raised or unlike the others, more than {share}"
             return

@@ -45,12 +45,13 @@ def _cells(view: View, points_m: Matrix) -> float:
     ahead = points_m[points_m[:, 2] > LIDAR_CHOICE.nearest_m]
     x, y = view.lens.distort(ahead[:, 0] / ahead[:, 2], ahead[:, 1] / ahead[:, 2])
     width, height = view.image.size_px
-    across = LIDAR_CHOICE.columns * (view.K[0, 0] * x + view.K[0, 1] * y + view.K[0, 2]) / width
-    down = LIDAR_CHOICE.rows * (view.K[1, 1] * y + view.K[1, 2]) / height
+    rows, columns = LIDAR_CHOICE.cells
+    across = columns * (view.K[0, 0] * x + view.K[0, 1] * y + view.K[0, 2]) / width
+    down = rows * (view.K[1, 1] * y + view.K[1, 2]) / height
     with np.errstate(invalid="ignore"):
-        inside = (across >= 0) & (across < LIDAR_CHOICE.columns) & (down >= 0) & (down < LIDAR_CHOICE.rows)
-    cells = down[inside].astype(np.intp) * LIDAR_CHOICE.columns + across[inside].astype(np.intp)
-    return np.unique(cells).size / (LIDAR_CHOICE.columns * LIDAR_CHOICE.rows)
+        inside = (across >= 0) & (across < columns) & (down >= 0) & (down < rows)
+    cells = down[inside].astype(np.intp) * columns + across[inside].astype(np.intp)
+    return np.unique(cells).size / (columns * rows)
 
 
 _BODIES = ("base_link", "base_footprint")

@@ -390,7 +390,7 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
 
 def test_the_command_measures_nothing_again_and_prints_the_summary(shorter, tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
-        few_in_short_chunks(patched, each=4)
+        few_in_short_chunks(patched, each=9)
         run(shorter, tmp_path / "audit")  # here: the command, which has processes of its own, would try all
     arguments = ["evaluate", str(shorter), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
     first = CliRunner().invoke(auditor, arguments)

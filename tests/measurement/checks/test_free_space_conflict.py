@@ -134,9 +134,28 @@ def test_what_is_there_from_the_first_scan_on_is_not_found() -> None:
     ]
 
 
-@pytest.mark.parametrize("moved_m", [0.0, 3.0, -3.0])
-def test_a_vehicle_that_was_near_a_moment_ago_has_moved(moved_m: float) -> None:
-    assert conflicts([road(1, thing(20, 0)), road(2, thing(20 + moved_m, 0))]) == [None, 0]
+@pytest.mark.parametrize("moved_m", [(0.0, 0.0), (3.0, 0.0), (-3.0, 0.0), (0.0, 3.0)])
+def test_a_vehicle_that_was_near_a_moment_ago_has_moved(moved_m: tuple[float, float]) -> None:
+    ahead_m, right_m = moved_m
+    assert conflicts([road(1, thing(20, 0)), road(2, thing(20 + ahead_m, right_m))]) == [None, 0]
+
+
+def test_no_vehicle_moves_so_far_in_a_moment() -> None:
+    assert (conflicts([road(1, thing(20, 0)), road(2, thing(20, 6))])[1] or 0) > 100
+
+
+def test_the_vehicle_itself_is_no_thing() -> None:
+    assert conflicts([road(1), road(2, thing(2.5, 0, height_m=2.5))]) == [None, 0]
+
+
+def test_the_share_that_is_asked_about_is_that_of_things_within_reach() -> None:
+    scans = OwnScans()
+    assert scans.asked_share == 0
+    scans.conflicts(road(1), drive().rig)
+    assert scans.asked_share == 0, "it was compared with nothing"
+    now = road(2, thing(20, 0))
+    scans.conflicts(now, drive().rig)
+    assert scans.asked_share * len(now.xyz_m) == pytest.approx(200 * 1.0 / 1.5, abs=25), "half a metre above the road"
 
 
 def test_a_thing_that_stands_where_beams_passed_is_found_by_all_its_points() -> None:
@@ -160,6 +179,18 @@ def test_a_direction_that_was_not_scanned_says_nothing() -> None:
     ahead = np.abs(np.arctan2(ROAD[:, 1], ROAD[:, 0])) > np.radians(12)
     before = PointCloud(PERIOD_NS, ROAD[ahead].astype(np.float32))
     assert conflicts([before, road(2, thing(20, 0))]) == [None, 0]
+
+
+def test_a_direction_from_which_nothing_returned_says_nothing() -> None:
+    before = PointCloud(PERIOD_NS, ROAD[ROAD[:, 2] < -1.6].astype(np.float32))
+    assert conflicts([before, road(2, thing(20, 0) + np.array([0, 0, 1.2]))]) == [None, 0]
+
+
+@pytest.mark.parametrize("azimuth", [90.0, -135.0, 180.0])
+def test_what_appears_is_found_all_around(azimuth: float) -> None:
+    cos, sin = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
+    turned = thing(20, 0) @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    assert conflicts([road(1), road(2, turned)]) == [None, pytest.approx(200 * 1.2 / 1.5, abs=30)]
 
 
 def test_echoes_from_below_the_road_do_not_make_the_road_a_thing() -> None:
