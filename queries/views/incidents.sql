@@ -162,16 +162,23 @@ whole AS (
     FROM part
     GROUP BY ALL
 ),
-piece AS (
+-- Several views of a frame, or checks, may say the same: the frame counts once, by the strongest.
+in_frame AS (
     SELECT
         line,
         kind,
         attacked,
         run,
+        measurement_id,
+        frame,
         check_in_words(piece.check_name, piece.i, piece.j, piece.k) AS check_name,
-        count(*) AS frames,
-        avg(piece.score) AS score
-    FROM (SELECT line, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
+        max(piece.score) AS score
+    FROM (SELECT line, kind, attacked, run, measurement_id, frame, unnest(evidence) AS piece FROM numbered)
+    GROUP BY ALL
+),
+piece AS (
+    SELECT line, kind, attacked, run, check_name, count(*) AS frames, avg(score) AS score
+    FROM in_frame
     GROUP BY ALL
 ),
 carried AS (
