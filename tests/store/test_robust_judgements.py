@@ -14,7 +14,7 @@ from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
-from auditor.model.verdict import Evidence, Finding, VerdictKind
+from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
 from auditor.store.queries import describe, run_query, run_sql
 from auditor.store.records import JudgementRecord
@@ -134,6 +134,26 @@ def test_an_incident_of_frames_none_of_which_is_a_finding_counts_as_found_and_sa
     [incident] = run_query(store, "incidents").to_pylist()
     assert (incident["frames"], incident["strongest_frame"]) == (3, None)
     assert incident["evidence"] == "no single frame: weak evidence that lasts"
+
+
+def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_path):
+    store = new_store(tmp_path)
+    evidence, dirt = (Evidence(Check.ADDED_LIGHT, 1, None, None, 4.0),), (FaultHypothesis(Cause.SOILED, 1, 0.5),)
+    lasts = replace(part_of("s", (1,), 1), evidence=evidence, causes=dirt)
+    kept_verdicts(store, *[lasts] * 3)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert incident["shares"] == "suspect 100 %"
+    assert incident["evidence"].endswith(" in 3 frames (+4.00); no single frame is attacked by itself: what lasts is")
+    assert incident["causes"].startswith("of single frames, and not of what lasts: something changes what S_1 sees")
+
+
+def test_an_attack_beside_which_a_cause_was_weighed_explains_it_better(tmp_path):
+    store = new_store(tmp_path)
+    kept_verdicts(store, *[replace(part_of("1", (1,), 1), causes=(FaultHypothesis(Cause.LATE, 1, 1.0),))] * 3)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert incident["causes"] == (
+        "an attack explains what was found better than this does: S_1 lags by a frame (score 1.00 of 1)"
+    )
 
 
 def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it_once(tmp_path):
