@@ -122,8 +122,8 @@ def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
 
 
 def _is_as_fast(delays: Sequence[int], stamps: Sequence[int]) -> bool:
-    """Whether log times go on as fast as stamps do from one to the next, also where a stamp leaps once."""
-    return 2 * _usual_step_ns(delays) <= _usual_step_ns(stamps)
+    """Whether log times go on as fast as stamps do from one to the next, but for a leap; a slow recorder's do not."""
+    return 4 * _usual_step_ns(delays) <= _usual_step_ns(stamps)
 
 
 def _usual_step_ns(times: Sequence[int]) -> float:

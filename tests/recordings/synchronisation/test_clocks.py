@@ -119,6 +119,21 @@ def test_stamps_that_leap_leave_a_sensor_where_its_log_times_are(sensor: int, fi
     assert placed == [one.log_time_ns for one in whole.samples(RIG.topic(sensor))]
 
 
+def test_a_recorder_that_falls_behind_withholds_nothing_and_counts_against_no_stamp() -> None:
+    """Every message is written a period later after its stamp than the one before."""
+    slow = surveyed({}, {})
+    clouds = tuple(replace(c, samples=_falling_behind(c.samples)) for c in slow.clouds)
+    images = tuple(replace(i, samples=_falling_behind(i.samples)) for i in slow.images)
+    timing = learn_timing(RIG, replace(slow, images=images, clouds=clouds))
+    check = timing.stamp_check(0)
+    assert {check.place(*one).against for one in clouds[0].samples} == {""}
+    assert (timing.withheld, timing.remarks) == ("", ())
+
+
+def _falling_behind(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    return tuple(Sample(one.stamp_ns, one.log_time_ns + n * PERIOD_NS) for n, one in enumerate(samples))
+
+
 def _leaping(survey: Survey, topic: str, first: int, leap_ns: int) -> Survey:
     def leap(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
         return (*samples[:first], *(one._replace(stamp_ns=one.stamp_ns + leap_ns) for one in samples[first:]))
