@@ -102,6 +102,7 @@ def test_a_recorder_whose_clock_is_behind_tells_nothing_of_one_sensor() -> None:
 def test_latencies_and_an_offset_that_a_rig_gives_withhold_nothing() -> None:
     usual = {0: -110 * MS, 1: -150 * MS, 2: -10 * MS, 3: -10 * MS}
     assert learn_timing(RIG, surveyed(usual, {})).withheld == ""
+    assert RIG.lidar is not None
     known = replace(RIG, lidar=replace(RIG.lidar, offset_ns=-300 * MS))
     timing = learn_timing(known, surveyed({0: -300 * MS}, {}, known))
     assert (timing.withheld, timing.offset_ns[0]) == ("", -300 * MS)
