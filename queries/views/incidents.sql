@@ -30,7 +30,7 @@
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
--- column causes: What else than an attack may lie behind it, in words; of what is not suspect, that an attack explains it better, or that it explains frames by themselves alone.
+-- column causes: What else than an attack may lie behind it, in words; of what lasts, that it explains frames by themselves alone.
 -- column same_as: The incident of another rig of its recording that says the same, of all of its time: that names the same sensors, or names what this one cannot; NULL where this one stands by itself.
 -- column review: What somebody said of it (auditor review), or else of the incident that says the same: confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
@@ -300,11 +300,7 @@ told AS (
         grouped.posterior,
         grouped.log10_ratio,
         ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,
-        CASE
-            WHEN grouped.kind = 'suspect' THEN ''
-            WHEN grouped.of_all THEN 'of single frames, and not of what lasts: '
-            ELSE 'an attack explains what was found better than this does: '
-        END || causes_in_words(grouped.causes) AS causes,
+        causes_in_words(grouped.causes) || CASE WHEN grouped.of_all THEN ', of single frames and not of what lasts' ELSE '' END AS causes,
         [sensor.topic FOR sensor IN grouped.sensors] AS topics,
         [sensor.topic FOR sensor IN grouped.sensors IF list_contains(grouped.attacked, sensor.sensor)] AS attacked_topics,
         [
