@@ -189,7 +189,7 @@ carried AS (
         run,
         string_agg(
             format('{} in {} frame{} ({:+.2f})', check_name, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, score),
-            ', ' ORDER BY frames * score DESC, check_name
+            ', ' ORDER BY round(frames * score, 6) DESC, check_name -- sums differ in their last bits by their order
         ) AS evidence
     FROM piece
     GROUP BY ALL
