@@ -87,6 +87,16 @@ def test_a_day_whose_recording_was_not_fully_audited_is_not_clean(tmp_path):
     assert "car 3 not fully audited 1 recording" in words
 
 
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("attacked", "an attack explains what was found better than this does: dirt"), ("suspect", "dirt")],
+)
+def test_the_index_says_that_an_attack_explains_better_what_has_another_cause(many, tmp_path, kind, said):
+    rows = [{**row, "kind": kind, "causes": "dirt"} for row in Incidents(many, Pictures.NONE).rows]
+    (tmp_path / "index.html").write_text(fleet.render(fleet.load_fleet(many, rows)), "utf-8")
+    assert f"Other causes: {said}" in read(tmp_path / "index.html").words
+
+
 def test_each_incident_has_a_page_under_its_id_that_the_index_links(many, pages):
     links = [attributes["href"] for tag, attributes in read(pages / "many" / "index.html").elements if tag == "a"]
     known = {row["incident_id"] for row in Incidents(many, Pictures.NONE).rows}
