@@ -5,6 +5,7 @@
 -- column recordings: Number of recordings.
 -- column frames: Frames and skipped ticks, without those at the recordings' edges.
 -- column audited: Those that have a verdict other than not_auditable.
+-- column incomplete: Recordings of which something was not audited, by the last scan or refresh that read them: what ends in 3 or 4.
 -- column incidents: Number of incidents and alerts, each once however many rigs say it.
 -- column excused: Those that a review calls a false alarm, or known.
 SELECT
@@ -13,6 +14,9 @@ SELECT
     count(DISTINCT summary.recording_id) AS recordings,
     CAST(coalesce(sum(summary.frames), 0) AS BIGINT) AS frames,
     CAST(round(coalesce(sum(summary.frames * summary.audited_share), 0)) AS BIGINT) AS audited,
+    count(DISTINCT summary.recording_id) FILTER (
+        summary.recording_id IN (SELECT recording_id FROM inputs WHERE len(gaps) > 0)
+    ) AS incomplete,
     CAST(coalesce(sum(found.incidents), 0) AS BIGINT) AS incidents,
     CAST(coalesce(sum(found.excused), 0) AS BIGINT) AS excused
 FROM summary

@@ -105,7 +105,7 @@ class RigKind:
     def __str__(self) -> str:
         baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         if not self.sizes_px:
-            return f"{len(self.baselines_m) + 1} LiDARs b={baselines}m" if self.baselines_m else "LiDAR alone"
+            return f"{len(self.baselines_m) + 1} LiDARs {baselines} m apart" if self.baselines_m else "LiDAR alone"
         sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         if len(self.sizes_px) == 1:

@@ -70,6 +70,12 @@ class StampAgreement:
         2 * 10**9, unit="ns of the same up to which a stamp that goes on is kept: recorders stall", source=BY_HAND
     )
     follows: int = parameter(256, unit="messages over which the usual distance follows a drift", source=BY_HAND)
+    other_periods: float = parameter(
+        1.75, unit="periods by which a sensor's usual distance is another than the others'", source=BY_HAND
+    )
+    other_least_ns: int = parameter(
+        175 * 10**6, unit="ns of the same, however short the period: a camera's latency is up to 150 ms", source=BY_HAND
+    )
 
 
 @dataclass(frozen=True)

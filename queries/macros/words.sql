@@ -7,10 +7,13 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS coalesce(
     'E_' || i || ',' || j || ',' || k || ' above theta'
 );
 
--- The evidence of a verdict, the strongest first; NULL where there is none.
+-- The evidence of a verdict, the strongest first, what several views or checks say once; NULL where there is none.
 CREATE MACRO evidence_in_words(evidence) AS
     nullif(array_to_string(list_transform(
-        evidence,
+        list_filter(evidence, lambda x, place: list_position(
+            list_transform(evidence, lambda y: check_in_words(y['check_name'], y['i'], y['j'], y['k'])),
+            check_in_words(x['check_name'], x['i'], x['j'], x['k'])
+        ) = place),
         lambda x: check_in_words(x['check_name'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['score'])
     ), ', '), '');
 

@@ -24,13 +24,13 @@
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
--- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted.
+-- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted; where frames are one of another kind, that it lasted carries the incident.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
--- column causes: What else than an attack may lie behind it, in words.
+-- column causes: What else than an attack may lie behind it, in words; of what lasts, that it explains frames by themselves alone.
 -- column same_as: The incident of another rig of its recording that says the same, of all of its time: that names the same sensors, or names what this one cannot; NULL where this one stands by itself.
 -- column review: What somebody said of it (auditor review), or else of the incident that says the same: confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
@@ -162,16 +162,23 @@ whole AS (
     FROM part
     GROUP BY ALL
 ),
-piece AS (
+-- Several views of a frame, or checks, may say the same: the frame counts once, by the strongest.
+in_frame AS (
     SELECT
         line,
         kind,
         attacked,
         run,
+        measurement_id,
+        frame,
         check_in_words(piece.check_name, piece.i, piece.j, piece.k) AS check_name,
-        count(*) AS frames,
-        avg(piece.score) AS score
-    FROM (SELECT line, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
+        max(piece.score) AS score
+    FROM (SELECT line, kind, attacked, run, measurement_id, frame, unnest(evidence) AS piece FROM numbered)
+    GROUP BY ALL
+),
+piece AS (
+    SELECT line, kind, attacked, run, check_name, count(*) AS frames, avg(score) AS score
+    FROM in_frame
     GROUP BY ALL
 ),
 carried AS (
@@ -182,7 +189,7 @@ carried AS (
         run,
         string_agg(
             format('{} in {} frame{} ({:+.2f})', check_name, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, score),
-            ', ' ORDER BY frames * score DESC, check_name
+            ', ' ORDER BY round(frames * score, 6) DESC, check_name -- sums differ in their last bits by their order
         ) AS evidence
     FROM piece
     GROUP BY ALL
@@ -240,6 +247,7 @@ grouped AS (
         ) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest,
         max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
         bool_and(own_kind = 'clean') AS weak,
+        NOT bool_or(own_kind = incident.kind) AS of_all,
         max(posterior) FILTER (own_kind <> 'clean') AS posterior,
         max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
         any_value(largest_ratio) AS largest_ratio,
@@ -282,6 +290,7 @@ told AS (
         CASE
             WHEN grouped.weak OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
                 THEN 'no single frame: weak evidence that lasts'
+            WHEN grouped.of_all THEN format('{}; no single frame is {} by itself: what lasts is', carried.evidence, grouped.kind)
             ELSE carried.evidence
         END AS evidence,
         shared.shares,
@@ -291,7 +300,7 @@ told AS (
         grouped.posterior,
         grouped.log10_ratio,
         ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,
-        causes_in_words(grouped.causes) AS causes,
+        causes_in_words(grouped.causes) || CASE WHEN grouped.of_all THEN ', of single frames and not of what lasts' ELSE '' END AS causes,
         [sensor.topic FOR sensor IN grouped.sensors] AS topics,
         [sensor.topic FOR sensor IN grouped.sensors IF list_contains(grouped.attacked, sensor.sensor)] AS attacked_topics,
         [

@@ -533,6 +533,25 @@ def test_a_first_version_of_too_few_recordings_is_provisional_whoever_names_them
     assert ("its calibration is provisional" in audit("judge", audit.store, store=False).err) == provisional
 
 
+def test_what_follows_from_a_version_that_a_person_calibrated_is_not_provisional_however_few(audit_of, tmp_path):
+    store = Store.open(tmp_path / "two", create=True)
+    add_drive(store, "d0.mcap", seed=0, vehicle="car0", day=1, frames=40)
+    audit = audit_of(tmp_path / "two")
+    assert audit("calibrate", audit.store).code == 0
+    add_drive(Store.open(audit.store), "d1.mcap", seed=1, vehicle="car1", day=2, frames=40)
+    kind = kind_of(audit("refresh"))
+    assert (kind["decided"], kind["recordings"], kind["provisional"]) == ("promoted", 2, False)
+
+
+@pytest.mark.parametrize(("recordings", "seem"), [(1, "1 recording seems"), (2, "2 recordings seem")])
+def test_too_few_recordings_that_nobody_named_wait(recordings, seem, audit_of, tmp_path):
+    store = Store.open(tmp_path / "few", create=True)
+    for n in range(recordings):
+        add_drive(store, f"d{n}.mcap", seed=n, vehicle=f"car{n}", day=n + 1, frames=40)
+    answer = audit_of(tmp_path / "few")("refresh")
+    assert kind_of(answer)["reasons"] == [f"{seem} clean, of 3 that are needed; or name some clean"]
+
+
 def test_a_text_file_beside_a_recording_is_named_and_fails_no_night(audit_of, refreshed, tmp_path):
     folder = tmp_path / "night"
     folder.mkdir()

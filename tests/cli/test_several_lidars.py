@@ -255,7 +255,7 @@ def test_inspect_says_what_two_lidars_can_tell_and_writes_a_rig_file_that_a_scan
     words = ["--write-rig", str(file), "--picture", str(picture), "--format", "json"]
     assert run(["inspect", str(path), *words]) == 3
     [rig] = json.loads(capfd.readouterr().out)[0]["rigs"]
-    assert (rig["kind"], [one["name"] for one in rig["sensors"]]) == ("2 LiDARs b=1.60m", ["roof", "rear"])
+    assert (rig["kind"], [one["name"] for one in rig["sensors"]]) == ("2 LiDARs 1.60 m apart", ["roof", "rear"])
     assert "do not say which is attacked" in rig["capabilities"][1]
     assert SAID in " ".join(rig["reading"])
     assert run(["inspect", str(path)]) == 3

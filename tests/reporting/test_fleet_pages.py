@@ -8,6 +8,9 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
+from auditor.pipeline.judged import Judged
+from auditor.pipeline.measured import Measured
+from auditor.pipeline.scan import keep_ledger
 from auditor.reporting import fleet
 from auditor.reporting.fleet import open_words, render_fleet_report
 from auditor.reporting.incident.loading import Incidents
@@ -70,6 +73,28 @@ def test_the_index_begins_with_what_was_not_audited_and_lists_the_gravest_incide
     assert places == sorted(places)
     assert "car 1 1 incident" in words
     assert "car 2 50.0 % audited" in words
+
+
+def test_a_day_whose_recording_was_not_fully_audited_is_not_clean(tmp_path):
+    store = new_store(tmp_path)
+    known = add_recording(store, "mirror.mcap", drives=0, vehicle="car 3")
+    recording = store.measurement(known).recording_id
+    gap = "no thresholds for its rig kind and matcher"
+    measured = Measured(Path("mirror.mcap"), recording, (known,), 40, True, (), ())
+    keep_ledger(store, [], [measured], [Judged("mirror.mcap", known, gaps=(gap,))])
+    words = read(render_fleet_report(store, out=tmp_path / "index")).words.replace("\u00a0", " ")
+    assert gap in words
+    assert "car 3 not fully audited 1 recording" in words
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("attacked", "an attack explains what was found better than this does: dirt"), ("suspect", "dirt")],
+)
+def test_the_index_says_that_an_attack_explains_better_what_has_another_cause(many, tmp_path, kind, said):
+    rows = [{**row, "kind": kind, "causes": "dirt"} for row in Incidents(many, Pictures.NONE).rows]
+    (tmp_path / "index.html").write_text(fleet.render(fleet.load_fleet(many, rows)), "utf-8")
+    assert f"Other causes: {said}" in read(tmp_path / "index.html").words
 
 
 def test_each_incident_has_a_page_under_its_id_that_the_index_links(many, pages):

@@ -14,7 +14,7 @@ from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System
 from auditor.model.calibration import Expected, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
-from auditor.model.verdict import Finding, VerdictKind
+from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
 from auditor.store.queries import describe, run_query, run_sql
 from auditor.store.records import JudgementRecord
@@ -134,6 +134,30 @@ def test_an_incident_of_frames_none_of_which_is_a_finding_counts_as_found_and_sa
     [incident] = run_query(store, "incidents").to_pylist()
     assert (incident["frames"], incident["strongest_frame"]) == (3, None)
     assert incident["evidence"] == "no single frame: weak evidence that lasts"
+
+
+def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_path):
+    store = new_store(tmp_path)
+    evidence, dirt = (Evidence(Check.ADDED_LIGHT, 1, None, None, 4.0),), (FaultHypothesis(Cause.SOILED, 1, 0.5),)
+    lasts = replace(part_of("s", (1,), 1), evidence=evidence, causes=dirt)
+    kept_verdicts(store, *[lasts] * 3)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert incident["shares"] == "suspect 100 %"
+    assert incident["evidence"].endswith(" in 3 frames (+4.00); no single frame is attacked by itself: what lasts is")
+    assert incident["causes"].endswith("as dirt does (score 0.50 of 1), of single frames and not of what lasts")
+
+
+def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it_once(tmp_path):
+    store = new_store(tmp_path)
+    checks = (Check.SURROUNDING_CONFLICT, Check.FREE_SPACE_CONFLICT, Check.FREE_SPACE_CONFLICT, Check.FALSE_RANGES)
+    evidence = tuple(Evidence(check, 0, None, None, 8.0 - place) for place, check in enumerate(checks))
+    kept_verdicts(store, *[replace(part_of("0", (0,), 1), evidence=evidence)] * 3)
+    [incident] = run_query(store, "incidents").to_pylist()
+    passed = "the LiDAR has points where its beams passed a moment ago"
+    seen = "the LiDAR has points where the cameras see nothing"
+    assert incident["evidence"] == f"{passed} in 3 frames (+8.00), {seen} in 3 frames (+5.00)"
+    [frame] = run_query(store, "look_first").to_pylist()
+    assert frame["evidence"] == f"{passed} (+8.00), {seen} (+5.00)"
 
 
 def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path):

@@ -352,7 +352,7 @@ class Check(StrEnum):
             Words(
                 "surrounding conflict",
                 "points stand where its beams passed just before, on all sides",
-                "has points where its beams passed a moment ago, on some side of the vehicle",
+                "has points where its beams passed a moment ago",
             ),
             (_SELDOM,),
             where="free_space_conflict",

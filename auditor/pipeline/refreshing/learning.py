@@ -90,7 +90,9 @@ def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
         return f"{found}: name clean recordings, with --clean or auditor label --clean"
     fewest = 1 if parent is not None or choice.some_named else INFLUENCE.fewest_first
     if len(choice.chosen) < fewest:
-        return f"{len(choice.chosen)} recordings seem clean, of {fewest} that are needed; or name some clean"
+        clean = len(choice.chosen)
+        seem = "1 recording seems" if clean == 1 else f"{clean} recordings seem"
+        return f"{seem} clean, of {fewest} that are needed; or name some clean"
     return ""
 
 

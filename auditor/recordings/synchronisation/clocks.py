@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from statistics import median, median_low
+from statistics import median, median_high, median_low
 from typing import NamedTuple
 
 from auditor.model.coverage import Against
@@ -73,15 +73,37 @@ def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[i
     }
 
 
-def clocks_ahead_ns(clocks: Mapping[int, SensorClock]) -> dict[int, int]:
+def clocks_ahead_ns(clocks: Mapping[int, SensorClock], other_ns: int) -> dict[int, int]:
     """By sensor how far its clock is ahead of the others', where their times of recording show that it is another one.
 
-    A camera may stamp in time since its start beside others in UTC. Delays of a sensor differ by far less.
+    A camera may stamp in time since its start beside others in UTC. Delays of a sensor differ by far less. What is
+    stamped later than it was recorded has a wrong clock where the others have none. `other_ns` is what other_delay_ns
+    says.
     """
-    usual = {s: one.delay_ns for s, one in clocks.items() if one.is_set and one.still_ns is None and one.has_log}
-    shared = median_low(usual.values()) if usual else 0
-    ahead = {sensor: shared - delay for sensor, delay in usual.items()}
-    return {sensor: by for sensor, by in ahead.items() if abs(by) > STAMP_AGREEMENT.most_ns}
+    delays_ns = _usual_delays_ns(clocks)
+    shared_ns = _shared_ns(delays_ns, other_ns)
+    ahead_ns = {sensor: shared_ns - delay_ns for sensor, delay_ns in delays_ns.items()}
+    future = {sensor for sensor, delay_ns in delays_ns.items() if delay_ns < -other_ns <= shared_ns}
+    return {
+        sensor: by_ns
+        for sensor, by_ns in ahead_ns.items()
+        if abs(by_ns) > STAMP_AGREEMENT.most_ns or (sensor in future and by_ns > other_ns)
+    }
+
+
+def other_delay_ns(period_ns: int) -> int:
+    """By how much more than that of the others the usual delay of a sensor is no latency that can be relied upon."""
+    return max(round(STAMP_AGREEMENT.other_periods * period_ns), STAMP_AGREEMENT.other_least_ns)
+
+
+def _usual_delays_ns(clocks: Mapping[int, SensorClock]) -> dict[int, int]:
+    return {s: one.delay_ns for s, one in clocks.items() if one.is_set and one.still_ns is None and one.has_log}
+
+
+def _shared_ns(delays_ns: Mapping[int, int], other_ns: int) -> int:
+    """The usual delay of most sensors, of those that are not recorded before they are stamped, where there are any."""
+    possible = [delay_ns for delay_ns in delays_ns.values() if delay_ns >= -other_ns]
+    return median_low(possible or delays_ns.values()) if delays_ns else 0
 
 
 def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
@@ -92,9 +114,20 @@ def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
     if len(first) <= 1 < len(samples):
         return SensorClock(still_ns=next(iter(first), samples[0].stamp_ns), has_log=logged > 1)
     delays = [sample.log_time_ns - sample.stamp_ns for sample in first.values()]
-    delay_ns = int(median(delays)) if delays else 0
+    # Of stamps that leap between two halves the median is that of one half, and not what lies between them.
+    delay_ns = min(median_low(delays), median_high(delays), key=abs) if delays else 0
     spread_ns = median([abs(delay - delay_ns) for delay in delays]) if delays else 0
-    return SensorClock(delay_ns, has_log=spread_ns <= few_ns and (logged > 1 or len(samples) == 1))
+    goes_along = spread_ns <= few_ns or _is_as_fast(delays, list(first))
+    return SensorClock(delay_ns, has_log=goes_along and (logged > 1 or len(samples) == 1))
+
+
+def _is_as_fast(delays: Sequence[int], stamps: Sequence[int]) -> bool:
+    """Whether log times go on as fast as stamps do from one to the next, but for a leap; a slow recorder's do not."""
+    return 4 * _usual_step_ns(delays) <= _usual_step_ns(stamps)
+
+
+def _usual_step_ns(times: Sequence[int]) -> float:
+    return median([abs(b - a) for a, b in pairwise(times)])
 
 
 class StampCheck:
@@ -207,7 +240,7 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
     period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)
     few_ns = few_periods_ns(period_ns)
     clocks = learn_clocks(samples, few_ns)
-    ahead_ns = clocks_ahead_ns(clocks)
+    ahead_ns = clocks_ahead_ns(clocks, other_delay_ns(period_ns))
     seen = {
         sensor: [time_ns - ahead_ns.get(sensor, 0) for time_ns in times_of(taken, clocks[sensor], few_ns)]
         for sensor, taken in samples.items()
@@ -223,7 +256,7 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
         tolerance_ns=min(period_ns // SENSOR_TIMING.periods_a_tolerance, SENSOR_TIMING.most_tolerance_ns),
         fast=frozenset(sensor for sensor, own in periods.items() if own < SENSOR_TIMING.fast_share * period_ns),
         remarks=tuple(_other_clock(rig, sensor, by_ns, len(samples[sensor])) for sensor, by_ns in ahead_ns.items()),
-        withheld=_exposures_apart(rig, behind_ns, clocks),
+        withheld=_exposures_apart(rig, behind_ns, clocks) or _other_delay(rig, clocks, ahead_ns, period_ns),
     )
 
 
@@ -252,6 +285,27 @@ def _exposures_apart(rig: Rig, behind_ns: Mapping[int, int], clocks: Mapping[int
                 "drive; record them in phase, or give a rig file with their offset_ns (--rig)"
             )
     return ""
+
+
+def _other_delay(rig: Rig, clocks: Mapping[int, SensorClock], ahead_ns: Mapping[int, int], period_ns: int) -> str:
+    """Why a sensor cannot be compared: it is recorded much later than the others, or its clock is another one.
+
+    A rig that gives its offset says which it is. Empty where there is no such sensor.
+    """
+    delays_ns = {sensor: by_ns for sensor, by_ns in _usual_delays_ns(clocks).items() if sensor not in ahead_ns}
+    shared_ns = _shared_ns(delays_ns, other_delay_ns(period_ns))
+    for sensor, delay_ns in delays_ns.items():
+        if sensor not in rig.offsets_ns and abs(delay_ns - shared_ns) > other_delay_ns(period_ns):
+            return (
+                f"the stamps of {rig.name(sensor)} lie {_off(delay_ns)} its log times, those of the others "
+                f"{_off(shared_ns)} theirs: its clock is set otherwise, or it is recorded late; put them right, or "
+                "give its offset_ns in a rig file (--rig)"
+            )
+    return ""
+
+
+def _off(delay_ns: int) -> str:
+    return f"{abs(delay_ns) / 1e9:.2f} s {'before' if delay_ns >= 0 else 'after'}"
 
 
 def _offset_ns(stamps: list[int], base: list[int], reach_ns: int) -> int:
