@@ -69,6 +69,7 @@ class Changes:
         self._values |= {Key("transform", one.parent, one.child): one for one in survey.transforms}
         self._values |= {Key("size", image.topic.name): image.size_px for image in survey.images}
         self._tails: dict[str, bytes] = {}
+        self._begun: set[str] = set()
         self._new_sizes: dict[Key, list[Change]] = {}
         self._found: list[Change] = []
         self.until_ns: int | None = None
@@ -121,7 +122,8 @@ class Changes:
         elif decoder.kind == "camera_info" and self._is_new(message):
             info = decoder.camera_info(message)
             key = Key("info", message.topic)
-            if self._differs(key, info):
+            self._begun |= set() if info.is_blank else {message.topic}
+            if message.topic in self._begun and self._differs(key, info):
                 yield Change(self._time_ns(message, info.header.stamp_ns), key, info)
         elif decoder.kind == "image":
             yield from self._of_size(message, decoder)

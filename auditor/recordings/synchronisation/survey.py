@@ -1,5 +1,6 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,7 @@ from auditor.recordings.decoding import (
     sensor_types,
 )
 from auditor.recordings.decoding.clouds import check_unit
-from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.interface import CameraInfoDecoder, SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
@@ -102,7 +103,7 @@ class Survey:
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
-    describe the sensors of packets.
+    describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
     """
 
     topics: tuple[Topic, ...]
@@ -117,6 +118,7 @@ class Survey:
     conventions: Conventions = STANDARD
     moving: frozenset[tuple[str, str]] = frozenset()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    blank_infos: Mapping[str, int] = field(default_factory=dict)
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -148,6 +150,7 @@ class _Surveyor:
         self._some_m: dict[str, list[Points]] = {}
         self._points: dict[str, list[tuple[int, int]]] = {}
         self._infos: dict[str, CameraInfo] = {}
+        self._blank_infos = Counter[str]()
         self._mountings = Mountings()
         self._described: dict[str, tuple[Transform, ...]] = {}
         self._problems: dict[str, None] = {}
@@ -193,6 +196,7 @@ class _Surveyor:
             unreadable=tuple(self._unreadable()),
             moving=self._mountings.moving(),
             metadata=self._metadata,
+            blank_infos=self._blank_infos,
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -250,13 +254,19 @@ class _Surveyor:
                 for problem in self._mountings.take(message, decoder):
                     self._note(f"{message.topic}: {problem}")
             elif decoder.kind == "camera_info":
-                if message.topic not in self._infos:
-                    self._infos[message.topic] = decoder.camera_info(message)
+                self._take_info(message, decoder)
             else:
                 self._take_sensor(message, decoder)
         except DecodingError as error:
             self._reasons.setdefault(message.topic, error.what)
             self._note(f"{message.topic}: {error.what}")
+
+    def _take_info(self, message: Message, decoder: CameraInfoDecoder) -> None:
+        """Take the first camera info of a topic that says something; where none does, a blank one."""
+        before = self._infos.get(message.topic)
+        if before is None or before.is_blank:
+            self._infos[message.topic] = info = decoder.camera_info(message)
+            self._blank_infos[message.topic] += info.is_blank
 
     def _take_description(self, message: Message) -> None:
         if message.schema == schemas.STRING and message.topic not in self._described:  # a name may have two types
