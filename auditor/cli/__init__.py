@@ -19,7 +19,9 @@ from auditor.cli.output import answer, say
 from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
 from auditor.errors import AuditorError
 
-_GO_ON = "finished recordings are kept, run the same command again to go on"
+_GO_ON = "; finished recordings are kept, run the same command again to go on"
+_KEEPING = frozenset({"scan", "judge", "calibrate", "refresh", "evaluate"})
+"""The verbs that keep each recording as it is finished."""
 
 VERBS = (
     "demo",
@@ -135,19 +137,24 @@ class _Ended(BaseException):
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code; every expected failure ends in one line on stderr."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _heeding_sigterm():
-            return _run(arguments)
+            return _run(given)
     except _Ended:
-        tell(f"auditor: ended by SIGTERM; {_GO_ON}", Level.ERROR)
+        tell(f"auditor: ended by SIGTERM{_going_on(given)}", Level.ERROR)
         return Exit.ENDED
     except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
         _show_defect(error)
         return Exit.FAILED
 
 
-def _run(arguments: Sequence[str] | None) -> int:
-    given = list(sys.argv[1:] if arguments is None else arguments)
+def _going_on(given: Sequence[str]) -> str:
+    verb = next((one for one in given if one in VERBS), "")
+    return _GO_ON if verb in _KEEPING else ""
+
+
+def _run(given: list[str]) -> int:
     write_as("text")
     try:
         code = auditor.main(given, standalone_mode=False, obj=given)
@@ -161,7 +168,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         tell(f"auditor: {error}", Level.ERROR)
         return Exit.FAILED
     except (KeyboardInterrupt, click.Abort):
-        tell(f"auditor: interrupted; {_GO_ON}", Level.ERROR)
+        tell(f"auditor: interrupted{_going_on(given)}", Level.ERROR)
         return Exit.INTERRUPTED
     except BrokenPipeError:
         # The reader (head, less) has gone; Python must not try to flush into the closed pipe at exit.

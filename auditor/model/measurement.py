@@ -42,7 +42,7 @@ class Region:
     of the image's area, or of the LiDAR's points in view. `mask` is a PNG, 255 where damaged, of pixels REGION_STEP
     full-resolution ones wide. `points` and `solid` are the LiDAR's.
 
-    Of LiDARs without cameras each thing is a region: `view` is the LiDAR that says it is not there, the sensor itself
+    Where no camera looks each thing is a region: `view` is the LiDAR that says it is not there, the sensor itself
     where its last scan does, and there are no pixels: the box is (0, 0, 0, 0) and the mask empty.
     """
 

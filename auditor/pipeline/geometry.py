@@ -290,11 +290,16 @@ def doubts_of(
     if not in_force.rig.cameras:
         withheld = ""
     warnings = (*check.warnings(), *stream.remarks)
-    withheld = withheld or stream.timing.withheld or check.withheld()
-    survey, rig = in_force.survey, in_force.rig
-    withheld = withheld or _negated(recording, survey, rig, check.pictures)
-    withheld = withheld or _other_way_up(recording, survey, rig, check.of_cameras)
+    withheld = withheld or stream.timing.withheld or _unfit(recording, in_force, check)
     return RigDoubts(warnings, withheld, check.remarks())
+
+
+def _unfit(recording: Recording, in_force: RigInForce, check: CalibrationCheck) -> str:
+    """Why no verdict may be given where the images and points do not fit the rig; a change that made it is named."""
+    survey, rig = in_force.survey, in_force.rig
+    why = check.withheld() or _negated(recording, survey, rig, check.pictures)
+    why = why or _other_way_up(recording, survey, rig, check.of_cameras)
+    return f"{in_force.changes[0]}, and {why}" if why and in_force.changes else why
 
 
 def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:

@@ -5,8 +5,10 @@ so a later read takes nothing on trust: each block is hashed again before any of
 whole is finished when it is asked for, with the blocks that nobody has read.
 """
 
+import errno
 import hashlib
 import os
+import stat
 from collections.abc import Iterable
 from io import SEEK_CUR, SEEK_END, SEEK_SET, BufferedReader, FileIO, RawIOBase
 from pathlib import Path
@@ -27,6 +29,15 @@ _MOST_SKIPPED = 8
 _KEPT_BLOCKS = 4
 _BUFFER_BYTES = 1 << 18
 _SMALL_BUFFER_BYTES = 1 << 16
+
+
+def open_regular(path: Path) -> FileIO:
+    """A file for reading. Raises OSError, also for pipes, sockets and devices: to open or read one may wait forever."""
+    file = FileIO(path, opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is no regular file")
+    return file
 
 
 class ChangedError(RecordingError):
@@ -55,10 +66,10 @@ class FileContent:
         self._ahead: dict[int, bytes] = {}
         self._whole = hashlib.sha256()
         try:
-            with path.open("rb", buffering=0) as file:
+            with open_regular(path) as file:
                 status = os.fstat(file.fileno())
         except OSError as error:
-            raise _unreadable(path, error) from error
+            raise unreadable(path, error) from error
         self._identity = _identity(status)
         self.size = status.st_size
         self._block_bytes = max(_BLOCK_BYTES, -(-self.size // _MAX_BLOCKS))
@@ -72,7 +83,7 @@ class FileContent:
                 with self._opened() as file:
                     self._hash_up_to(file.fileno(), self._blocks)
             except OSError as error:
-                raise _unreadable(self.path, error) from error
+                raise unreadable(self.path, error) from error
             self.check_unchanged()
         return self._digests[-self._whole.digest_size :].hex()
 
@@ -86,7 +97,7 @@ class FileContent:
             return b"".join(self.block(file.fileno(), number) for number in range(self._blocks))
 
     def _opened(self) -> FileIO:
-        file = FileIO(self.path)
+        file = open_regular(self.path)
         if _identity(os.fstat(file.fileno())) != self._identity:
             file.close()
             raise ChangedError(self.path)
@@ -156,7 +167,7 @@ class UnprovenFile:
 
     def open(self) -> BinaryIO:
         """The file for reading. Raises OSError."""
-        return self.path.open("rb", buffering=_SMALL_BUFFER_BYTES)
+        return BufferedReader(open_regular(self.path), _SMALL_BUFFER_BYTES)
 
 
 class Contents:
@@ -235,7 +246,8 @@ class _ProvenReader(RawIOBase):
         return block
 
 
-def _unreadable(path: Path, error: OSError) -> RecordingError:
+def unreadable(path: Path, error: OSError) -> RecordingError:
+    """The error for a file or folder that cannot be read."""
     return RecordingError(f"it cannot be read ({error.strerror or error})", where=path)
 
 

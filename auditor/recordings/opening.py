@@ -10,6 +10,8 @@ from functools import cache
 from pathlib import Path
 
 from auditor.errors import RecordingError
+from auditor.recordings.content import open_regular, unreadable
+from auditor.recordings.formats.bag_metadata import METADATA, lacks_its_files
 from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
 from auditor.recordings.formats.datasets.dgp import DgpReader
 from auditor.recordings.formats.datasets.kitti_360 import Kitti360Reader
@@ -97,7 +99,7 @@ def open_recording(where: Path | Location) -> Recording:
             raise RecordingError(f"it holds {len(within)} recordings", where=path, remedy=f"give {KINDS}")
         return open_recording(within[0])
     except OSError as error:
-        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=location.first) from error
+        raise unreadable(location.first, error) from error
 
 
 def _refuse_empty(path: Path) -> None:
@@ -130,15 +132,15 @@ def find_recordings(paths: Sequence[Path]) -> Found:
     for path in paths:
         try:
             found.update(dict.fromkeys(_recordings_at(path)))
-            for file in _almost_recordings(path) if path not in found else ():
-                if _is_text(file):
-                    notes[file] = None
+            for one in _almost_recordings(path) if path not in found else ():
+                if (overlooked := _overlooked(one)) is None:
+                    notes[one] = None
                 else:
-                    errors[file] = _misnamed(file)
+                    errors[one] = overlooked
         except RecordingError as error:
             errors[path] = error
         except OSError as error:
-            errors[path] = RecordingError(f"it cannot be read ({error.strerror or error})", where=path)
+            errors[path] = unreadable(path, error)
     recordings = []
     for location in _put_together(list(found)):
         try:
@@ -152,8 +154,11 @@ def find_recordings(paths: Sequence[Path]) -> Found:
 
 
 def _almost_recordings(folder: Path) -> Iterator[Path]:
-    """The files below a searched folder that are no recordings by their names, and seem to have been some."""
-    for place, _, names in os.walk(folder):
+    """The files and folders below a searched one that are no recordings by their names, and seem to have been some."""
+    for place, within, names in os.walk(folder):
+        alone = METADATA in names and not within and not any(file_kind(Path(name)) for name in names)
+        if alone and lacks_its_files(Path(place)):
+            yield Path(place)
         for name in sorted(names):
             file = Path(place, name)
             apple_double = name.startswith("._")
@@ -161,9 +166,20 @@ def _almost_recordings(folder: Path) -> Iterator[Path]:
                 yield file
 
 
+def _overlooked(path: Path) -> RecordingError | None:
+    """The error for what seems to have been a recording; None for text beside one."""
+    if path.is_dir():
+        what, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
+        return RecordingError(what, where=path, remedy=remedy)
+    try:
+        return None if _is_text(path) else _misnamed(path)
+    except OSError as error:
+        return unreadable(path, error)
+
+
 def _is_text(file: Path) -> bool:
     """Whether a file begins with text, as no recording does, whole or in part, packed or not. Raises OSError."""
-    with file.open("rb") as opened:
+    with open_regular(file) as opened:
         beginning = opened.read(_TEXT_BYTES)
     decoder = getincrementaldecoder("utf-8")()
     try:

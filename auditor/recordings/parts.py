@@ -69,7 +69,8 @@ class FileSummary:
                 decoder = decoders.of(message.schema, message.encoding)
                 with suppress(DecodingError):
                     if decoder is not None and decoder.kind == "camera_info":
-                        infos.setdefault(message.topic, decoder.camera_info(message))
+                        info = decoder.camera_info(message)
+                        infos |= {} if info.is_blank or message.topic in infos else {message.topic: info}
                     has_transforms |= decoder is not None and decoder.kind == "transforms"
                 if left < 0 or message.log_time_ns > until_ns:
                     break

@@ -1,10 +1,12 @@
 """A LiDAR beside cameras is compared with its last scan on all sides: what no camera sees is found and shown."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from auditor.cli import run
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import localise, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -12,6 +14,9 @@ from auditor.measurement.drawing import damaged_cloud
 from auditor.measurement.frame import MeasuredFrame
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.frames import Frame, PointCloud, Skipped
+from auditor.recordings import write_mcap
+from auditor.store.store import Store
+from auditor.store.tables import read_table
 
 DRIVE = make_drive(7, 3, n_cameras=3, width_px=620, height_px=188)
 ASIDE = np.radians(56)
@@ -64,3 +69,14 @@ def test_it_is_a_solid_without_pixels_and_its_points_are_the_damaged_ones(frames
     damaged = damaged_cloud(beside.cloud, DRIVE.rig, [region])
     assert damaged[-len(BLOCK) :].mean() > 0.9
     assert damaged[: -len(BLOCK)].mean() < 0.01
+
+
+def test_a_store_with_things_that_no_camera_sees_is_as_it_was_written(frames: list[Frame], tmp_path: Path) -> None:
+    write_mcap(tmp_path / "ghost.mcap", DRIVE.rig, [*frames[:-1], ghost(frames[-1])])
+    store = tmp_path / "audit"
+    assert run(["scan", str(tmp_path / "ghost.mcap"), "--store", str(store), "--jobs", "1", "--pictures", "none"]) != 2
+    kept = Store.open(store)
+    [measurement] = kept.measurements()
+    views = read_table("regions", kept.source("regions", measurement.measurement_id), ["view"])
+    assert 0 in views["view"].to_pylist()
+    assert run(["verify", "--store", str(store)]) == 0

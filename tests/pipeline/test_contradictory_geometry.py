@@ -23,6 +23,7 @@ from auditor.recordings.writers import frames as writer
 from auditor.recordings.writers.messages import MessageMaker
 from auditor.store.store import Store
 from tests.making.calibrations import calibrate
+from tests.making.split_drives import CALIBRATION, messages_of, write_messages
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +243,19 @@ def test_points_that_fit_no_image_are_no_attack(drive: RenderedDrive, tmp_path: 
     assert run(["judge", str(tmp_path / "audit"), "--method", "paper"]) == 3
     assert kinds(store) == {VerdictKind.NOT_AUDITABLE: 4}
     assert run(["inspect", str(tmp_path / "feet.mcap")]) == 3
+
+
+def test_a_change_of_the_calibration_is_named_where_nothing_fits_after_it(drive: RenderedDrive, tmp_path: Path) -> None:
+    feet = messages_of(".mcap", drive.rig, with_points(drive, lambda xyz: xyz * 3.28))
+    wider = (replace(camera, projection=np.diag([0.9, 0.9, 1.0]) @ camera.projection) for camera in drive.rig.cameras)
+    other = messages_of(".mcap", replace(drive.rig, cameras=tuple(wider)), drive.frames())
+    begin_ns = min(message.log_time_ns for message in feet)
+    before = [replace(one, log_time_ns=begin_ns - 10**9) for one in other if one.schema in CALIBRATION]
+    path = write_messages(tmp_path / "changed.mcap", [*before, *feet])
+    code, _, withheld = scan(path, tmp_path)
+    assert code == 3
+    assert withheld.startswith("the calibration changes at ")
+    assert "fit the images nowhere" in withheld
 
 
 def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> None:

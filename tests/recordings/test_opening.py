@@ -1,11 +1,14 @@
 import gzip
+import os
 import shutil
+import socket
 from pathlib import Path
 
 import pytest
 
 from auditor.errors import RecordingError
 from auditor.recordings import Location, find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
+from auditor.recordings.content import FileContent
 from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(2)
@@ -65,6 +68,44 @@ def test_files_of_a_searched_folder_that_are_named_almost_like_recordings_are_to
     assert names(found.recordings) == ["two.mcap"]
     assert [error.where for error in found.errors] == [str(path) for path in overlooked]
     assert all("named almost like a recording" in error.what and "rename it" in error.remedy for error in found.errors)
+
+
+@pytest.mark.parametrize("left", ["", "rosbag2_bagfile_information:\n  version: 5\n"])
+def test_a_folder_of_which_only_its_metadata_arrived_is_told_beside_others(
+    fleet: Path, tmp_path: Path, left: str
+) -> None:
+    shutil.copytree(fleet / "c", tmp_path / "whole")
+    for name, text in (("only", left), ("pictures", "license: none\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "metadata.yaml").write_text(text)
+    found = find_recordings([tmp_path])
+    assert names(found.recordings) == ["whole"]
+    [error] = found.errors
+    assert (error.where, error.what) == (
+        str(tmp_path / "only"),
+        "a rosbag2 folder of which only metadata.yaml is there",
+    )
+
+
+def test_a_pipe_or_socket_in_a_folder_is_told_and_nothing_is_read_from_it(fleet: Path, tmp_path: Path) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    pipe, named = tmp_path / "pipe.mcap", tmp_path / "socket.db3"
+    os.mkfifo(pipe)
+    other_end = os.open(pipe, os.O_RDWR)
+    os.write(other_end, b"a" * 4096)
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(named))
+    found = find_recordings([tmp_path])
+    assert names(found.recordings) == ["two.mcap"]
+    assert [error.where for error in found.errors] == [str(pipe), str(named)]
+    assert os.read(other_end, 4097) == b"a" * 4096
+    os.close(other_end)
+
+
+def test_a_pipe_in_place_of_a_dataset_s_file_is_an_error_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "calib.txt")
+    with pytest.raises(RecordingError, match="it is no regular file"):
+        FileContent(tmp_path / "calib.txt")
 
 
 def test_of_a_packed_recording_that_is_not_read_the_command_that_unpacks_it_is_told(

@@ -200,6 +200,54 @@ def test_folders_of_db3_files_of_several_drives_are_several_recordings(tmp_path:
     assert names(found(tmp_path)) == [["run_0.db3"], ["run_1.db3"]]
 
 
+LISTS = (
+    "  relative_file_paths:\n    - drive_0{kind}\n    - 'drive_1{kind}'\n    - \"drive_2{kind}\"\n  version: 4\n",
+    "  relative_file_paths: [log/drive_0{kind}, 'drive_1{kind}',\r\n    ../drive_2{kind}]\r\n",
+    "  relative_file_paths:\n  - drive_0{kind}.zstd\n  - drive_1{kind}.zstd\n  - drive_2{kind}\n",
+)
+
+
+@pytest.mark.parametrize("listed", LISTS)
+@pytest.mark.parametrize("kind", [".db3", ".mcap"])
+def test_a_last_part_that_the_metadata_list_and_that_is_missing_is_told(
+    tmp_path: Path, in_mcap: list[Message], kind: str, listed: str
+) -> None:
+    recorded = in_mcap if kind == ".mcap" else messages_of(kind, RIG, make_frames(RIG, FRAMES))
+    parts = write_parts(tmp_path / "log", kind, recorded, (at(4), at(8)))
+    (tmp_path / "log" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n" + listed.format(kind=kind))
+    assert not damage_of(tmp_path / "log")
+    parts[2].rename(tmp_path / parts[2].name)  # beside the folder, where a name in the list leads
+    assert damage_of(tmp_path / "log") == [f"drive_2{kind} is missing, which metadata.yaml lists"]
+    assert damage_of(parts[0]) == [f"drive_2{kind} is missing, which metadata.yaml lists"]
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [
+        b"relative_file_paths:\n- other_0.mcap\n- other_1.mcap\n",
+        b"relative_file_paths:\n- drive_0.mcap\n- notes.txt\n- &a drive_9.mcap\n",
+        b"relative_file_paths: [drive_0.mcap, drive_9.mcap",
+        b'relative_file_paths:\n- drive_0.mcap\n- "drive_\\x39.mcap"\n',
+        b"relative_file_paths:\n- drive_0.mcap\n- drive_9.mcap\n\xff",
+        b"relative_file_paths:\n- drive_0.mcap\n- drive_9.mcap\n" + b"#" * 2**22,
+        b"relative_file_paths: [" * 2**17,
+        b"",
+    ],
+)
+def test_metadata_of_another_recording_or_of_another_form_change_nothing(
+    tmp_path: Path, in_mcap: list[Message], listed: bytes
+) -> None:
+    write_parts(tmp_path / "log", ".mcap", in_mcap, (at(4),))
+    (tmp_path / "log" / "metadata.yaml").write_bytes(listed)
+    assert damage_of(tmp_path / "log") == []
+
+
+def damage_of(where: Path) -> list[str]:
+    with open_recording(where) as recording:
+        assert list(recording.messages())
+        return [str(piece) for piece in recording.damage]
+
+
 def test_a_missing_part_is_told_and_the_others_are_one_recording(
     tmp_path: Path, suffix: str, recorded: list[Message]
 ) -> None:

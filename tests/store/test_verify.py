@@ -286,17 +286,19 @@ def test_counts_that_no_image_can_give_are_named_and_not_judged(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rig", "box_px", "plausible"),
+    ("rig", "view", "box_px", "plausible"),
     [
-        (several_lidars(ROOF, REAR), (0, 0, 0, 0), True),
-        (several_lidars(ROOF, REAR), (0, 0, 8, 8), False),
-        (make_rig(3), (0, 0, 8, 8), True),
-        (make_rig(3), (0, 0, 0, 0), False),
+        (several_lidars(ROOF, REAR), 1, (0, 0, 0, 0), True),
+        (several_lidars(ROOF, REAR), 1, (0, 0, 8, 8), False),
+        (make_rig(3), 1, (0, 0, 8, 8), True),
+        (make_rig(3), 1, (0, 0, 0, 0), False),
+        (make_rig(3), 0, (0, 0, 0, 0), True),
+        (make_rig(3), 0, (0, 0, 8, 8), False),
     ],
 )
-def test_regions_have_pixels_where_there_are_cameras_and_only_there(tmp_path, rig, box_px, plausible):
+def test_regions_have_pixels_where_a_camera_looks_and_only_there(tmp_path, rig, view, box_px, plausible):
     store, thing = new_store(tmp_path), Solid((8.0, 0.0, 0.0), (2.0, 1.0, 0.1), 0.0)
-    frame = replace(make_measurement(rig, 0), regions=(Region(0, 1, box_px, 0.1, b"", 9, thing),))
+    frame = replace(make_measurement(rig, 0), regions=(Region(0, view, box_px, 0.1, b"", 9, thing),))
     known = add_measurement(store, rig, [frame])
     assert (f"regions/{known}.parquet" not in problems(store)) is plausible
 

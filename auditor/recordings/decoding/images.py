@@ -244,7 +244,8 @@ def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the cla
 def _rows(image: Any, encoding: Encoding, step: int) -> Values:  # noqa: ANN401  # the class is generated
     """The values as (rows, width) or (rows, width, channels), uint8 or uint16; rows begin `step` bytes apart."""
     rows = _row_count(image, encoding)
-    values = np.ascontiguousarray(image.data[: rows * step].reshape(rows, step)[:, : _row_bytes(image, encoding)])
+    size = rows, _row_bytes(image, encoding)
+    values = np.ascontiguousarray(np.ndarray(size, np.uint8, np.ascontiguousarray(image.data), strides=(step, 1)))
     shape = (rows, image.width, encoding.channels) if encoding.channels > 1 else (rows, image.width)
     if encoding.bytes_a_value > 1:
         values = values.view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
@@ -276,11 +277,12 @@ def _row_bytes(image: Any, encoding: Encoding) -> int:  # noqa: ANN401
 def _step_of(image: Any, encoding: Encoding) -> tuple[int, str]:  # noqa: ANN401
     """How many bytes lie from row to row, and what of it had to be put right. Raises DecodingError.
 
-    Drivers leave `step` at 0 or write that of other rows, and others send the whole of a larger buffer. Rows are at
-    most twice as long as their pixels, else the encoding may be wrong; whole rows too many may be a wrong height.
+    Drivers leave `step` at 0 or write that of other rows, and others send the whole of a larger buffer. Those that crop
+    leave out what lies behind the last row. Rows are at most twice as long as their pixels, else the encoding may be
+    wrong; whole rows too many may be a wrong height.
     """
     rows, row_bytes, held = _row_count(image, encoding), _row_bytes(image, encoding), len(image.data)
-    if image.step >= row_bytes and held == rows * image.step:
+    if image.step >= row_bytes and held in {rows * image.step, (rows - 1) * image.step + row_bytes}:
         return image.step, ""
     filling = held // rows if rows and held % rows == 0 else 0
     readings = []

@@ -51,6 +51,11 @@ class CameraInfo:
     region: Region = Region()
     binning: tuple[int, int] = (1, 1)
 
+    @property
+    def is_blank(self) -> bool:
+        """True where nothing is said: drivers publish zeros until they have read their calibration."""
+        return not (self.intrinsics.any() or self.projection.any())
+
 
 @dataclass(frozen=True, eq=False)
 class Transform:

@@ -20,6 +20,7 @@ from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
+from auditor.recordings.formats.bag_metadata import listed_and_missing
 from auditor.recordings.formats.found import Channels, DamageLog, Names, Span, total_traffic
 from auditor.recordings.formats.unpacking import PACKED, Source, kind_of, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
@@ -94,7 +95,8 @@ class FilesRecording(OpenedRecording, ABC):
             for stream in streams
         )
         self._sources = tuple(chain.from_iterable(self._streams))
-        self._missing = tuple(chain.from_iterable(missing_parts(stream) for stream in streams))
+        holes = chain.from_iterable(map(missing_parts, streams))
+        self._missing = tuple(listed_and_missing(tuple(chain.from_iterable(streams)))) or tuple(holes)
         self._unreadable: dict[Source, str] = {}
         self._names = Names()
         self._topics: tuple[Topic, ...] = ()

@@ -23,6 +23,7 @@ from auditor.recordings.rigs.calibrations import (
 )
 from auditor.recordings.rigs.left_out import Reason, first_ones
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
+from auditor.recordings.synchronisation.vehicles import space_of
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
 """kitti2bag writes rectified images as image_raw, with the K and D of the unrectified camera."""
@@ -37,7 +38,10 @@ _BODY_R_OPTICAL = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """An image topic with its calibration; `repairs` are sentences on what of the latter had to be put right."""
+    """An image topic with its calibration; `repairs` are sentences on what of the latter had to be put right.
+
+    `space` is the namespace of its vehicle, where there are several that tf tells apart.
+    """
 
     image: ImageTopic
     info: CameraInfo
@@ -46,6 +50,7 @@ class View:
     info_topic: str = ""
     repairs: tuple[str, ...] = ()
     axes: Axes = Axes.OPTICAL
+    space: str = ""
 
     @property
     def name(self) -> str:
@@ -126,7 +131,8 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
         except RigError as error:
             reasons.append(Reason(f"{image.topic.name}: {error.what}", image.topic.name))
             continue
-        view = _in_known_frame(replace(view, info_topic=topic), in_tf)
+        view = replace(view, info_topic=topic, space=space_of(image.topic.name, survey.spaces))
+        view = _in_known_frame(view, in_tf)
         best.setdefault(topic, replace(view, axes=survey.conventions.axes))
     views = sorted(best.values(), key=lambda view: view.image.topic.name)
     names = (view.name for view in views)

@@ -17,6 +17,7 @@ from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
 from auditor.recordings.recording import Recording
 from auditor.recordings.rigs.calibrations import same_camera_info, same_numbers
 from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.vehicles import info_of, transform_of
 from auditor.safety.budget import MAX_TRANSFORM_BYTES
 
 _STAMP_END = 12
@@ -64,11 +65,13 @@ class Changes:
         self._keys = keys
         self._links = [(key.name.encode(), key.child.encode()) for key in keys if key.kind == "transform"]
         self._decoders = Decoders(recording.definition)
+        self._spaces = survey.spaces
         self._delay_ns = _delay_ns(survey)
         self._values: dict[Key, Value] = {Key("info", t): info for t, info in survey.camera_infos.items()}
         self._values |= {Key("transform", one.parent, one.child): one for one in survey.transforms}
         self._values |= {Key("size", image.topic.name): image.size_px for image in survey.images}
         self._tails: dict[str, bytes] = {}
+        self._begun: set[str] = set()
         self._new_sizes: dict[Key, list[Change]] = {}
         self._found: list[Change] = []
         self.until_ns: int | None = None
@@ -114,14 +117,16 @@ class Changes:
         if decoder.kind == "transforms":
             if not self._may_have_links(message):
                 return
-            for transform in decoder.transforms(message):
+            for found in decoder.transforms(message):
+                transform = transform_of(found, message.topic, self._spaces)
                 key = Key("transform", transform.parent, transform.child)
                 if not transform.problem and self._differs(key, transform):
                     yield Change(message.log_time_ns - self._delay_ns, key, transform)
         elif decoder.kind == "camera_info" and self._is_new(message):
-            info = decoder.camera_info(message)
+            info = info_of(decoder.camera_info(message), message.topic, self._spaces)
             key = Key("info", message.topic)
-            if self._differs(key, info):
+            self._begun |= set() if info.is_blank else {message.topic}
+            if message.topic in self._begun and self._differs(key, info):
                 yield Change(self._time_ns(message, info.header.stamp_ns), key, info)
         elif decoder.kind == "image":
             yield from self._of_size(message, decoder)
@@ -130,7 +135,7 @@ class Changes:
         """False where a message cannot hold a transform that a rig needs: to search names is faster than to decode."""
         if len(message.data) > MAX_TRANSFORM_BYTES:
             return False
-        if message.encoding not in _PLAIN_NAMES:
+        if message.encoding not in _PLAIN_NAMES or self._spaces:
             return True
         data = bytes(message.data)
         return any(parent in data and child in data for parent, child in self._links)

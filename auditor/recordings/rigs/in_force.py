@@ -31,11 +31,12 @@ _MOST_TOPICS = 4  # in one remark
 
 @dataclass(frozen=True, eq=False)
 class RigInForce:
-    """A rig, the calibrations that it was made of, and when they are in force."""
+    """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always."""
 
     rig: Rig
     survey: Survey
     stretches: tuple[Stretch, ...] = WHOLE
+    changes: tuple[str, ...] = ()
 
     @property
     def reads_along(self) -> bool:
@@ -104,6 +105,9 @@ def _repairs(rigs: Sequence[Rig], survey: Survey) -> Iterator[str]:
     for view in find_views(survey, []):
         if view.image.topic.name in topics:
             yield from view.repairs
+            if blank := survey.blank_infos.get(view.info_topic):
+                which = "its first info is" if blank == 1 else f"its first {blank} infos are"
+                yield f"{view.info_topic}: {which} zeros; the next one was taken for all frames before it"
 
 
 def _needs(rig: Rig, survey: Survey) -> Mapping[Key, int]:
@@ -155,6 +159,7 @@ class _Line:
         self._of_lidar_alone = not rig.cameras
         samples = survey.samples(rig.topic(rig.n))
         self._begin_ns = min((sample.time_ns for sample in samples), default=0)
+        self._changes: list[str] = []
         self.remarks: list[str] = []
 
     def in_force(self) -> Iterator[RigInForce]:
@@ -162,7 +167,7 @@ class _Line:
         self._leave_out_the_first_if_it_has_no_frame()
         for rig, stretches in self._stretches.items():
             if stretches:
-                yield RigInForce(rig, self._known[rig], tuple(stretches))
+                yield RigInForce(rig, self._known[rig], tuple(stretches), tuple(self._changes))
 
     def _leave_out_the_first_if_it_has_no_frame(self) -> None:
         """A calibration that changed before the first frame was never in force: the next rig has its stretches."""
@@ -222,7 +227,8 @@ class _Line:
         then = "frames from then on have a rig of their own" if rigs else "frames from then on have no rig"
         if len(rigs) == 1 and len(self._stretches[rigs[0]]) > 0:
             then = "frames from then on have the rig of before"
-        self.remarks.append(f"the calibration changes at {self._at(cluster.first_ns)} ({named}): {then}")
+        self._changes.append(f"{CHANGING} at {self._at(cluster.first_ns)} ({named})")
+        self.remarks.append(f"{self._changes[-1]}: {then}")
 
     def _at(self, time_ns: int) -> str:
         return f"{(time_ns - self._begin_ns) / 1e9:.1f} s"

@@ -16,8 +16,9 @@ from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.calibrations import Axes, Conventions, Positions, Scale, contradicts_size
 from auditor.recordings.rigs.cameras import View, find_views
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.left_out import Reason
+from auditor.recordings.rigs.left_out import Reason, names_of
 from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.vehicles import sharing_frames
 
 MIN_BASELINE_M = 0.005
 
@@ -93,7 +94,7 @@ def _alike(a: View, b: View, frames: FrameTree) -> bool:
 
 def _distinguished(a: View, b: View) -> bool:
     """Without tf only offsets in P show that two cameras belong together."""
-    return _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
+    return a.space == b.space and _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
 
 
 def place(
@@ -119,11 +120,21 @@ def place(
         rotations = [origin_SE3_view[:3, :3].T for origin_SE3_view in by_tf]
     else:
         if len(group) > 1:
-            names = tuple(view.name for view in group)
-            reasons.append(Reason(f"neither P nor tf gives the positions of {', '.join(names)}", others=names))
+            reasons.append(_not_placed(group))
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
     return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
+
+
+def _not_placed(group: Sequence[View]) -> Reason:
+    """Why the positions of a group are not known."""
+    names = tuple(view.name for view in group)
+    spaces = [f"/{one}" for one in sharing_frames((view.image.topic.name, view.frame_id) for view in group)]
+    if not spaces:
+        return Reason(f"neither P nor tf gives the positions of {', '.join(names)}", others=names)
+    what = f"the cameras below {names_of(spaces)} have coordinate frames of the same names, as of several vehicles"
+    remedy = f"record the tf of each below its own name ({spaces[0]}/tf_static), or give a rig file of one (--rig)"
+    return Reason(f"{what}: {remedy}", others=names)
 
 
 class Contradictions(NamedTuple):

@@ -13,7 +13,8 @@ from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.rigs.left_out import AtOnePlace, Reason
 from auditor.recordings.synchronisation.counts import Counts
-from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
+from auditor.recordings.synchronisation.survey import Survey
+from auditor.recordings.synchronisation.vehicles import frame_of, sharing_frames, space_of
 
 _LATE = "it begins behind the beginning, from which rigs are found, or its name has messages of another type as well"
 REMEDY = (
@@ -148,23 +149,24 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     if not outside:
         return
     found, counted = search_rigs(survey), recording.counts
-    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in found.rigs)))
+    spaces = sharing_frames(survey.frames)
+    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in found.rigs)), spaces)
     own = rig is None or rig.rig_id in {one.rig_id for of in found.rigs for one in (of, *pasts_of(of))}
     for topic, kind in outside:
         if own and _is_of_any(topic, found.rigs):
             continue  # it is audited with another rig of this recording
         told = next((why for why in found.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
         why = _why_left_out(topic, kind, rig, found.rigs, told)
-        of_one_sensor = isinstance(told, AtOnePlace) or not compared.isdisjoint(_frames_of(survey, {topic.name}))
+        at_one_place = isinstance(told, AtOnePlace) and not space_of(topic.name, spaces)
+        of_one_sensor = at_one_place or not compared.isdisjoint(_frames_of(survey, {topic.name}, spaces))
         # Who wrote a rig file chose what it leaves out.
         state = TopicState.LEFT_OUT if not own or of_one_sensor else TopicState.NOT_COMPARED
         yield _outside(topic, kind, state, counted.get(topic.name, 0), why)
 
 
-def _frames_of(survey: Survey, topics: Collection[str]) -> set[str]:
-    """The coordinate frames of some topics of sensors: topics of one frame are of one sensor."""
-    sensors: tuple[ImageTopic | CloudTopic, ...] = (*survey.images, *survey.clouds)
-    return {one.frame_id for one in sensors if one.topic.name in topics and one.frame_id}
+def _frames_of(survey: Survey, topics: Collection[str], spaces: Collection[str]) -> set[str]:
+    """The coordinate frames of some topics of sensors: topics of one frame are of one sensor, in each of `spaces`."""
+    return {frame_of(frame, topic, spaces) for topic, frame in survey.frames if topic in topics and frame}
 
 
 def _why_left_out(

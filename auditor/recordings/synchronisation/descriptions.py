@@ -4,7 +4,7 @@ Of transforms the beginning counts: where sensors are mounted, and which frames 
 sensors of packets stands on a topic beside them, is attached to the recording, or lies in the packets.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
@@ -21,6 +21,7 @@ from auditor.recordings.decoding.points.velodyne import calibration_of, names_no
 from auditor.recordings.decoding.ros import RosTypes
 from auditor.recordings.parameters import MOVING_FRAMES
 from auditor.recordings.recording import CarriesCalibrations, Recording, Topic
+from auditor.recordings.synchronisation.vehicles import transform_of
 from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANSFORMS_BYTES
 
 _FIXED_TO_THE_WORLD = frozenset({"map", "odom", "earth"})
@@ -30,7 +31,8 @@ _FIXED_TO_THE_WORLD = frozenset({"map", "odom", "earth"})
 class Mountings:
     """The first transform between each two frames: mountings do not move."""
 
-    def __init__(self) -> None:
+    def __init__(self, spaces: Collection[str] = ()) -> None:
+        self._spaces = spaces
         self._known: dict[tuple[str, str], Transform] = {}
         self._last: dict[tuple[str, str], Transform] = {}
         self._steps: dict[tuple[str, str], int] = {}
@@ -64,7 +66,8 @@ class Mountings:
                 if transform.problem:
                     yield f"{transform.parent} to {transform.child}: {transform.problem}"
                 else:
-                    self._place(transform, static=message.topic.endswith("tf_static"))
+                    own = transform_of(transform, message.topic, self._spaces)
+                    self._place(own, static=message.topic.endswith("tf_static"))
 
     def _place(self, transform: Transform, *, static: bool) -> None:
         link = transform.parent, transform.child

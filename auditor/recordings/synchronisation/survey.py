@@ -1,6 +1,7 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -22,8 +23,7 @@ from auditor.recordings.decoding import (
     decoder_table,
     sensor_types,
 )
-from auditor.recordings.decoding.clouds import check_unit
-from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.interface import CameraInfoDecoder, SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
@@ -32,9 +32,10 @@ from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.calibrations import STANDARD, Conventions
 from auditor.recordings.synchronisation.descriptions import Mountings, completed_by_texts, metadata_of
+from auditor.recordings.synchronisation.first_messages import first_points, first_size_px, thinned
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
+from auditor.recordings.synchronisation.vehicles import frame_of, have_tf_each, info_of, sharing_frames, transform_of
 
-_POINTS_OF_A_CLOUD = 400  # points of each of the first clouds that are kept, evenly chosen: it bounds the work
 _MOST_BYTES = 512 * 2**20  # sensor data that a first look reads: it bounds the work
 _MOST_MESSAGES = 20_000  # messages that a first look reads: it bounds the work
 
@@ -102,7 +103,8 @@ class Survey:
     no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
-    describe the sensors of packets.
+    describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
+    `spaces` are namespaces with frames of their own: see vehicles.
     """
 
     topics: tuple[Topic, ...]
@@ -117,6 +119,14 @@ class Survey:
     conventions: Conventions = STANDARD
     moving: frozenset[tuple[str, str]] = frozenset()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    blank_infos: Mapping[str, int] = field(default_factory=dict)
+    spaces: frozenset[str] = frozenset()
+
+    @property
+    def frames(self) -> list[tuple[str, str]]:
+        """The topics of sensors, each with its coordinate frame."""
+        sensors: tuple[ImageTopic | CloudTopic, ...] = (*self.images, *self.clouds)
+        return [(one.topic.name, one.frame_id) for one in sensors]
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -134,12 +144,16 @@ def survey(recording: Recording, units_m: Mapping[str, float] | None = None) -> 
     It ends as soon as every sensor topic known has given enough stamps and a calibration was seen, at the latest after
     _MOST_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
     """
-    return _Surveyor(recording, units_m).run()
+    found = _Surveyor(recording, units_m).run()
+    spaces = sharing_frames(found.frames)
+    apart = spaces and have_tf_each(spaces, found.topics)
+    return _Surveyor(recording, units_m, spaces).run() if apart else found
 
 
 class _Surveyor:
-    def __init__(self, recording: Recording, units_m: Mapping[str, float] | None) -> None:
+    def __init__(self, recording: Recording, units_m: Mapping[str, float] | None, spaces: Collection[str] = ()) -> None:
         self._recording = recording
+        self._spaces = spaces
         self._metadata = metadata_of(recording)
         self._decoders = Decoders(recording.definition, units_m, self._metadata)
         self._samples: dict[str, list[Sample]] = {}
@@ -148,7 +162,8 @@ class _Surveyor:
         self._some_m: dict[str, list[Points]] = {}
         self._points: dict[str, list[tuple[int, int]]] = {}
         self._infos: dict[str, CameraInfo] = {}
-        self._mountings = Mountings()
+        self._blank_infos = Counter[str]()
+        self._mountings = Mountings(spaces)
         self._described: dict[str, tuple[Transform, ...]] = {}
         self._problems: dict[str, None] = {}
         self._reasons: dict[str, str] = {}
@@ -193,6 +208,8 @@ class _Surveyor:
             unreadable=tuple(self._unreadable()),
             moving=self._mountings.moving(),
             metadata=self._metadata,
+            blank_infos=self._blank_infos,
+            spaces=frozenset(self._spaces),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -250,35 +267,44 @@ class _Surveyor:
                 for problem in self._mountings.take(message, decoder):
                     self._note(f"{message.topic}: {problem}")
             elif decoder.kind == "camera_info":
-                if message.topic not in self._infos:
-                    self._infos[message.topic] = decoder.camera_info(message)
+                self._take_info(message, decoder)
             else:
                 self._take_sensor(message, decoder)
         except DecodingError as error:
             self._reasons.setdefault(message.topic, error.what)
             self._note(f"{message.topic}: {error.what}")
 
+    def _take_info(self, message: Message, decoder: CameraInfoDecoder) -> None:
+        """Take the first camera info of a topic that says something; where none does, a blank one."""
+        before = self._infos.get(message.topic)
+        if before is None or before.is_blank:
+            info = info_of(decoder.camera_info(message), message.topic, self._spaces)
+            self._infos[message.topic] = info
+            self._blank_infos[message.topic] += info.is_blank
+
     def _take_description(self, message: Message) -> None:
         if message.schema == schemas.STRING and message.topic not in self._described:  # a name may have two types
             self._described[message.topic] = ()
             try:
-                self._described[message.topic] = fixed_joints(message, self._decoders.types)
+                joints = fixed_joints(message, self._decoders.types)
+                self._described[message.topic] = tuple(transform_of(j, message.topic, self._spaces) for j in joints)
             except DecodingError as error:
                 self._note(f"{message.topic}: {error.what}")
 
     def _take_sensor(self, message: Message, decoder: ImageDecoder | CloudDecoder) -> None:
         self._bytes += len(message.data)
         header = decoder.header(message)
+        frame_id = frame_of(header.frame_id, message.topic, self._spaces)
         if header.stamp_ns == 0 != message.log_time_ns:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
         sample = Sample(header.stamp_ns, message.log_time_ns)
         self._samples.setdefault(message.topic, []).append(sample)
         self._take_time(message.topic, sample.time_ns)
         if message.topic not in self._sensors:
-            size = _size_px(message, decoder) if decoder.kind == "image" else _points(message, decoder)
+            size = first_size_px(message, decoder) if decoder.kind == "image" else first_points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
-            self._sensors[message.topic] = (topic, header.frame_id, size)
-        elif header.frame_id != self._sensors[message.topic][1]:
+            self._sensors[message.topic] = (topic, frame_id, size)
+        elif frame_id != self._sensors[message.topic][1]:
             self._note(f"{message.topic}: its messages are of several coordinate frames; the place of the first counts")
         if decoder.kind == "cloud":
             self._take_sector(message, decoder)
@@ -294,7 +320,7 @@ class _Surveyor:
             self._points.setdefault(message.topic, []).append((message.log_time_ns, len(xyz_m)))
             some = self._some_m.setdefault(message.topic, [])
             if len(some) < SWEEPS.looked_at:
-                some.append(_thinned(xyz_m, len(some)))
+                some.append(thinned(xyz_m, len(some)))
 
     def _cloud(self, topic: Topic, frame_id: str, points: int) -> CloudTopic:
         samples, sectors = tuple(self._samples[topic.name]), self._sectors_of(topic.name)
@@ -367,23 +393,3 @@ class _Surveyor:
             elif declared is None and topic.schema in sensor_types.UNREAD:
                 kind, remedy = sensor_types.UNREAD[topic.schema]
                 yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
-
-
-def _thinned(xyz_m: Points, number: int) -> Points:
-    """Some of the (N, 3) points of a topic's cloud of a `number`, others than of the one before."""
-    step = max(len(xyz_m) // _POINTS_OF_A_CLOUD, 1)
-    return xyz_m[number * step // SWEEPS.looked_at :: step].copy()
-
-
-def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:
-    """The size of an image that can be decoded. Raises DecodingError."""
-    size_px = decoder.size_px(message)
-    decoder.pixels(message, colour=False, size_px=size_px)
-    return size_px
-
-
-def _points(message: Message, decoder: CloudDecoder) -> int:
-    """How many points a cloud in metres has. Raises DecodingError."""
-    xyz_m = decoder.xyz_m(message)
-    check_unit(xyz_m)
-    return len(xyz_m)

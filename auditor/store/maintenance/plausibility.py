@@ -14,7 +14,7 @@ from auditor.errors import StoreError
 from auditor.model.calibration import PRIOR
 from auditor.model.checks import SIGNED_CHECKS
 from auditor.model.optics.common_view import view_size_px
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 from auditor.store.packs.index import finished_files
 from auditor.store.schema import id_column
 from auditor.store.store import Store
@@ -44,7 +44,7 @@ def implausible(store: Store, measurement_id: str, rig: Rig) -> Iterator[tuple[s
     frames = read_table("frames", store.source("frames", measurement_id), names)
     yield from (("frames", what) for what in _of_frames(frames, width * height))
     yield from (("cells", what) for what in _of_cells(store, measurement_id))
-    regions = read_table("regions", store.source("regions", measurement_id), ["frame", *_EDGES, "share"])
+    regions = read_table("regions", store.source("regions", measurement_id), ["frame", "view", *_EDGES, "share"])
     yield from (("regions", what) for what in _of_regions(regions, width, height))
 
 
@@ -119,10 +119,9 @@ def _bytes_of(column: pa.Array | pa.ChunkedArray) -> tuple[NDArray[np.uint8], ND
 
 def _of_regions(regions: pa.Table, width: int, height: int) -> Iterator[str]:
     left, top, right, bottom = (_flat(regions, name) for name in _EDGES)
-    outside = (left < 0) | (top < 0) | (right > width) | (bottom > height)
-    if width:  # without cameras there are no pixels
-        outside |= (left >= right) | (top >= bottom)
-    if outside.any():
+    in_image = (_flat(regions, "view") > LIDAR) & (width > 0)  # what a LiDAR says has no pixels
+    outside = (left < 0) | (top < 0) | (right > width * in_image) | (bottom > height * in_image)
+    if (outside | (in_image & ((left >= right) | (top >= bottom)))).any():
         yield f"a region lies outside the image of {width} x {height} px"
     if _outside(_flat(regions, "share"), 0, 1):
         yield "share is not within 0 and 1"

@@ -134,6 +134,17 @@ def test_padding_at_the_end_of_rows_is_left_out() -> None:
     assert np.array_equal(pixels(image_message(padded, "mono8")), GREY)
 
 
+@pytest.mark.parametrize("given", [GREY, BGR])
+def test_the_last_row_may_be_without_its_padding_as_of_a_cropped_picture(given: NDArray[np.uint8]) -> None:
+    encoding, rows = ("mono8" if given.ndim == 2 else "bgr8"), given.reshape(48, -1)
+    step = rows.shape[1] + 64
+    padded = np.hstack([rows, np.full((48, 64), 7, np.uint8)]).ravel()[:-64]
+    assert np.array_equal(pixels(image_message(padded, encoding, step=step), colour=given.ndim == 3), given)
+    for wrong in (padded[:-1], padded[:-64]):
+        with pytest.raises(DecodingError, match="holds"):
+            pixels(image_message(wrong, encoding, step=step), size_px=None)
+
+
 @pytest.mark.parametrize(
     "fields",
     [

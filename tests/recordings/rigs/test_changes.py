@@ -179,16 +179,31 @@ def test_calibrations_that_alternate_without_rest_leave_their_time_unaudited(tmp
     assert found.remarks
 
 
-def test_a_change_that_leaves_no_rig_leaves_the_rest_unaudited(tmp_path: Path) -> None:
-    first = messages_of(".mcap", RIG, frames(range(10)))
-    rest = messages_of(".mcap", RIG, frames(range(10, 20)))
-    broken = [
+def without_infos(messages: Iterable[Message]) -> list[Message]:
+    """Messages whose camera infos hold zeros."""
+    return [
         replace(m, data=MAKER.camera_info(np.zeros((3, 4)), 64, 48, m.log_time_ns, m.topic[1:5]))
         if m.schema == schemas.CAMERA_INFO
         else m
-        for m in rest
+        for m in messages
     ]
-    found, there, skipped = seen(write_messages(tmp_path / "a.mcap", [*first, *broken]))
+
+
+@pytest.mark.parametrize(("blank", "said"), [(1, "its first info is zeros"), (3, "its first 3 infos are zeros")])
+def test_infos_of_zeros_before_the_first_other_one_say_nothing(tmp_path: Path, blank: int, said: str) -> None:
+    each = [messages_of(".mcap", RIG, frames([number])) for number in range(10)]
+    first = [without_infos(messages) for messages in each[:blank]]
+    found, there, skipped = seen(write_messages(tmp_path / "a.mcap", chain(*first, *each[blank:])))
+    assert [numbers(one) for one in there] == [[*range(10)]]
+    assert skipped == [[]]
+    assert len(found.remarks) == 2
+    assert all(said in remark for remark in found.remarks)
+
+
+def test_a_change_that_leaves_no_rig_leaves_the_rest_unaudited(tmp_path: Path) -> None:
+    first = messages_of(".mcap", RIG, frames(range(10)))
+    rest = messages_of(".mcap", RIG, frames(range(10, 20)))
+    found, there, skipped = seen(write_messages(tmp_path / "a.mcap", [*first, *without_infos(rest)]))
     assert [numbers(one) for one in there] == [[*range(10)]]
     assert [(item.number, item.reason) for item in skipped[0]] == [(number, NO_RIG) for number in range(10, 20)]
     assert "have no rig" in found.remarks[0]
