@@ -44,6 +44,6 @@ def test_of_two_cameras_one_that_turned_is_named_beside_the_points(some: tuple[R
     rig, [frame] = some
     two = Rig(rig.lidar, tuple(replace(rig.camera(number), number=number - 1) for number in (2, 3)))
     pair = replace(frame, images={number - 1: frame.images[number] for number in (2, 3)})
-    why, _ = withheld(cameras([1], turn=turned(0.3, 0.3, 0.3)), two, [pair])
+    why, _ = withheld(cameras([1], turn=turned(0.25, 0.25, 0.25)), two, [pair])
     names = f"{two.camera(1).name} and {two.camera(2).name}"
     assert re.match(rf"the images of {names} are off by \d\.\d rows, and the points of the LiDAR .* nowhere", why), why
