@@ -8,7 +8,7 @@ from auditor.model.checks.kind import Of
 from auditor.model.verdict import Evidence
 from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render
-from auditor.reporting.incident.timeline import evidence_lines, sensor_scores
+from auditor.reporting.incident.timeline import evidence_lines, sensor_scores, with_evidence
 from tests.making.pages import Page
 from tests.making.report_stores import add_recording, make_rig, new_store
 
@@ -108,6 +108,15 @@ def test_the_largest_z_is_of_the_checks_that_count():
     assert np.array_equal(
         scores, [[NAN, 2, NAN, NAN], [NAN, NAN, NAN, NAN], [NAN, 9, 9, NAN]], equal_nan=True
     )  # one voter that is left speaks of both
+
+
+def test_a_curve_shows_what_the_evidence_of_a_frame_says_where_that_is_more():
+    scores = np.array([[1.0, np.nan, 2.0], [1.0, 5.0, 2.0]])
+    evidence = [
+        [{"i": 1, "k": None, "check_name": "unmatched_light", "score": 9.0}],
+        [{"i": 1, "k": None, "check_name": "added_light", "score": 4.0}],
+    ]
+    np.testing.assert_array_equal(with_evidence(scores, evidence, (0, 1, 2)), [[1, 9, 2], [1, 5, 2]])
 
 
 def test_a_check_of_several_views_counts_once_a_frame():

@@ -18,7 +18,7 @@ from auditor.reporting.incident.contradictions import contradictions, largest_th
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
 from auditor.reporting.incident.provenance import Provenance
-from auditor.reporting.incident.timeline import Measured, Timeline, sensor_scores
+from auditor.reporting.incident.timeline import Measured, Timeline, sensor_scores, with_evidence
 from auditor.reporting.plots import Series
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
@@ -103,6 +103,8 @@ def _measured(
     checks = rig_sensor_checks(audit.rig)[: len(z) // max(len(numbers), 1)]
     missing = [absent.get(number, frozenset()) for number in numbers.tolist()]
     values = sensor_scores(z.reshape(len(numbers), len(checks)), checks, audit.rig.sensors, missing)
+    evidence = {frame["frame"]: frame["evidence"] or () for frame in frames}
+    values = with_evidence(values, [evidence.get(number, ()) for number in numbers.tolist()], audit.rig.sensors)
     return Measured(numbers, values, [Series("S", (sensor,), (), by.limit, "limit") for sensor in audit.rig.sensors])
 
 

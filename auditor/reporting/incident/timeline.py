@@ -41,6 +41,21 @@ def sensor_scores(
     return largest
 
 
+def with_evidence(
+    scores: NDArray[np.float64], evidence: Sequence[Sequence[Mapping[str, Any]]], sensors: Sequence[int]
+) -> NDArray[np.float64]:
+    """(F, S) the scores, or what the evidence of F frames says of a sensor where that is more.
+
+    Where two cameras are attacked each is shown by those that are not, whose votes alone do not count else.
+    """
+    shown, places = scores.copy(), {sensor: place for place, sensor in enumerate(sensors)}
+    for frame, of_frame in enumerate(evidence):
+        for one in of_frame:
+            place = places[one["i"]]
+            shown[frame, place] = np.fmax(shown[frame, place], one["score"])
+    return shown
+
+
 def evidence_lines(evidence: Iterable[Sequence[Mapping[str, Any]]]) -> tuple[EvidenceLine, ...]:
     """The evidence of some frames by sensor and check, the sensor with the largest z first.
 
