@@ -274,7 +274,7 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
 def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet, limit: float) -> float:
     """By how much z the strongest sensor exceeds the next that is not named, or the limit."""
     columns = system.naming(absent)
-    found = zip(z[columns].tolist(), columns, strict=True)
+    found = zip(z[columns].tolist(), columns.tolist(), strict=True)
     known = [(value, system.sensor_checks[c].sensor) for value, c in found if not isnan(value)]
     best = max((value for value, _ in known), default=limit)
     if best <= limit:  # what names no sensor exceeds it alone: what two say of each other

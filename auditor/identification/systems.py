@@ -1,5 +1,6 @@
 """What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -7,11 +8,14 @@ import numpy as np
 
 from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck, counting_checks
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, SensorCheck, counting_checks
 from auditor.model.checks.kind import Counted, Of
 from auditor.model.rig import LIDAR, Triple
 
 _OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
+
+_Find = Callable[[tuple[SensorCheck, ...], frozenset[int]], tuple[int, ...]]
+"""What finds the places of some of a system's checks in a frame without some sensors."""
 
 
 @dataclass(frozen=True)
@@ -62,44 +66,28 @@ class System:
 
         Where only two cameras see a place nobody else votes; that something is wrong there shows all the same.
         """
-        if absent not in self._detecting:
-            self._detecting[absent] = np.array(_detecting(self.sensor_checks, absent), dtype=np.intp)
-        return self._detecting[absent]
-
-    @cached_property
-    def _detecting(self) -> dict[frozenset[int], Indices]:
-        return {}
+        return self._once(_detecting, absent)
 
     def counting(self, absent: frozenset[int]) -> Indices:
         """The checks that count in a frame without these sensors: each of the most voters that are there."""
-        if absent not in self._counting:
-            self._counting[absent] = np.array(counting_checks(self.sensor_checks, absent), dtype=np.intp)
-        return self._counting[absent]
+        return self._once(counting_checks, absent)
 
     def but_one(self, absent: frozenset[int]) -> Indices:
-        """The checks of unmatched light by all cameras but one: light that is alike in two of them cancels out."""
-        if absent not in self._but_one:
-            self._but_one[absent] = np.array(_but_one(self.sensor_checks, absent), dtype=np.intp)
-        return self._but_one[absent]
+        """The checks by all voters but one that find something by them: what is alike in two cameras cancels out."""
+        return self._once(_but_one, absent)
 
-    @cached_property
-    def _but_one(self) -> dict[frozenset[int], Indices]:
-        return {}
+    def naming(self, absent: frozenset[int]) -> Indices:
+        """The checks that count and speak of one sensor."""
+        return self._once(_naming, absent)
 
-    def naming(self, absent: frozenset[int]) -> list[int]:
-        """Those of them that speak of one sensor."""
-        if absent not in self._naming:
-            columns = self.counting(absent).tolist()
-            self._naming[absent] = [column for column in columns if len(self.sensor_checks[column].nameable) == 1]
-        return self._naming[absent]
-
-    @cached_property
-    def _counting(self) -> dict[frozenset[int], Indices]:
+    def _once(self, find: _Find, absent: frozenset[int]) -> Indices:
         """What is asked for every frame is found once: to look up all checks takes longer than the rest."""
-        return {}
+        if (find, absent) not in self._found:
+            self._found[find, absent] = np.array(find(self.sensor_checks, absent), dtype=np.intp)
+        return self._found[find, absent]
 
     @cached_property
-    def _naming(self) -> dict[frozenset[int], list[int]]:
+    def _found(self) -> dict[tuple[_Find, frozenset[int]], Indices]:
         return {}
 
 
@@ -134,15 +122,16 @@ def _detecting(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -
 
 @cache
 def _but_one(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -> tuple[int, ...]:
-    by_all = {
-        one.sensor: len(one.others)
-        for one in (sensor_checks[c] for c in counting_checks(sensor_checks, absent))
-        if one.check is Check.UNMATCHED_LIGHT
-    }
+    counting = (sensor_checks[column] for column in counting_checks(sensor_checks, absent))
+    voters = {(one.check, one.sensor): len(one.others) for one in counting if one.check.kind.by_all_but_one}
     return tuple(
         column
         for column, one in enumerate(sensor_checks)
-        if one.check is Check.UNMATCHED_LIGHT
-        and absent.isdisjoint(one.needed)
-        and FEWEST_VOTERS <= len(one.others) == by_all[one.sensor] - 1
+        if absent.isdisjoint(one.needed)
+        and FEWEST_VOTERS <= len(one.others) == voters.get((one.check, one.sensor), 0) - 1
     )
+
+
+def _naming(sensor_checks: tuple[SensorCheck, ...], absent: frozenset[int]) -> tuple[int, ...]:
+    columns = counting_checks(sensor_checks, absent)
+    return tuple(column for column in columns if len(sensor_checks[column].nameable) == 1)

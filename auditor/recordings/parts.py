@@ -70,7 +70,8 @@ class FileSummary:
                 with suppress(DecodingError):
                     if decoder is not None and decoder.kind == "camera_info":
                         info = decoder.camera_info(message)
-                        infos |= {} if info.is_blank or message.topic in infos else {message.topic: info}
+                        if not info.is_blank:
+                            infos.setdefault(message.topic, info)
                     has_transforms |= decoder is not None and decoder.kind == "transforms"
                 if left < 0 or message.log_time_ns > until_ns:
                     break

@@ -381,6 +381,7 @@ def _read_in(sql: str) -> frozenset[str]:
     return _words(" ".join(_READ.findall(sql)).lower())
 
 
+@cache
 def _words(sql: str) -> frozenset[str]:
     return frozenset(_WORD.findall(sql))
 

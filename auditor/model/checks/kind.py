@@ -84,6 +84,7 @@ class Kind:
     `opposite_of` is the check whose counts it takes, with the other sign. `common`: clean frames exceed limits by it as
     its prior says, so that it makes the limit of all checks together higher; by others they hardly ever do.
     `never_of_two`: two cameras beside others find nothing by it, as where one lacks light the other has some.
+    `by_all_but_one`: a frame is raised as well by what all voters but one say, clearly beyond the limit.
     """
 
     of: Of
@@ -98,3 +99,4 @@ class Kind:
     opposite_of: str = ""
     common: bool = False
     never_of_two: bool = False
+    by_all_but_one: bool = False

@@ -343,6 +343,7 @@ class Check(StrEnum):
             vote=Vote.SMALLEST,
             of_light=True,
             never_of_two=True,
+            by_all_but_one=True,
         ),
     )
     SURROUNDING_CONFLICT = (

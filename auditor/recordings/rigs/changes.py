@@ -125,7 +125,8 @@ class Changes:
         elif decoder.kind == "camera_info" and self._is_new(message):
             info = info_of(decoder.camera_info(message), message.topic, self._spaces)
             key = Key("info", message.topic)
-            self._begun |= set() if info.is_blank else {message.topic}
+            if not info.is_blank:
+                self._begun.add(message.topic)
             if message.topic in self._begun and self._differs(key, info):
                 yield Change(self._time_ns(message, info.header.stamp_ns), key, info)
         elif decoder.kind == "image":

@@ -240,7 +240,8 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
     period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)
     few_ns = few_periods_ns(period_ns)
     clocks = learn_clocks(samples, few_ns)
-    ahead_ns = clocks_ahead_ns(clocks, other_delay_ns(period_ns))
+    other_ns = other_delay_ns(period_ns)
+    ahead_ns = clocks_ahead_ns(clocks, other_ns)
     seen = {
         sensor: [time_ns - ahead_ns.get(sensor, 0) for time_ns in times_of(taken, clocks[sensor], few_ns)]
         for sensor, taken in samples.items()
@@ -256,7 +257,7 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
         tolerance_ns=min(period_ns // SENSOR_TIMING.periods_a_tolerance, SENSOR_TIMING.most_tolerance_ns),
         fast=frozenset(sensor for sensor, own in periods.items() if own < SENSOR_TIMING.fast_share * period_ns),
         remarks=tuple(_other_clock(rig, sensor, by_ns, len(samples[sensor])) for sensor, by_ns in ahead_ns.items()),
-        withheld=_exposures_apart(rig, behind_ns, clocks) or _other_delay(rig, clocks, ahead_ns, period_ns),
+        withheld=_exposures_apart(rig, behind_ns, clocks) or _other_delay(rig, clocks, ahead_ns, other_ns),
     )
 
 
@@ -287,15 +288,15 @@ def _exposures_apart(rig: Rig, behind_ns: Mapping[int, int], clocks: Mapping[int
     return ""
 
 
-def _other_delay(rig: Rig, clocks: Mapping[int, SensorClock], ahead_ns: Mapping[int, int], period_ns: int) -> str:
+def _other_delay(rig: Rig, clocks: Mapping[int, SensorClock], ahead_ns: Mapping[int, int], other_ns: int) -> str:
     """Why a sensor cannot be compared: it is recorded much later than the others, or its clock is another one.
 
     A rig that gives its offset says which it is. Empty where there is no such sensor.
     """
     delays_ns = {sensor: by_ns for sensor, by_ns in _usual_delays_ns(clocks).items() if sensor not in ahead_ns}
-    shared_ns = _shared_ns(delays_ns, other_delay_ns(period_ns))
+    shared_ns = _shared_ns(delays_ns, other_ns)
     for sensor, delay_ns in delays_ns.items():
-        if sensor not in rig.offsets_ns and abs(delay_ns - shared_ns) > other_delay_ns(period_ns):
+        if sensor not in rig.offsets_ns and abs(delay_ns - shared_ns) > other_ns:
             return (
                 f"the stamps of {rig.name(sensor)} lie {_off(delay_ns)} its log times, those of the others "
                 f"{_off(shared_ns)} theirs: its clock is set otherwise, or it is recorded late; put them right, or "
