@@ -139,8 +139,11 @@ def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) 
 
 
 def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Looked:
-    first = [first_frames_of(recording, one, found.withheld) for one in found.rigs]
-    return _Looked(found, first, _health_of(recording, found.rigs, changes))
+    first: dict[str, FirstFrames] = {}
+    for one in found.rigs:
+        larger = (first[rig.rig_id].doubts.withheld for rig in found.larger_than(one) if rig.rig_id in first)
+        first[one.rig.rig_id] = first_frames_of(recording, one, found.withheld or next(filter(None, larger), ""))
+    return _Looked(found, list(first.values()), _health_of(recording, found.rigs, changes))
 
 
 def _health_of(recording: Recording, rigs: Sequence[RigInForce], changes: Changes | None) -> list[Health]:

@@ -273,7 +273,8 @@ class _Measuring:
                 where=recording.path,
                 remedy="; ".join((*why, "see auditor inspect for its topics and sensors")),
             )
-        doubts = doubts_of(recording, self._in_force, self._check, found.withheld, stream)
+        withheld = found.withheld or self._withheld_together(found)
+        doubts = doubts_of(recording, self._in_force, self._check, withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
             rig_id=rig.rig_id,
@@ -304,6 +305,15 @@ class _Measuring:
             writer.commit(replace(record, pose_topics=poses.topics), files)
         if job.task.again:
             remove_counted_earlier(store, known)
+
+
+    def _withheld_together(self, found: RigsInForce) -> str:
+        """Why no verdict may be given on a rig that has all of this one's sensors and more; empty where it may.
+
+        A camera and a LiDAR tell less of their stamps and places than two cameras and the LiDAR do.
+        """
+        store, larger = self._job.store, map(self._job.measurement_id, found.larger_than(self._in_force))
+        return next((why for one in larger if store.has_measurement(one) and (why := store.measurement(one).withheld)), "")
 
 
 def unmasked_statistics(

@@ -272,6 +272,24 @@ def test_a_lidar_that_is_stamped_a_period_early_is_no_attack(tmp_path: Path) -> 
     assert set(kinds(store)) == {VerdictKind.NOT_AUDITABLE}
 
 
+def test_what_withholds_verdicts_of_two_cameras_does_so_of_each_alone(
+    drive: RenderedDrive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two = replace(drive.rig, cameras=(replace(drive.rig.camera(1), number=1), replace(drive.rig.camera(3), number=2)))
+    frames = [
+        replace(frame, images={1: frame.images[1], 2: replace(frame.images[3], sensor=2)}, presence={})
+        for frame in with_points(drive, lambda xyz: xyz * 3.28)
+    ]
+    write_mcap(tmp_path / "feet.mcap", two, frames)
+    assert run(["scan", str(tmp_path / "feet.mcap"), "--store", str(tmp_path / "audit"), "--jobs", "1"]) == 3
+    whys = {one.withheld for one in Store.open(tmp_path / "audit").measurements()}
+    assert len(list(Store.open(tmp_path / "audit").measurements())) == 3
+    assert len(whys) == 1 and "fit the images nowhere" in (whys.pop() or "")
+    capsys.readouterr()
+    assert run(["inspect", str(tmp_path / "feet.mcap")]) == 3
+    assert capsys.readouterr().out.count("verdicts are withheld") == 3
+
+
 def test_points_without_the_ground_withhold_verdicts(drive: RenderedDrive, tmp_path: Path) -> None:
     write_mcap(tmp_path / "obstacles.mcap", drive.rig, with_points(drive, lambda xyz: xyz[xyz[:, 2] > -1.4]))
     code, store, withheld = scan(tmp_path / "obstacles.mcap", tmp_path)

@@ -57,6 +57,12 @@ class RigsInForce(NamedTuple):
     remarks: tuple[str, ...] = ()
     withheld: str = ""
 
+    def larger_than(self, one: RigInForce) -> Iterator[Rig]:
+        """The rigs that have all sensors of one of them, and more, when it is in force."""
+        topics = {*map(one.rig.topic, one.rig.sensors)}
+        at_once = (other.rig for other in self.rigs if other.stretches == one.stretches)
+        return (rig for rig in at_once if topics < {*map(rig.topic, rig.sensors)})
+
 
 def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
     """The rigs of a recording's beginning, and those that come into force later. The recording is read through.
