@@ -39,16 +39,16 @@ if TYPE_CHECKING:
         PointCloud,
         Presence,
         SensorState,
-        Skipped,
+        SkippedFrame,
     )
     from auditor.model.measurement import Counts, Coverage, Measurement, Statistic
     from auditor.model.rig import LIDAR, Camera, Lidar, Rig, Triple
     from auditor.model.verdict import AttackLabel, Method, Verdict, VerdictKind
     from auditor.pipeline.asking import OpenedStore, open_store, query
-    from auditor.pipeline.judged import Judged
+    from auditor.pipeline.judged import JudgeResult
     from auditor.pipeline.library import (
-        Calibrated,
-        Scanned,
+        CalibrationResult,
+        ScanResult,
         calibrate,
         find_rigs,
         judge,
@@ -69,8 +69,8 @@ __all__ = [
     "LIDAR",
     "AttackLabel",
     "AuditorError",
-    "Calibrated",
     "Calibration",
+    "CalibrationResult",
     "Camera",
     "CameraImage",
     "Counts",
@@ -79,7 +79,7 @@ __all__ = [
     "DecodingError",
     "Frame",
     "FrameStream",
-    "Judged",
+    "JudgeResult",
     "Lidar",
     "LimitError",
     "Matcher",
@@ -96,10 +96,10 @@ __all__ = [
     "RecordingError",
     "Rig",
     "RigError",
-    "Scanned",
+    "ScanResult",
     "SensorState",
     "SettingError",
-    "Skipped",
+    "SkippedFrame",
     "Statistic",
     "Store",
     "StoreError",
@@ -129,13 +129,14 @@ _HOMES = {
     "ThresholdsError",
     "measurement.disparity.matchers": "Matcher MatcherOptions",
     "model.calibration": "Calibration",
-    "model.frames": "CameraImage Frame Message PointCloud Presence SensorState Skipped",
+    "model.frames": "CameraImage Frame Message PointCloud Presence SensorState SkippedFrame",
     "model.measurement": "Counts Coverage Measurement Statistic",
     "model.rig": "LIDAR Camera Lidar Rig Triple",
     "model.verdict": "AttackLabel Method Verdict VerdictKind",
     "pipeline.asking": "OpenedStore open_store query",
-    "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording scan synchronise",
-    "pipeline.judged": "Judged",
+    "pipeline.library": "CalibrationResult ScanResult calibrate find_rigs judge measure open_recording scan "
+    "synchronise",
+    "pipeline.judged": "JudgeResult",
     "recordings": "Damage FrameStream Reader Recording Topic",
     "reporting.incident.render": "render_incident_report",
     "store.export": "rows_of",

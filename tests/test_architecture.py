@@ -5,6 +5,8 @@ them; `__init__` and `__main__` are its two doors and none.
 """
 
 import ast
+import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -33,6 +35,11 @@ MOST_LEVELS = 6
 MOST_FILES = 20  # in a folder, the verbs of the command line apart
 MOST_LINES = 400
 MEDIAN_FUNCTION_LINES = 8
+
+PARTICIPLE = re.compile(
+    "_?([A-Z][a-z]*ed|Chosen|Drawn|Found|Given|Held|Kept|Known|Lost|Made|Met|Seen|Shown|Told|Written)"
+)
+"""A name of one word that says what became of a thing, and not what it is."""
 
 HOMES = {
     "torch": (
@@ -216,6 +223,12 @@ def test_folders_modules_and_functions_are_small() -> None:
     assert not [f"{place(path)}: {count} lines" for path, count in lines.items() if count > MOST_LINES]
     functions = [node for path in paths for node in nodes(path) if isinstance(node, ast.FunctionDef)]
     assert median(node.end_lineno - node.lineno + 1 for node in functions) <= MEDIAN_FUNCTION_LINES
+
+
+def test_a_name_of_a_class_is_a_thing_and_has_one_owner() -> None:
+    defined = [node.name for path in modules().values() for node in nodes(path) if isinstance(node, ast.ClassDef)]
+    assert [name for name, count in Counter(defined).items() if count > 1 and not name.startswith("_")] == []
+    assert [name for name in defined if PARTICIPLE.fullmatch(name)] == []
 
 
 def test_processes_start_in_one_place_and_are_forked_in_one() -> None:

@@ -21,7 +21,7 @@ from auditor.pipeline.remote.spool import Spool
 from auditor.pipeline.workers import LimitsOf, run_within
 from auditor.reporting.incident.examples import ShownExample, ShownPicture, in_order
 from auditor.reporting.incident.incident import Incident
-from auditor.reporting.incident.loading import Incidents, OneIncident
+from auditor.reporting.incident.loading import IncidentList, OneIncident
 from auditor.reporting.incident.render import render_one
 from auditor.reporting.templates import fill
 from auditor.store.export import as_json, encode, with_texts
@@ -66,7 +66,7 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
     written. A recording that is gone or is another by now is no error: the case says what it lacks for that.
     """
     # a redacted page has no pictures of its own: those in the folder are blurred
-    incidents = Incidents(store, Pictures.NONE if settings.redact else Pictures.INCIDENTS)
+    incidents = IncidentList(store, Pictures.NONE if settings.redact else Pictures.INCIDENTS)
     incident = Incident(store, incident_called(store, incidents.rows, beginning))
     redaction = Redaction.of_store(store) if settings.redact else NO_REDACTION
     with new_folder(into) as folder:

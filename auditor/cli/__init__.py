@@ -131,7 +131,7 @@ def auditor(context: click.Context, config: Path | None, log_format: str) -> Non
         say(f"{FILE} in this folder is not read, as it may be of strangers: --config {FILE} reads it")
 
 
-class _Ended(BaseException):
+class _Termination(BaseException):
     """SIGTERM has come; like KeyboardInterrupt it is nothing that a verb may catch."""
 
 
@@ -141,7 +141,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with _heeding_sigterm():
             return _run(given)
-    except _Ended:
+    except _Termination:
         tell(f"auditor: ended by SIGTERM{_going_on(given)}", Level.ERROR)
         return Exit.ENDED
     except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
@@ -186,7 +186,7 @@ def _heeding_sigterm() -> Iterator[None]:
 
     def end(_: int, __: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one must not break into what the first one ends
-        raise _Ended
+        raise _Termination
 
     before = signal.signal(signal.SIGTERM, end)
     try:

@@ -10,9 +10,9 @@ from auditor.model.text import first_few
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
     from auditor.identification.systems import System
-    from auditor.model.calibration import Calibration, Expected, RobustThresholds
+    from auditor.model.calibration import Calibration, NullDistribution, RobustThresholds
     from auditor.pipeline.calibrations.making import MadeCalibration
-    from auditor.pipeline.calibrations.versions import Kept
+    from auditor.pipeline.calibrations.versions import CalibrationEntry
     from auditor.store.store import Store
 
 _MOST_ROWS = 20
@@ -66,7 +66,7 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
     print_rows(shown, _PAPER_COLUMNS)
 
 
-def show_left_out(kept: "Kept", r: Decimal, form: str) -> None:
+def show_left_out(kept: "CalibrationEntry", r: Decimal, form: str) -> None:
     """How many frames of each clean recording are not clean by thresholds of the others."""
     robust, paper = kept.left_out, kept.left_out_by_paper
     names = {one.recording_id: one.name for one in kept.version.included}
@@ -110,7 +110,7 @@ def _sensor_checks(thresholds: "RobustThresholds", system: "System") -> "list[di
     ]
 
 
-def _statistic(expected: "Expected", z: float) -> float:
+def _statistic(expected: "NullDistribution", z: float) -> float:
     """The statistic that has this z: at 0 what is expected, at the limit the threshold."""
     from auditor.identification.prior import statistic_at  # noqa: PLC0415 - NumPy is heavy
 

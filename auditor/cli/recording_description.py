@@ -42,7 +42,7 @@ from auditor.recordings import (
     write_rig,
 )
 from auditor.reporting.rig_picture import rig_picture
-from auditor.reporting.rig_plan import PlacedRig, Unused
+from auditor.reporting.rig_plan import PlacedRig, UnusedLidar
 
 
 def describe(
@@ -62,7 +62,7 @@ def describe(
     """
     with open_recording(where) as recording:
         surveyed = survey(recording)
-        looked = _Looked(RigsInForce(()), [], [])
+        looked = _Inspection(RigsInForce(()), [], [])
         missing = ""
         try:
             looked = _looked_through(recording, surveyed, shown)
@@ -112,11 +112,11 @@ def _picture(surveyed: Survey, rigs: Sequence[Rig], no_sensors: Collection[str])
     placed = [
         PlacedRig(rig, place) for rig, place in zip(rigs, rig_places(surveyed, rigs), strict=True) if place is not None
     ]
-    unused = [Unused(name, at) for name, at in unused_lidars(surveyed, rigs, no_sensors).items()]
+    unused = [UnusedLidar(name, at) for name, at in unused_lidars(surveyed, rigs, no_sensors).items()]
     return rig_picture(placed, unused)
 
 
-class _Looked(NamedTuple):
+class _Inspection(NamedTuple):
     """The rigs of a recording, and what each shows: its first frames, and the health of its sensors."""
 
     found: RigsInForce
@@ -124,7 +124,7 @@ class _Looked(NamedTuple):
     health: list[Health]
 
 
-def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) -> _Looked:
+def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) -> _Inspection:
     """Look at all frames, by the last read of the recording; calibrations that change are found meanwhile.
 
     Raises RigError.
@@ -138,12 +138,12 @@ def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) 
     return _looked_by(recording, rigs_through(recording, surveyed, shown))
 
 
-def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Looked:
+def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Inspection:
     first: dict[str, FirstFrames] = {}
     for one in found.rigs:
         larger = (first[rig.rig_id].doubts.withheld for rig in found.larger_than(one) if rig.rig_id in first)
         first[one.rig.rig_id] = first_frames_of(recording, one, found.withheld or next(filter(None, larger), ""))
-    return _Looked(found, list(first.values()), _health_of(recording, found.rigs, changes))
+    return _Inspection(found, list(first.values()), _health_of(recording, found.rigs, changes))
 
 
 def _health_of(recording: Recording, rigs: Sequence[RigInForce], changes: Changes | None) -> list[Health]:

@@ -12,9 +12,9 @@ from auditor.model.text import first_few, storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.judged import Judged
+    from auditor.pipeline.judged import JudgeResult
     from auditor.pipeline.many import Batch
-    from auditor.pipeline.measured import Measured
+    from auditor.pipeline.measured import MeasureResult
     from auditor.pipeline.scan import Scan
     from auditor.store.export import Table
     from auditor.store.records import StoredJudgement
@@ -88,7 +88,7 @@ def _say_remote(batch: "Batch") -> None:
         say(f"{_count(len(sizes))} of {sum(sizes) / 1e6:.0f} MB on object stores: copied while they are read, {room}")
 
 
-def show_unjudged(measured: "Sequence[Measured]", tally: Tally) -> None:
+def show_unjudged(measured: "Sequence[MeasureResult]", tally: Tally) -> None:
     """Say that recordings were measured only."""
     if measured:
         say("measured only: no verdicts were reached; auditor judge reaches them")
@@ -105,7 +105,7 @@ def show_shard(shard: str, scan: "Scan", tally: Tally) -> None:
     tally.audited |= bool(scan.measured)
 
 
-def show_judging(results: "Iterable[Judged]", store: "Store | None", tally: Tally) -> "list[Judged]":
+def show_judging(results: "Iterable[JudgeResult]", store: "Store | None", tally: Tally) -> "list[JudgeResult]":
     """Print what could not be judged or not fully audited, and why; return what became of each measurement that counts.
 
     Where another recording holds every frame of one, that one counts, and what is found in it.
@@ -145,7 +145,7 @@ def show_audit(
     store: "Store | None",
     form: str,
     tally: Tally,
-    judged: "Sequence[Judged] | None" = None,
+    judged: "Sequence[JudgeResult] | None" = None,
     *,
     show_known: bool = True,
 ) -> None:
@@ -185,7 +185,7 @@ def show_audit(
         _show_json(rows, incidents, tally)
 
 
-def _with_provenance(rows: "Sequence[Mapping[str, Any]]", judged: "Sequence[Judged]") -> list[dict[str, Any]]:
+def _with_provenance(rows: "Sequence[Mapping[str, Any]]", judged: "Sequence[JudgeResult]") -> list[dict[str, Any]]:
     """The rows with what each was judged `by`: as `judged` says, else the prior or what was learnt."""
     by = {result.measurement_id: result.by for result in judged}
     return [{**row, "by": by.get(row["measurement_id"]) or _provenance(row["calibration_id"])} for row in rows]
@@ -279,7 +279,7 @@ def _say_once(remarks: Remarks) -> None:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({first_few(names, _MOST_NAMED)}): {remark}")
 
 
-def _asked(store: "Store", judged: "Sequence[Judged]", *, show_known: bool) -> "Store":
+def _asked(store: "Store", judged: "Sequence[JudgeResult]", *, show_known: bool) -> "Store":
     """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said.
 
     It is shown itself where nothing was judged now and `show_known`.

@@ -75,7 +75,7 @@ def bounds_nearby(stamps_ns: Integers, runs: Integers) -> tuple[Indices, Indices
     return first, end
 
 
-class Seen(NamedTuple):
+class CameraScores(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
@@ -138,7 +138,7 @@ def seen_of(
     system: System,
     brightness: Mapping[tuple[str, int], float],
     nearby: Nearby | None = None,
-) -> dict[int, Seen]:
+) -> dict[int, CameraScores]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
     `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are
@@ -163,11 +163,11 @@ def seen_of(
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
             most = float(np.fmax.reduce(unpredicted))
-            found[sensor] = Seen(*own_z, darker, saturated, coloured, striped, most, *lasting)
+            found[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting)
     return found
 
 
-def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
+def of_lens(seen: Mapping[int, CameraScores]) -> tuple[FaultHypothesis, ...]:
     """The cameras of which dirt, drops or glare on the lens are likelier than light that was thrown into them.
 
     Glare adds light, and what is seen is the same; dirt and drops take light away, or show something else.
@@ -181,7 +181,7 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     return tuple(found)
 
 
-def by_tone(seen: Seen) -> bool:
+def by_tone(seen: CameraScores) -> bool:
     """Whether an exposure or a white balance may be all that changed: a facula adds light, and changes what is seen.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a

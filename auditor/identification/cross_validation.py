@@ -16,7 +16,7 @@ from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.robust import clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, thresholds_from
 from auditor.identification.systems import System
-from auditor.identification.thresholds import BELOW_EVERY_ERROR, Largest, Ordered, checked, threshold_rank
+from auditor.identification.thresholds import BELOW_EVERY_ERROR, Largest, LargestValues, checked, threshold_rank
 from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
@@ -126,7 +126,7 @@ class CleanErrors:
             self._of(triple).join(largest, len(self.recordings))
         self.recordings += later.recordings
 
-    def ordered(self) -> dict[Triple, Ordered]:
+    def ordered(self) -> dict[Triple, LargestValues]:
         """The largest E in ascending order, by triple."""
         return {triple: largest.ordered(len(self.recordings)) for triple, largest in self._largest.items()}
 

@@ -59,7 +59,7 @@ class DailyLevels:
 
 
 @dataclass(frozen=True)
-class Change:
+class LevelShift:
     """A level that changed: it was `before` until the day `after_day`, and is `now` from `on_day`, the next with data.
 
     `chance` is how likely as large a change is somewhere in a fleet without drift.
@@ -87,7 +87,7 @@ class Drift:
     deviation: float
     per_day: float
     chance: float
-    changes: tuple[Change, ...]
+    changes: tuple[LevelShift, ...]
 
     @property
     def trending(self) -> bool:
@@ -109,7 +109,7 @@ class Drift:
 
 
 @dataclass(frozen=True, eq=False)
-class _Adjusted:
+class _AdjustedLevels:
     """Levels without what the fleet shares: `own` (K,) about 0, with the `deviation` of a day by chance.
 
     `score` (K,) is as unusual as the same number of a standard normal variable, extremes drawn in.
@@ -126,7 +126,9 @@ def drifts(comparisons: Sequence[DailyLevels], least: Callable[[str], float]) ->
 
     `least` gives by check the smallest deviation that is believed: less is not worth a visit to a workshop.
     """
-    measured = [_Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= 2 * _FEWEST_OF_STRETCH]
+    measured = [
+        _AdjustedLevels(one, one.level, one.level) for one in comparisons if len(one.day) >= 2 * _FEWEST_OF_STRETCH
+    ]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least(some[0].levels.name.check)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
@@ -135,17 +137,17 @@ def drifts(comparisons: Sequence[DailyLevels], least: Callable[[str], float]) ->
 
 
 def _each(
-    series: Sequence[_Adjusted],
+    series: Sequence[_AdjustedLevels],
     parts: Callable[[SeriesName], Any],
-    change: Callable[[Sequence[_Adjusted]], Iterator[_Adjusted]],
-) -> list[_Adjusted]:
+    change: Callable[[Sequence[_AdjustedLevels]], Iterator[_AdjustedLevels]],
+) -> list[_AdjustedLevels]:
     """What becomes of series in groups that share parts of their names."""
     ordered = sorted(series, key=lambda one: (parts(one.levels.name), one.levels.name))
     groups = groupby(ordered, lambda one: parts(one.levels.name))
     return [found for _, group in groups for found in change(list(group))]
 
 
-def _without_the_fleet(series: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
+def _without_the_fleet(series: Sequence[_AdjustedLevels]) -> Iterator[_AdjustedLevels]:
     """Each series about its own median, less the median of the fleet on days on which enough vehicles drove."""
     days = np.unique(np.concatenate([one.levels.day for one in series]))
     centred = np.full((len(series), len(days)), np.nan)
@@ -160,7 +162,7 @@ def _without_the_fleet(series: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
         yield replace(one, own=residual - np.median(residual))
 
 
-def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
+def _of_sensors(comparisons: Sequence[_AdjustedLevels]) -> Iterator[_AdjustedLevels]:
     """The series of each sensor: its own level moves as far as all of its comparisons do, the same way.
 
     Where a camera turns, its pairs with all others change; of another camera one pair does, and the rest do not. Two
@@ -181,7 +183,7 @@ def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
         name = mine[0].levels.name._replace(sensors=(sensor,))
         # What moves as little as the least of several differs by chance no more than any of them.
         deviation = min(one.deviation for one in mine)
-        yield _Adjusted(DailyLevels(name, signed=False, day=day, level=level), own, score, deviation)
+        yield _AdjustedLevels(DailyLevels(name, signed=False, day=day, level=level), own, score, deviation)
 
 
 def _least(values: Floats) -> Floats:
@@ -190,7 +192,7 @@ def _least(values: Floats) -> Floats:
     return np.asarray(np.where(alike, np.sign(values[0]) * np.min(np.abs(values), axis=0), 0.0))
 
 
-def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
+def _noisy(series: Sequence[_AdjustedLevels], least: float) -> Iterator[_AdjustedLevels]:
     """The series of a check with the deviation of a day, which they learn from each other.
 
     Sensors differ: days that have two levels in one of them are rough, and those of the others are not. So the tails
@@ -199,7 +201,7 @@ def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
     """
     tiny = float(np.finfo(np.float64).tiny)
     typical = _typical(series)
-    by_sensors: dict[tuple[int, ...], list[_Adjusted]] = defaultdict(list)
+    by_sensors: dict[tuple[int, ...], list[_AdjustedLevels]] = defaultdict(list)
     for one in series:
         by_sensors[one.levels.name.sensors].append(one)
     alike = {sensors: some for sensors, some in by_sensors.items() if len(some) >= _FEWEST_VEHICLES}
@@ -220,7 +222,7 @@ def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
         yield replace(one, score=score / wider, deviation=deviation * wider)
 
 
-def _typical(series: Sequence[_Adjusted]) -> float:
+def _typical(series: Sequence[_AdjustedLevels]) -> float:
     """The deviation of a day in these series together."""
     pooled = np.concatenate([one.own for one in series])
     return _spread(pooled) * (1 + DRIFT.margin / sqrt(len(pooled)))
@@ -232,7 +234,7 @@ def _tails(standard: Sequence[Floats]) -> Floats:
 
 
 def _tails_of_others(
-    series: Sequence[_Adjusted], standard: Mapping[SeriesName, Floats]
+    series: Sequence[_AdjustedLevels], standard: Mapping[SeriesName, Floats]
 ) -> Iterator[tuple[SeriesName, Floats]]:
     """By series the quantiles of all days of the others together, in so many parts of the vehicles.
 
@@ -299,7 +301,7 @@ def _slope_score(day: Integers, scores: Floats) -> float:
     return float(apart @ scores) / sqrt(float(apart @ apart))
 
 
-def _drift(one: _Adjusted, tests: float) -> Drift:
+def _drift(one: _AdjustedLevels, tests: float) -> Drift:
     day, level = one.levels.day, one.levels.level
     cuts = _cuts(one, 0, len(day), tests)
     places = sorted(cuts)
@@ -315,7 +317,7 @@ def _drift(one: _Adjusted, tests: float) -> Drift:
         per_day=_slope(day[last], one.own[last]),
         chance=min(erfc(steep / sqrt(2)) * tests * searched, 1.0),
         changes=tuple(
-            Change(
+            LevelShift(
                 after_day=int(day[cut - 1]),
                 on_day=int(day[cut]),
                 before=float(np.median(level[start:cut][-DRIFT.days_beside :])),
@@ -327,7 +329,7 @@ def _drift(one: _Adjusted, tests: float) -> Drift:
     )
 
 
-def _cuts(one: _Adjusted, start: int, end: int, tests: float) -> dict[int, float]:
+def _cuts(one: _AdjustedLevels, start: int, end: int, tests: float) -> dict[int, float]:
     """Where a stretch is cut in two, and these again, each with its chance: two lines fit far better than one.
 
     Where no line changes, the squared error that a cut saves is chi-squared with two degrees of freedom.

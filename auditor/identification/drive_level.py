@@ -21,7 +21,7 @@ from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import effective_size, log_odds, prior_of_check
 from auditor.identification.statistics import stretch_medians
 from auditor.model.arrays import Floats, Integers, quantile_of
-from auditor.model.calibration import CleanFrames, Expected, RobustThresholds
+from auditor.model.calibration import CleanFrames, NullDistribution, RobustThresholds
 from auditor.model.checks import SensorCheck
 from auditor.model.checks.kind import Of
 
@@ -124,8 +124,8 @@ def _others_of(check: SensorCheck) -> tuple[SensorCheck, ...]:
 
 
 def of_drive(
-    usual: Expected, own: OwnLevel | None, limit: float, tail: float = 1.0, group: float | None = None
-) -> Expected:
+    usual: NullDistribution, own: OwnLevel | None, limit: float, tail: float = 1.0, group: float | None = None
+) -> NullDistribution:
     """What is expected of the frames of the drive that is judged.
 
     Its level shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
@@ -153,6 +153,6 @@ def of_drive(
     return _no_farther(usual, usual.mean + learnt * (own.level - usual.mean), deviation, limit)
 
 
-def _no_farther(usual: Expected, mean: float, deviation: float, limit: float) -> Expected:
+def _no_farther(usual: NullDistribution, mean: float, deviation: float, limit: float) -> NullDistribution:
     """Another mean and deviation, by which no more is needed for a finding than is usual."""
     return replace(usual, mean=min(mean, usual.mean + limit * (usual.deviation - deviation)), deviation=deviation)

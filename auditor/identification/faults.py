@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.identification.causes import ENOUGH, Seen, by_tone, of_aerosol, of_lens, strongest_of
+from auditor.identification.causes import ENOUGH, CameraScores, by_tone, of_aerosol, of_lens, strongest_of
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
@@ -17,7 +17,7 @@ from auditor.identification.parameters import (
 )
 from auditor.identification.statistics import measured_medians, window_maxima, window_means
 from auditor.model.arrays import Flags, Floats, Integers
-from auditor.model.calibration import Scale
+from auditor.model.calibration import ThetaScale
 from auditor.model.checks import DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair
 from auditor.model.fault_features import ObservedFeatures, relative_excess
 from auditor.model.rig import LIDAR
@@ -101,7 +101,7 @@ def fault_scores(
 
 
 def fault_hypotheses(
-    scores: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Scale]
+    scores: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, ThetaScale]
 ) -> list[tuple[FaultHypothesis, ...]]:
     """The fault hypotheses of each frame, the likeliest first, from (F,) fault scores.
 
@@ -125,7 +125,7 @@ def fault_hypotheses(
 
 
 def weigh(
-    verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float, seen: Mapping[int, Seen] | None = None
+    verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float, seen: Mapping[int, CameraScores] | None = None
 ) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
@@ -157,7 +157,7 @@ def z_of(hypothesis: FaultHypothesis) -> float:
 
 
 def _explaining(
-    causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, Seen]
+    causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, CameraScores]
 ) -> Iterator[bool]:
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
     for one in causes:
@@ -276,7 +276,7 @@ def _medians(values: Floats) -> Floats:
     return medians
 
 
-def _unusual(cause: Cause, scores: Floats, scale: Scale | None) -> Floats:
+def _unusual(cause: Cause, scores: Floats, scale: ThetaScale | None) -> Floats:
     """The scores, or how far they are from what is usual; far brighter than usual a camera is dazzled, not exposed."""
     if scale is None or scale.usual is None:
         return scores

@@ -34,7 +34,7 @@ LARGEST_RATIO = float(np.log(LIKELIHOOD.clean_worth))
 """The logarithm of the largest likelihood ratio that is said."""
 
 
-class Explained(NamedTuple):
+class AttackSetScores(NamedTuple):
     """What F frames show of an attack set.
 
     `own` are (F,) by sensor of the set: its largest z by the votes of sensors outside the set, -inf where they have not
@@ -72,12 +72,12 @@ def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int,
     return tuple(sorted(sorted(present, key=lambda sensor: -largest[sensor])[:_SUSPECTS]))
 
 
-def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Explained:
+def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> AttackSetScores:
     """What frames of scores (F, M) without these sensors show of an attack set."""
     gone = absent.union(attacked)
     own = {s: _largest(z, of_sensor(system, gone - {s}, s), -np.inf) for s in attacked}
     rest, usual = _rest(system, gone)
-    return Explained(own, _largest(z, rest) - usual)
+    return AttackSetScores(own, _largest(z, rest) - usual)
 
 
 def log_likelihood_ratios(z: Floats, system: System, absent: frozenset[int], sets: Sequence[AttackSet]) -> Floats:
@@ -104,7 +104,7 @@ def _prior(size: int, sensors: int) -> float:
     return LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size) if size else 1.0
 
 
-def _log_likelihood(seen: Explained, lidars: Collection[int]) -> Floats:
+def _log_likelihood(seen: AttackSetScores, lidars: Collection[int]) -> Floats:
     """(F,) the logarithm of a set's likelihood, but for what all sets of a frame have in common.
 
     Several sensors explain nothing where one of them has no vote: a smaller set says as much.

@@ -46,7 +46,7 @@ _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it inve
 
 
 @dataclass(frozen=True)
-class _Explained:
+class _Explanation:
     """What explains one frame that is a finding.
 
     `likely` are the attack sets and their probabilities, the likeliest first, () being no attack; empty where too few
@@ -176,10 +176,10 @@ def _rows(flags: Flags) -> Iterator[bytes]:
     return (content[frame * width : (frame + 1) * width] for frame in range(frames))
 
 
-def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explained]:
+def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explanation]:
     """What explains each of F frames of scores (F, M)."""
     suspects = [suspects_of(one, system, absent) for one in z]
-    found: list[_Explained | None] = [None] * len(z)
+    found: list[_Explanation | None] = [None] * len(z)
     for those in dict.fromkeys(suspects):
         frames = [frame for frame, its in enumerate(suspects) if its == those]
         sets = attack_sets(system, absent, those)
@@ -209,7 +209,7 @@ def _explained(
     limit: float,
     likely: Sequence[tuple[AttackSet, float]],
     ratios: Mapping[AttackSet, float],
-) -> _Explained:
+) -> _Explanation:
     """What explains a frame of scores (M,), of which the likely attack sets are known and their ratios."""
     attacked = next((one for one, _ in likely if one), ())
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
@@ -217,13 +217,13 @@ def _explained(
     columns = system.counting(gone) if attacked else system.detecting(gone)
     others = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if z[c] > limit]
     if not attacked:
-        return _Explained((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
+        return _Explanation((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
     unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
     evidence = dict.fromkeys((*own, *alone, *others))
     ratio = float(ratios[attacked] * np.log10(np.e))
-    return _Explained(
+    return _Explanation(
         attacked, tuple(likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
     )
 
@@ -238,13 +238,13 @@ def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: fl
     return [one for one in found if one[0] > limit] or ([] if system.of_scans else sorted(found)[-1:])
 
 
-def _fired(found: _Explained, limit: float) -> frozenset[tuple[int, ...]]:
+def _fired(found: _Explanation, limit: float) -> frozenset[tuple[int, ...]]:
     """The sensors, alone or in pairs, that checks above the limit speak of."""
     own = {(one.sensor,) for value, one in found.evidence if value > limit and len(one.nameable) == 1}
     return frozenset((*own, *((s,) for s in found.attacked), *(tuple(sorted(one.nameable)) for one in found.outside)))
 
 
-def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, limit: float) -> Verdict:
+def _finding(verdict: Verdict, found: _Explanation, z: Floats, system: System, limit: float) -> Verdict:
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
     absent = frozenset(verdict.out_of_system)
     chances = dict(found.likely)
@@ -287,7 +287,7 @@ def _evidence(value: float, check: SensorCheck) -> Evidence:
     return Evidence(check.check.value, check.sensor, None, check.others[0] if len(check.nameable) > 1 else None, value)
 
 
-def _doubt(found: _Explained, N: int) -> str:
+def _doubt(found: _Explanation, N: int) -> str:
     """Why the sensors that were found cannot be named; empty where they can."""
     most = N - FEWEST_COMPARED
     if N < FEWEST_SENSORS:
@@ -301,7 +301,7 @@ def _doubt(found: _Explained, N: int) -> str:
     return _undecided(found)
 
 
-def _undecided(found: _Explained) -> str:
+def _undecided(found: _Explanation) -> str:
     """Why none of the attack sets is likely enough; empty where one is."""
     attacks = [(one, chance) for one, chance in found.likely if one]  # r alone says how sure it is that there is one
     whole = sum(chance for _, chance in attacks)

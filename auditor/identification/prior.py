@@ -21,7 +21,7 @@ import numpy as np
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.parameters import CAUSE_PRIORS, HIERARCHY, JOINT_TAIL, OTHERS, FittedOn
 from auditor.model.arrays import Flags, Floats, Integers, median_of
-from auditor.model.calibration import Expected
+from auditor.model.calibration import NullDistribution
 from auditor.model.checks import SensorCheck
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, CauseIn
@@ -108,7 +108,7 @@ def statistic_at(odds: float) -> float:
     return min(max(share * (1 + 2 * OFFSET) - OFFSET, 0.0), 1.0)
 
 
-def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) -> Expected:
+def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) -> NullDistribution:
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
@@ -120,7 +120,7 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     return expected_after(prior, Drives.of(chain.from_iterable(seen)), believed=believed)
 
 
-def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> Expected:
+def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> NullDistribution:
     """What is expected after drives whose values are summed up, see `expected`."""
     seen = drives.chosen(drives.frames > 0)
     D = seen.mean.size
@@ -143,7 +143,7 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> E
     if not believed:
         of_any_drive = max(of_any_drive, _left_after(D) ** 2 * of_prior)
     deviation, within, between = (prior.tail * sqrt(one) for one in (of_any_drive, within, between))
-    return Expected(mean, deviation, within, D, int(seen.frames.sum()), between)
+    return NullDistribution(mean, deviation, within, D, int(seen.frames.sum()), between)
 
 
 def _left_after(D: int) -> float:

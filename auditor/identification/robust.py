@@ -32,7 +32,7 @@ from auditor.identification.incidents.events import (
 )
 from auditor.identification.incidents.sequential import (
     Event,
-    Evidence,
+    FrameEvidence,
     alerts,
     apart,
     events,
@@ -161,7 +161,7 @@ def _verdicts_of(judges: Sequence["_Judge"], order: Integers, needed: Collection
     return found
 
 
-def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, limit: float) -> list[Event]:
+def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence, limit: float) -> list[Event]:
     added = evidence.added[list(event.frames)].tolist()
     return apart(event, [verdicts[place].attacked for place in event.frames], added, limit)
 
@@ -212,7 +212,7 @@ class _Judge:
         """(F,) whether each frame has a verdict: a check that counts was measured, or a fault raises it."""
         return np.asarray(np.isfinite(self._scores) | self.raised)
 
-    def evidence(self) -> Evidence:
+    def evidence(self) -> FrameEvidence:
         """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
         checks, series = self._system.judged_together, self._series
         limit = joint_limit(INCIDENTS.tail_rate, checks)

@@ -26,9 +26,9 @@ from auditor.identification.prior import (
     prior_of_cause,
     prior_of_check,
 )
-from auditor.identification.thresholds import Largest, Ordered, checked
+from auditor.identification.thresholds import Largest, LargestValues, checked
 from auditor.model.arrays import Flags, Floats
-from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
+from auditor.model.calibration import CleanFrames, NullDistribution, RobustThresholds, ThetaScale
 from auditor.model.checks import SensorCheck
 from auditor.model.verdict import Cause, CauseIn
 
@@ -98,7 +98,7 @@ class DriveSums:
         """The scores of each fault summed up."""
         return {cause: Drives.of(sums) for cause, sums in self._of_causes.items()}
 
-    def largest(self) -> dict[CauseIn, Ordered]:
+    def largest(self) -> dict[CauseIn, LargestValues]:
         """The largest scores of each fault that can be too large only."""
         return {cause: largest.ordered(len(self.recordings)) for cause, largest in self._largest.items()}
 
@@ -159,7 +159,7 @@ class CleanDrives:
         drives = len(self._places) - sum(not used[self._places[name]].any() for name in missing)
         return RobustThresholds(calibration_id, r, limit, self.expected(used), scales, drives, incident_limit())
 
-    def expected(self, used: Flags) -> dict[SensorCheck, Expected]:
+    def expected(self, used: Flags) -> dict[SensorCheck, NullDistribution]:
         """What is expected of the checks, learnt from the recordings that are `used` (D,)."""
         return {
             check: expected_after(prior_of_check(check, self._fitted_on), drives.chosen(used))
@@ -180,7 +180,7 @@ class CleanDrives:
         return measured.quantile(FAULT_SCALE.shown_quantile) if measured.size else -inf
 
 
-def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
+def _expected_of(cause: CauseIn, drives: Drives) -> NullDistribution:
     """What is expected of a fault's score; what tones are usual of a rig only its own drives say.
 
     Of faults that are findings by themselves drives narrow nothing: most vehicles are well adjusted, and say little
@@ -208,7 +208,7 @@ def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
     return known[cause]
 
 
-def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = -inf) -> Scale:
+def fault_scale(cause: Cause, found: NullDistribution, limit: float, shown: float = -inf) -> ThetaScale:
     """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it.
 
     It lies above what clean drives have `shown`: a flaw that a rig has always had is no fault.
@@ -216,10 +216,10 @@ def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = -inf
     usual = found.mean if cause in TONES else None
     beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
     theta = max(beyond, shown, 1.0)
-    return Scale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
+    return ThetaScale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
 
 
-def normalised_scores(statistics: Floats, of_columns: Sequence[Expected | None]) -> Floats:
+def normalised_scores(statistics: Floats, of_columns: Sequence[NullDistribution | None]) -> Floats:
     """(F, M) normalised scores z of statistics (F, M), NaN where not measured or nothing is expected.
 
     They are kept between two limits, so that one frame cannot outweigh all others of a temporal window.
@@ -251,5 +251,5 @@ def standing_out(sensor_checks: Sequence[SensorCheck], statistics: Sequence[floa
 
 
 @cache
-def _by_prior(sensor_checks: tuple[SensorCheck, ...]) -> tuple[Expected, ...]:
+def _by_prior(sensor_checks: tuple[SensorCheck, ...]) -> tuple[NullDistribution, ...]:
     return tuple(expected(prior_of_check(one), ()) for one in sensor_checks)

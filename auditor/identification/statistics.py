@@ -22,7 +22,7 @@ from auditor.model.checks import (
     CountedPair,
     SensorCheck,
 )
-from auditor.model.checks.kind import Counted, Vote
+from auditor.model.checks.kind import CellUnit, Vote
 from auditor.model.measurement import LIGHT_STEPS, NO_FINGERPRINT, Cells
 from auditor.model.parameters import IMAGE_WINDOW
 from auditor.model.stamps import NANOSECONDS
@@ -84,7 +84,7 @@ LOST_WINDOW = Window(*WINDOWED_MEAN.directions, WINDOWED_MEAN.lost_pseudo_count,
 CAMERA_WINDOW = Window(*IMAGE_WINDOW.cells, IMAGE_WINDOW.pseudo_count, IMAGE_WINDOW.pseudo_count)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
 
-_WINDOWS = {Counted.POINTS: CONFLICT_WINDOW, Counted.SURFACES: LOST_WINDOW}
+_WINDOWS = {CellUnit.POINTS: CONFLICT_WINDOW, CellUnit.SURFACES: LOST_WINDOW}
 
 
 def sensor_statistics(
@@ -143,7 +143,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     window = _WINDOWS.get(check.kind.counted, CAMERA_WINDOW)
     steps = LIGHT_STEPS if check in SIGNED_CHECKS else 1
     N, B = window_sums(valid, window), window_sums(total, window)
-    windows = [fitted(window, one) for one in N] if check.kind.counted is Counted.POINTS else [window] * len(N)
+    windows = [fitted(window, one) for one in N] if check.kind.counted is CellUnit.POINTS else [window] * len(N)
     pseudo_count, fewest = (
         np.array([getattr(one, name) for one in windows], dtype=N.dtype)[:, None, None]
         for name in ("pseudo_count", "fewest")

@@ -9,7 +9,7 @@ import numpy as np
 from auditor.identification.parameters import FittedOn
 from auditor.model.arrays import Indices
 from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, SensorCheck, counting_checks
-from auditor.model.checks.kind import Counted, Of
+from auditor.model.checks.kind import CellUnit, Of
 from auditor.model.rig import LIDAR, Triple
 
 _OF_SCANS = frozenset({Of.OWN_SCANS, Of.OTHER_SCANS})
@@ -98,7 +98,7 @@ def measured_triples(one: System, measured: frozenset[SensorCheck], absent: froz
     that it was matched with.
     """
     triples = one.triples if one.fallback is None else (*one.triples, one.fallback)
-    conflicts = {camera for c in measured if c.check.kind.counted is Counted.POINTS for camera in c.others}
+    conflicts = {camera for c in measured if c.check.kind.counted is CellUnit.POINTS for camera in c.others}
     lit = {c.sensor for c in measured if c.check in CAMERA_CHECKS}
 
     def is_measured(triple: Triple) -> bool:

@@ -178,14 +178,14 @@ class Largest:
         for values, drives in zip(other._values, other._drives, strict=True):
             self._take(values, drives + first)
 
-    def ordered(self, drives: int) -> "Ordered":
+    def ordered(self, drives: int) -> "LargestValues":
         """The largest values in ascending order, of so many drives."""
         values, of = self._cut()
         order = np.argsort(values, kind="stable")
         measured = np.zeros(drives, dtype=np.intp)
         for drive, count in self._measured.items():
             measured[drive] = count
-        return Ordered(values[order], of[order], measured)
+        return LargestValues(values[order], of[order], measured)
 
     def _take(self, values: Floats, drives: Indices) -> None:
         self._values.append(values)
@@ -206,7 +206,7 @@ class Largest:
         return values[kept], drives[kept]
 
 
-class Ordered:
+class LargestValues:
     """The largest values (K,) in ascending order, the drive (K,) of each, and how many each drive has in all (D,)."""
 
     def __init__(self, values: Floats, drives: Indices, measured: Indices) -> None:

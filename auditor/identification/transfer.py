@@ -112,7 +112,7 @@ def _median(values: Sequence[float] | Floats) -> float:
     return float(np.median(known)) if known.size else nan
 
 
-class _Measured(NamedTuple):
+class _RigMeasurements(NamedTuple):
     """What is measured by a rig: the same for all rigs of a kind, whose calibrations are made once."""
 
     kind: RigKind
@@ -131,7 +131,9 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     part = sub_rig(calibration.rig_kind, rig)
     if part is None:
         return None
-    return _of_part(calibration, part, _Measured(rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig)))
+    return _of_part(
+        calibration, part, _RigMeasurements(rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig))
+    )
 
 
 def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
@@ -149,12 +151,12 @@ def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
 
 
 @lru_cache(maxsize=8)
-def _of_part(calibration: Calibration, part: SubRig, rig: _Measured) -> Calibration:
+def _of_part(calibration: Calibration, part: SubRig, rig: _RigMeasurements) -> Calibration:
     clean = read_later((one.recording_id, partial(_clean_of_part, one, part, rig)) for one in calibration.clean)
     return replace(calibration, rig_kind=rig.kind, clean=clean, part=part)
 
 
-def _clean_of_part(clean: CleanFrames, part: SubRig, rig: _Measured) -> CleanFrames:
+def _clean_of_part(clean: CleanFrames, part: SubRig, rig: _RigMeasurements) -> CleanFrames:
     kind = rig.kind
     own = range(0 if kind.lidar else 1, len(kind.sizes_px) + 1)
     there = dict(zip(own, part.sensors, strict=True))

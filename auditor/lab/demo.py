@@ -17,7 +17,7 @@ _WRITERS = {".mcap": write_mcap, ".bag": write_bag, ".db3": write_db3}
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class DemoVehicle:
     """A vehicle of the fleet: its name, and the seed of its sensors' flaws."""
 
     name: str
@@ -32,7 +32,7 @@ class Take:
     """
 
     file: Path
-    vehicle: Vehicle
+    vehicle: DemoVehicle
     street: int
     style: str
     attacked: int | None = None
@@ -42,7 +42,7 @@ class Take:
         return self.file.name
 
 
-_ALDER, _BIRCH, _CEDAR = Vehicle("alder", 1), Vehicle("birch", 2), Vehicle("cedar", 3)
+_ALDER, _BIRCH, _CEDAR = DemoVehicle("alder", 1), DemoVehicle("birch", 2), DemoVehicle("cedar", 3)
 _FRAMES = 14
 _HIT = range(4, 11)
 

@@ -2,9 +2,9 @@
 
 import cv2
 
-from auditor.measurement.fault_features.calibration_check import CalibrationCheck
+from auditor.measurement.fault_features.calibration_check import CalibrationMonitor
 from auditor.measurement.fault_features.collect import FaultFeatures, RepeatedData
-from auditor.measurement.fault_features.geometry_fit import GeometryFit, fit_of_sides, geometry_fit, views_of_sides
+from auditor.measurement.fault_features.geometry_fit import FrameFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import FrameArrays
@@ -22,10 +22,10 @@ def instruction_sets() -> str:
 
 
 __all__ = [
-    "CalibrationCheck",
+    "CalibrationMonitor",
     "FaultFeatures",
     "FrameArrays",
-    "GeometryFit",
+    "FrameFit",
     "PictureBook",
     "RepeatedData",
     "draw",

@@ -21,7 +21,7 @@ from auditor.model.checks import Pair
 _PATCH = np.ones((2 * HALF * PATCH_CORRELATION.radius_px + 1,) * 2, dtype=np.uint8)
 
 
-class _Seen:
+class _LastPicture:
     """The last picture (H, W) of a camera, and which of its pixels have not changed since the first one.
 
     `moved`: whether pictures have changed since.
@@ -55,7 +55,7 @@ class DrawnPixels:
     """Follows the pictures of one recording's cameras, in each view in which they are compared."""
 
     def __init__(self) -> None:
-        self._seen: dict[tuple[Pair | None, int], _Seen] = {}
+        self._seen: dict[tuple[Pair | None, int], _LastPicture] = {}
 
     def hidden(self, prepared: RectifiedFrame, pair: Pair | None = None) -> RectifiedFrame:
         """The next frame, in the common view or in that of a pair, with what was drawn left out of its valid masks."""
@@ -67,7 +67,7 @@ class DrawnPixels:
     def _of(self, key: tuple[Pair | None, int], picture: Image) -> Mask | None:
         seen = self._seen.get(key)
         if seen is None or seen.last.shape != picture.shape:
-            self._seen[key] = _Seen(picture)
+            self._seen[key] = _LastPicture(picture)
             return None
         seen.add(picture)
         return seen.drawn()

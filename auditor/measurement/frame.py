@@ -29,7 +29,7 @@ from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Check, CountedPair, Pair
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Cells, Coverage, Measurement
 from auditor.model.optics.common_view import shown_shares
 from auditor.model.rig import LIDAR, Rig
@@ -158,7 +158,9 @@ def _measured(frame: Frame, rig: Rig, matcher: Matcher, past: _Past) -> Measured
     return _compare(prepared, _match([prepared], matcher)[0], past)
 
 
-def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | MeasuredFrame]:
+def measure_stream(
+    frames: Iterable[Frame | SkippedFrame], rig: Rig, matcher: Matcher
+) -> Generator[SkippedFrame | MeasuredFrame]:
     """What `measure` gives for each frame, in their order; skipped ones pass through. A lone camera has its own past.
 
     A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
@@ -167,27 +169,27 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
     past = _Past.of(rig)
     at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
     if pairs_at_once(matcher) == 1:
-        yield from (item if isinstance(item, Skipped) else _measured(item, rig, matcher, past) for item in frames)
+        yield from (item if isinstance(item, SkippedFrame) else _measured(item, rig, matcher, past) for item in frames)
         return
     groups = prefetch(_grouped(frames, rig, matcher, past, max(1, at_once)))
     with closing(prefetch(_matched(groups, matcher))) as done:
         for group, maps in done:
             of_frames = iter(maps)
             for item in group:
-                yield item if isinstance(item, Skipped) else _compare(item, next(of_frames), past)
+                yield item if isinstance(item, SkippedFrame) else _compare(item, next(of_frames), past)
 
 
 def _grouped(
-    frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher, past: _Past, size: int
-) -> Iterator[list[_PreparedFrame | Skipped]]:
-    items = (item if isinstance(item, Skipped) else past.hide(_prepare(item, rig, matcher)) for item in frames)
+    frames: Iterable[Frame | SkippedFrame], rig: Rig, matcher: Matcher, past: _Past, size: int
+) -> Iterator[list[_PreparedFrame | SkippedFrame]]:
+    items = (item if isinstance(item, SkippedFrame) else past.hide(_prepare(item, rig, matcher)) for item in frames)
     while group := list(islice(items, size)):
         yield group
 
 
 def _matched(
-    groups: Generator[list[_PreparedFrame | Skipped]], matcher: Matcher
-) -> Iterator[tuple[list[_PreparedFrame | Skipped], list[list[Maps]]]]:
+    groups: Generator[list[_PreparedFrame | SkippedFrame]], matcher: Matcher
+) -> Iterator[tuple[list[_PreparedFrame | SkippedFrame], list[list[Maps]]]]:
     with closing(groups):
         for group in groups:
             yield group, _match([item for item in group if isinstance(item, _PreparedFrame)], matcher)
@@ -313,19 +315,19 @@ def _share(mask: Mask) -> float:
     return float(np.count_nonzero(mask)) / mask.size
 
 
-class Looked(NamedTuple):
+class ComparedShares(NamedTuple):
     """Shares, 0 to 1, of a camera's picture or of the LiDAR's points, that one other sensor or two compared."""
 
     by_one: float
     by_two: float
 
 
-NOT_LOOKED_AT = Looked(0.0, 0.0)
+NOT_LOOKED_AT = ComparedShares(0.0, 0.0)
 
 
 def looked_at(
     cells: Mapping[CountedPair, Cells], of_picture: Mapping[int, float], points: int | None
-) -> dict[int, Looked]:
+) -> dict[int, ComparedShares]:
     """What was looked at of each camera of `of_picture`, and of the LiDAR where it has so many `points`.
 
     `of_picture` is the share of each camera's recorded picture that the grids of its counts cover. A camera is compared
@@ -335,7 +337,7 @@ def looked_at(
     shares = {camera: _of_camera(voters[camera], share) for camera, share in of_picture.items()}
     if points is not None:
         pairs, pasts = (_grids(cells, LIDAR, check) for check in (Check.LIDAR_CONFLICT, Check.PARALLAX_CONFLICT))
-        shares[LIDAR] = Looked(_of_points([*pairs, *pasts], points), _of_points(pairs, points))
+        shares[LIDAR] = ComparedShares(_of_points([*pairs, *pasts], points), _of_points(pairs, points))
     return shares
 
 
@@ -344,11 +346,11 @@ def _grids(cells: Mapping[CountedPair, Cells], sensor: int, check: Check) -> lis
     return [counts.valid for counted, counts in cells.items() if (counted.sensor, counted.check) == (sensor, check)]
 
 
-def _of_camera(grids: list[Image], of_picture: float) -> Looked:
+def _of_camera(grids: list[Image], of_picture: float) -> ComparedShares:
     if not grids:
         return NOT_LOOKED_AT
     voters = np.sum([valid > 0 for valid in grids], axis=0)
-    return Looked(*(of_picture * float((voters >= fewest).mean()) for fewest in (1, 2)))
+    return ComparedShares(*(of_picture * float((voters >= fewest).mean()) for fewest in (1, 2)))
 
 
 def _of_points(grids: list[Image], points: int) -> float:

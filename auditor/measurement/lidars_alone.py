@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.measurement.checks.collect import BY_SCANS, Disputed
+from auditor.measurement.checks.collect import BY_SCANS, DisputedPoints
 from auditor.measurement.checks.contested_returns import contested, measure_contested_returns
 from auditor.measurement.checks.found import measuring
 from auditor.measurement.checks.free_space_conflict import OwnScans
@@ -24,7 +24,7 @@ class OfLidars(NamedTuple):
 
     shares: dict[SensorCheck, float | None]
     coverage: dict[int, Coverage]
-    disputed: dict[Pair, Disputed]
+    disputed: dict[Pair, DisputedPoints]
 
 
 class LidarsAlone:
@@ -40,14 +40,14 @@ class LidarsAlone:
     def compare(self, frame: Frame) -> OfLidars:
         """What the next frame shows; of several the shares of points that others look at are the coverage."""
         shares: dict[SensorCheck, float | None] = {}
-        disputed: dict[Pair, Disputed] = {}
+        disputed: dict[Pair, DisputedPoints] = {}
         clouds = frame.clouds
         for sensor, own in self._own.items():
             rig = self._rig.alone(sensor)
             from_nowhere = own.conflicts(clouds.get(sensor), rig)
             if from_nowhere is not None:
                 shares |= {SensorCheck(check, sensor, ()): measuring(check)(from_nowhere, rig) for check in BY_SCANS}
-                disputed[sensor, sensor] = Disputed(from_nowhere, len(clouds[sensor].xyz_m))
+                disputed[sensor, sensor] = DisputedPoints(from_nowhere, len(clouds[sensor].xyz_m))
         scans = {sensor: own.now for sensor, own in self._own.items() if own.now is not None}
         ways = {sensor: own.way for sensor, own in self._own.items() if own.way is not None}
         lookers = {sensor: np.zeros(len(scan.cell), dtype=np.intp) for sensor, scan in scans.items()}
@@ -61,7 +61,7 @@ class LidarsAlone:
                 points = scans[i].points(found.points)
                 share = measure_contested_returns(points, self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
-                disputed[i, k] = Disputed(points, len(clouds[i].xyz_m))
+                disputed[i, k] = DisputedPoints(points, len(clouds[i].xyz_m))
         coverage = {one: self._coverage(one, len(cloud.xyz_m), lookers.get(one)) for one, cloud in clouds.items()}
         return OfLidars(shares, coverage, disputed)
 

@@ -77,7 +77,7 @@ _REMEMBERED = ("stamps_ns", "versions", "measured", "usual_returns")
 class FramesReadLater(CleanFrames):
     """Clean frames that are read when something of them is asked for; see `read_later`."""
 
-    def __init__(self, recording_id: str, read: Callable[[], CleanFrames], kept: "_Kept") -> None:
+    def __init__(self, recording_id: str, read: Callable[[], CleanFrames], kept: "_RecentRecordings") -> None:
         self.__dict__.update(recording_id=recording_id, _read=read, _kept=kept)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever CleanFrames has
@@ -92,7 +92,7 @@ class FramesReadLater(CleanFrames):
         return getattr(found, name)
 
 
-class _Kept:
+class _RecentRecordings:
     """The recordings that were read last, so many that they have no more than MOST_FRAMES_KEPT frames; one at least."""
 
     def __init__(self) -> None:
@@ -112,7 +112,7 @@ def read_later(recordings: Iterable[tuple[str, Callable[[], CleanFrames]]]) -> t
 
     What reads of all recordings reads them one after another, and all that it needs of one at once.
     """
-    kept = _Kept()
+    kept = _RecentRecordings()
     return tuple(FramesReadLater(recording_id, read, kept) for recording_id, read in recordings)
 
 
@@ -189,7 +189,7 @@ class Thresholds:
 
 
 @dataclass(frozen=True)
-class Expected:
+class NullDistribution:
     """What a frame of a clean drive is expected to have: a mean, and how far from it z = 1 is.
 
     Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
@@ -207,7 +207,7 @@ class Expected:
 
 
 @dataclass(frozen=True)
-class Scale:
+class ThetaScale:
     """theta of a fault and the scale of its z, from the clean frames of so many recordings.
 
     A fault that may go either way has a `usual` score: theta is how far from it the score must be.
@@ -232,8 +232,8 @@ class RobustThresholds:
     calibration_id: str
     r: Decimal
     limit: float
-    expected: Mapping[SensorCheck, Expected]
-    causes: Mapping[CauseIn, Scale]
+    expected: Mapping[SensorCheck, NullDistribution]
+    causes: Mapping[CauseIn, ThetaScale]
     drives: int
     evidence_limit: float = 0.0
     incidents_per_hour: float | None = None

@@ -10,7 +10,7 @@ from auditor.model.checks import Pair
 from auditor.model.parameters import POINT_EXCESS
 
 
-class Rows(NamedTuple):
+class RowMatches(NamedTuple):
     """Points of reference k that are found in source camera i, and their rows: shares of `tracked` points.
 
     `row_aligned`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
@@ -71,7 +71,7 @@ class IsolatedShares(NamedTuple):
 class PairFaultFeatures(NamedTuple):
     """The fault features of a matched pair (i, k) in one frame; those of the LiDAR where the pair can check it."""
 
-    rows: Rows = Rows()
+    rows: RowMatches = RowMatches()
     agreement: Agreement = Agreement()
     isolated_shares: IsolatedShares = IsolatedShares()
 
@@ -82,7 +82,7 @@ class PairFaultFeatures(NamedTuple):
         return tuple(value for name, value in zip(_MEASURED, every, strict=True) if name not in _NOT_JUDGED)
 
 
-_MEASURED = (*Rows._fields, *Agreement._fields, *IsolatedShares._fields)
+_MEASURED = (*RowMatches._fields, *Agreement._fields, *IsolatedShares._fields)
 _NOT_JUDGED = frozenset({"tracked", "compared", "right_px", "down_px", "isolated_beyond"})
 
 COLUMNS = tuple(name for name in _MEASURED if name not in _NOT_JUDGED)

@@ -74,7 +74,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Skipped:
+class SkippedFrame:
     """A frame that could not be put together: a value with its reason, not an exception."""
 
     number: int

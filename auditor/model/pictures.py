@@ -15,7 +15,7 @@ class Pictures(StrEnum):
     ALL = "all"
 
 
-class Cells(StrEnum):
+class CellRetention(StrEnum):
     """The frames whose cells are kept: those that may belong to an incident, with some of the others, or all."""
 
     INCIDENTS = "incidents"

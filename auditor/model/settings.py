@@ -16,7 +16,7 @@ from types import NoneType
 from typing import Any, TypeVar, get_args, get_origin
 
 from auditor.errors import SettingError
-from auditor.model.pictures import Cells, Pictures
+from auditor.model.pictures import CellRetention, Pictures
 from auditor.model.verdict import Method, Statistic
 
 Settings = TypeVar("Settings", "Criteria", "MeasureSettings")
@@ -243,8 +243,8 @@ class MeasureSettings:
             "cloud."
         ),
     )
-    cells: Cells = field(
-        default=Cells.INCIDENTS,
+    cells: CellRetention = field(
+        default=CellRetention.INCIDENTS,
         metadata=_about(
             "Frames whose cells the store keeps: those that may belong to an incident (a statistic is unusually large) "
             "and one in five seconds, or all, which then are most of what it holds. Verdicts are the same; what lacks "

@@ -15,10 +15,10 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.measurement import (
-    CalibrationCheck,
+    CalibrationMonitor,
     FaultFeatures,
     FrameArrays,
-    GeometryFit,
+    FrameFit,
     fit_of_sides,
     geometry_fit,
     measure,
@@ -30,7 +30,7 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.fault_features.geometry_fit import better_quarter
 from auditor.measurement.warning_parameters import GEOMETRY_FIT
 from auditor.model.checks import pasts_of
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
 from auditor.recordings import (
@@ -265,13 +265,13 @@ class FirstFrames(NamedTuple):
 def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -> FirstFrames:
     """Measure some of the first frames of a recording with one rig; `withheld` is what is known already."""
     use_one_thread()
-    matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
+    matcher, check, rig = find_matcher("sgbm"), CalibrationMonitor(), in_force.rig
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     frames = (frame for frame in stream if isinstance(frame, Frame))
     measured = compared = 0
     chosen = islice(frames, *(_SUCCESSIVE_FRAMES if rig.by_time else _CALIBRATION_FRAMES))
     for item in measure_stream(chosen, rig, matcher):
-        assert not isinstance(item, Skipped)
+        assert not isinstance(item, SkippedFrame)
         found, evidence = item
         check.add(evidence, FaultFeatures().update(evidence))
         measured += 1
@@ -281,7 +281,7 @@ def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -
 
 
 def doubts_of(
-    recording: Recording, in_force: RigInForce, check: CalibrationCheck, withheld: str, stream: FrameStream
+    recording: Recording, in_force: RigInForce, check: CalibrationMonitor, withheld: str, stream: FrameStream
 ) -> RigDoubts:
     """What a check of some of a stream's frames, or of all, finds to say against their rig.
 
@@ -294,7 +294,7 @@ def doubts_of(
     return RigDoubts(warnings, withheld, check.remarks())
 
 
-def _unfit(recording: Recording, in_force: RigInForce, check: CalibrationCheck) -> str:
+def _unfit(recording: Recording, in_force: RigInForce, check: CalibrationMonitor) -> str:
     """Why no verdict may be given where the images and points do not fit the rig; a change that made it is named."""
     survey, rig = in_force.survey, in_force.rig
     why = check.withheld() or _negated(recording, survey, rig, check.pictures)
@@ -333,7 +333,7 @@ def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
     return _Candidate(survey, better_quarter([one.points for one in fits]), better_quarter([o.pictures for o in fits]))
 
 
-def _fits(frames: Iterable[Frame], rig: Rig) -> list[GeometryFit]:
+def _fits(frames: Iterable[Frame], rig: Rig) -> list[FrameFit]:
     return [geometry_fit(arrays) for arrays in _measured(frames, rig)]
 
 

@@ -210,7 +210,7 @@ def _robust(
 
 
 @dataclass(frozen=True, eq=False)
-class _Fitted:
+class _FittedMeasurement:
     """A measurement with its rig and statistics, what a calibration has of its sensors, and what marks that one."""
 
     stored: StoredMeasurement
@@ -226,7 +226,7 @@ class _Fitted:
         return self.marks.similarity is not Similarity.SAME
 
 
-def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Criteria) -> _Fitted:
+def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Criteria) -> _FittedMeasurement:
     """Raises ThresholdsError where the calibration does not fit, or the measurement was counted in an earlier way."""
     refuse_earlier_counting(store, measurement)
     stored = store.measurement(measurement)
@@ -235,7 +235,7 @@ def _fit(store: Store, measurement: str, calibration: Calibration, criteria: Cri
     frames = frame_statistics(store, measurement, recount=criteria.recount)
     halvings = halvings_of_points(own.clean, rig, frames.returns)
     marks = marks_of(own, similarity, stored.recording_id, halvings, stored.versions)
-    return _Fitted(stored, rig, frames, own, halvings, marks)
+    return _FittedMeasurement(stored, rig, frames, own, halvings, marks)
 
 
 def _own(
@@ -246,7 +246,7 @@ def _own(
     return own, check_calibration(own, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
 
 
-def _portion(store: Store, fitted: _Fitted, criteria: Criteria) -> Portion:
+def _portion(store: Store, fitted: _FittedMeasurement, criteria: Criteria) -> Portion:
     """What the robust method judges of a measurement."""
     rig, frames = fitted.rig, fitted.frames
     system = system_of(rig, fitted_on(fitted.stored.procedure))

@@ -54,7 +54,7 @@ class JudgeSettings:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgeResult:
     """What became of one measurement: a judgement, an error, or neither where the store has no thresholds for it.
 
     `fresh` is False where the judgement is an earlier one, which was kept. `recording` is the name of its recording.
@@ -95,7 +95,7 @@ class Judge:
             store.measurements()
             self._recordings = {one.recording_id: one for one in store.recordings()}
 
-    def judge(self, measurement: str) -> Judged:
+    def judge(self, measurement: str) -> JudgeResult:
         """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it.
 
         LiDARs alone that a person declares to be no sensors leave nothing unaudited, whatever is found of them.
@@ -106,7 +106,7 @@ class Judge:
         declared = not rig.cameras and {*map(rig.topic, rig.sensors)} <= {*self._settings.criteria.no_sensors}
         return replace(judged, complete=True, gaps=()) if declared else judged
 
-    def _judge(self, stored: StoredMeasurement, rig: Rig) -> Judged:
+    def _judge(self, stored: StoredMeasurement, rig: Rig) -> JudgeResult:
         store, criteria = self._store, self._settings.criteria
         recording = self._recordings.get(stored.recording_id) or store.recording(stored.recording_id)
         measurement, name, rigs = stored.measurement_id, recording.name, measured_rigs(store, recording)
@@ -118,14 +118,14 @@ class Judge:
             fitting = self._fitting(measurement)
             calibration = fitting or self._unfitted(measurement)
             if calibration is None and again:
-                return Judged(name, measurement, complete=True)
+                return JudgeResult(name, measurement, complete=True)
             if calibration is None:
-                return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
+                return JudgeResult(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             beside = rigs_in_turn(store, recording, measurement) if criteria.method is Method.ROBUST else ()
             earlier = self._kept(measurement, calibration, beside)
             judgement = earlier or self._judged(measurement, calibration, beside)
         except AuditorError as error:
-            return Judged(name, measurement, error=error, warnings=told)
+            return JudgeResult(name, measurement, error=error, warnings=told)
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *(self._lost if fitting is None else ()),
@@ -147,7 +147,7 @@ class Judge:
         )
         unread = () if reading.complete else reading.remarks or ("it was not read whole",)
         missing = (*gaps, *unread)
-        return Judged(
+        return JudgeResult(
             name,
             measurement,
             judgement,
@@ -201,13 +201,13 @@ class Judge:
         return current if is_as_now(current, self._store, calibration, criteria, beside) else None
 
 
-def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
+def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[JudgeResult]:
     """Judge measurements of a store one by one."""
     known = list(measurements)
     return _judge_all(Judge(store, settings, many=len(known) > FEW), store, known)
 
 
-def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:
+def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[JudgeResult]:
     with logged(store.folder):
         yield from map(judge.judge, measurements)
 

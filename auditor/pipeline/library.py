@@ -20,7 +20,7 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
-from auditor.model.pictures import Cells, Pictures
+from auditor.model.pictures import CellRetention, Pictures
 from auditor.model.rig import Rig
 from auditor.model.settings import (
     Criteria,
@@ -38,9 +38,9 @@ from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import by_kind, make_each
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
-from auditor.pipeline.judged import Judged, JudgeSettings
+from auditor.pipeline.judged import JudgeResult, JudgeSettings
 from auditor.pipeline.many import Batch, find_batch, measure_all
-from auditor.pipeline.measured import Measured
+from auditor.pipeline.measured import MeasureResult
 from auditor.pipeline.remote.addresses import Address, path_or_address
 from auditor.pipeline.remote.mirror import mirrored
 from auditor.pipeline.scan import Scan
@@ -87,7 +87,7 @@ class MeasuringKeywords(TypedDict, total=False):
     memory_limit: float
     jobs: int | None
     pictures: Pictures | str
-    cells: Cells | str
+    cells: CellRetention | str
     shard: str | None
     engine: Engine | str
     address: str | None
@@ -176,7 +176,7 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurem
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class CalibrationResult:
     """The calibrations of all rig kinds, which the store keeps, a sentence for each recording left out, and errors."""
 
     calibrations: tuple[Calibration, ...]
@@ -190,12 +190,12 @@ class Calibrated:
 
 
 @dataclass(frozen=True)
-class Scanned:
+class ScanResult:
     """What became of one recording: measured and judged once for each of its rigs, or the error that ended it."""
 
     recording: str
-    measured: Measured | None = None
-    judged: tuple[Judged, ...] = ()
+    measured: MeasureResult | None = None
+    judged: tuple[JudgeResult, ...] = ()
     error: AuditorError | None = None
 
     @property
@@ -224,7 +224,7 @@ def calibrate(
     network: MatcherOptions = NO_NETWORK,
     on_progress: Progress | None = None,
     **measuring: Unpack[MeasuringKeywords],
-) -> Calibrated:
+) -> CalibrationResult:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
     Recordings are measured into `store`, which keeps a calibration of each rig kind: the first of a kind is in force,
@@ -250,7 +250,7 @@ def calibrate(
         for one in made:
             keep_calibrated(kept, one)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
-    return Calibrated(tuple(one.calibration for one in made), clean.left_out, (*batch.errors, *failed))
+    return CalibrationResult(tuple(one.calibration for one in made), clean.left_out, (*batch.errors, *failed))
 
 
 @explained(Criteria, MeasureSettings)
@@ -261,14 +261,14 @@ def scan(
     network: MatcherOptions = NO_NETWORK,
     on_progress: Progress | None = None,
     **settings: Unpack[ScanKeywords],
-) -> Iterator[Scanned]:
+) -> Iterator[ScanResult]:
     """Audit recordings (files, or folders of them) as `auditor scan` does, and yield what became of each.
 
     What could not be measured comes first, as soon as it is known; the others once all are judged, in the order given:
     recordings may contradict one another. What the store has measured already is not measured again, unless
     `measure_again`. `network` gives several settings of a network at once.
 
-    A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
+    A recording that fails is a `ScanResult` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError. Of a store at an address what is wrong with
     the store, a calibration or a rig raises when the first is asked for.
     """
@@ -278,7 +278,7 @@ def scan(
         raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
     places, by, how = _places(recordings), criteria(judging), _measuring(network, measuring)
 
-    def into(folder: Path) -> Iterator[Scanned]:
+    def into(folder: Path) -> Iterator[ScanResult]:
         chosen = judge_settings(folder, by)
         return _scan(find_batch(places, folder, how), folder, chosen, on_progress or (lambda *_: None))
 
@@ -296,25 +296,25 @@ def _mirrored(address: Address, steps: Callable[[Path], Iterator[Result]]) -> It
         yield from steps(here)
 
 
-def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
-    yield from (Scanned(error.where, error=error) for error in batch.errors)
+def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progress) -> Iterator[ScanResult]:
+    yield from (ScanResult(error.where, error=error) for error in batch.errors)
     scan = Scan(batch, folder)
     with scan.logged():
         for outcome in scan.measure(on_progress):
             if outcome.result is None:
-                yield Scanned(str(outcome.item), error=outcome.error)
+                yield ScanResult(str(outcome.item), error=outcome.error)
         deque(scan.relate(), maxlen=0)
         judged = {one.measurement_id: one for one in scan.judge(judging)}
         deque(scan.finish(), maxlen=0)
     for one in scan.measured:
         verdicts = (judged[known] for known in one.measurement_ids if known in judged)
-        yield Scanned(str(one.recording), one, tuple(verdicts))
+        yield ScanResult(str(one.recording), one, tuple(verdicts))
 
 
 @explained(Criteria)
 def judge(
     store: Store | PathLike = "audit", *, jobs: int | None = None, **judging: Unpack[JudgingKeywords]
-) -> Iterator[Judged]:
+) -> Iterator[JudgeResult]:
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
 
     The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
@@ -328,7 +328,7 @@ def judge(
     return _at(path_or_address(store), lambda here: judge_store(Store.open(here), by, jobs))
 
 
-def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Iterator[Judged]:
+def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Iterator[JudgeResult]:
     """Judge every measurement of a store again, as `judge`."""
     measurements = store.ids("measurements")
     if not measurements:

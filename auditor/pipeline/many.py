@@ -9,7 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 from auditor.model.settings import Engine, MeasureSettings, settings_of
-from auditor.pipeline.measured import KnownFiles, Measured, MeasureTask
+from auditor.pipeline.measured import KnownFiles, MeasureResult, MeasureTask
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.finding import find_all, shard_of
 from auditor.pipeline.remote.measuring import measure_here, measure_on_cluster
@@ -131,7 +131,7 @@ def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, i
 
 def measure_all(
     batch: Batch, on_progress: Callable[[object, str, int], None]
-) -> Iterator[Outcome[MeasureTask, Measured]]:
+) -> Iterator[Outcome[MeasureTask, MeasureResult]]:
     """Measure the recordings of a batch and yield their outcomes as they finish; every error names its recording.
 
     What was measured before comes first, unread where its files are as they were then. `on_progress` is called with the

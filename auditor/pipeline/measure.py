@@ -16,7 +16,7 @@ from auditor.identification.scores import standing_out
 from auditor.identification.statistics import sensor_statistics
 from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.measurement import (
-    CalibrationCheck,
+    CalibrationMonitor,
     FaultFeatures,
     FrameArrays,
     PictureBook,
@@ -29,14 +29,14 @@ from auditor.measurement import (
 from auditor.measurement.disparity.matchers import Matcher, find_matcher, libraries, preflight
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.coverage import coverage_line, with_repeats
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.pipeline.geometry import doubts_of, rigs_through, rigs_to_begin_with
 from auditor.pipeline.measured import (
     CellsKept,
-    Measured,
+    MeasureResult,
     MeasureTask,
     damage_of,
     measured_of,
@@ -78,7 +78,7 @@ _PREFLIGHT_FRAMES = 3
 _VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")
 
 
-def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
+def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> MeasureResult:
     """Measure every frame of a recording with each of its rigs; what is finished already only where the task says so.
 
     Raises RecordingError, RigError, SettingError and StoreError.
@@ -219,7 +219,7 @@ class _Measuring:
     def __init__(self, job: _Job, in_force: RigInForce, stream: FrameStream, writer: FramesWriter) -> None:
         self._job, self._in_force, self._stream, self._writer = job, in_force, stream, writer
         self._cells, self._thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
-        self._check, self._repeated, self._fault_features = CalibrationCheck(), RepeatedData(), FaultFeatures()
+        self._check, self._repeated, self._fault_features = CalibrationMonitor(), RepeatedData(), FaultFeatures()
         self._sensor_checks = rig_sensor_checks(in_force.rig)
         self._done, self._spent_s = 0, 0.0
 
@@ -228,7 +228,7 @@ class _Measuring:
         stream, since_s = self._stream, perf_counter()
         with closing(measure_stream(stream, self._in_force.rig, self._job.matcher)) as measured:
             for self._done, item in enumerate(measured, start=1):
-                if isinstance(item, Skipped):
+                if isinstance(item, SkippedFrame):
                     self._writer.skip(item)
                 else:
                     self._keep(*item)
@@ -306,14 +306,15 @@ class _Measuring:
         if job.task.again:
             remove_counted_earlier(store, known)
 
-
     def _withheld_together(self, found: RigsInForce) -> str:
         """Why no verdict may be given on a rig that has all of this one's sensors and more; empty where it may.
 
         A camera and a LiDAR tell less of their stamps and places than two cameras and the LiDAR do.
         """
         store, larger = self._job.store, map(self._job.measurement_id, found.larger_than(self._in_force))
-        return next((why for one in larger if store.has_measurement(one) and (why := store.measurement(one).withheld)), "")
+        return next(
+            (why for one in larger if store.has_measurement(one) and (why := store.measurement(one).withheld)), ""
+        )
 
 
 def unmasked_statistics(

@@ -12,7 +12,7 @@ from pathlib import Path
 from auditor.measurement.checks.found import measuring_digest
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
 from auditor.model.measurement import Procedure, procedure_of
-from auditor.model.pictures import Cells, Pictures, Sampling
+from auditor.model.pictures import CellRetention, Pictures, Sampling
 from auditor.model.rig_kind import ComparedTo
 from auditor.model.text import storable
 from auditor.pipeline.remote.finding import parts_of, together
@@ -45,7 +45,7 @@ class MeasureTask:
     path_pattern: str | None = None
     again: bool = False
     pictures: Pictures = Pictures.ALL
-    cells: Cells = Cells.INCIDENTS
+    cells: CellRetention = CellRetention.INCIDENTS
     given: "MeasureTask | None" = None
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ class MeasureTask:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasureResult:
     """A recording that is in the store: its measurements, one a rig, and whether any of it was measured just now."""
 
     recording: Path | Location
@@ -90,9 +90,9 @@ class Measured:
 
 def measured_of(
     path: Path | Location, recording_id: str, measurements: Sequence[StoredMeasurement], *, fresh: bool = False
-) -> Measured:
+) -> MeasureResult:
     """What is said of a recording that has these measurements."""
-    return Measured(
+    return MeasureResult(
         recording=path,
         recording_id=recording_id,
         measurement_ids=tuple(one.measurement_id for one in measurements),
@@ -123,12 +123,12 @@ def procedures_by(matcher: Matcher) -> tuple[Procedure, ...]:
 class CellsKept:
     """Chooses, among the frames of a recording in the order of their stamps, those whose cells are kept."""
 
-    def __init__(self, cells: Cells) -> None:
+    def __init__(self, cells: CellRetention) -> None:
         self._cells, self._sampling = cells, Sampling()
 
     def of(self, stamp_ns: int, *, unusual: bool) -> bool:
         """Whether the next frame's are; `unusual` says that a statistic of it is unusually large."""
-        return self._sampling.takes(stamp_ns) or unusual or self._cells is Cells.ALL
+        return self._sampling.takes(stamp_ns) or unusual or self._cells is CellRetention.ALL
 
 
 FEW = 50
@@ -170,7 +170,7 @@ class KnownFiles:
                 for known in (one.path, *([one.stamp] if one.stamp else ())):
                     self._seen.setdefault(known, []).append((record, one))
 
-    def found(self, task: MeasureTask) -> Iterator[tuple[MeasureTask, Measured | None]]:
+    def found(self, task: MeasureTask) -> Iterator[tuple[MeasureTask, MeasureResult | None]]:
         """The recordings that a task is, as far as the store knows, and what it has of each: objects that by their
         names may be parts of a drive are one task, until copies of them are looked into.
 
@@ -193,7 +193,7 @@ class KnownFiles:
 
     def _pieces(
         self, task: MeasureTask, parts: Sequence[StoredObject]
-    ) -> Iterator[tuple[Sequence[StoredObject], Measured | None]]:
+    ) -> Iterator[tuple[Sequence[StoredObject], MeasureResult | None]]:
         """Parts, in their order: those that are known as one recording together, as many as there are, else each."""
         first = 0
         while first < len(parts):
@@ -203,7 +203,7 @@ class KnownFiles:
             yield piece
             first += len(piece[0])
 
-    def measured(self, task: MeasureTask) -> Measured | None:
+    def measured(self, task: MeasureTask) -> MeasureResult | None:
         """What the store has of a recording whose files are as they were when it read them; None where they are not."""
         if not self._seen:
             return None

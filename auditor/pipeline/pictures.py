@@ -14,7 +14,7 @@ from auditor.measurement import localise, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.drawing import draw_frame
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Region
 from auditor.model.pictures import FramePicture, Pictures
 from auditor.model.rig import Rig
@@ -137,7 +137,7 @@ class PictureTask:
 
 
 @dataclass(frozen=True)
-class Pictured:
+class PicturingResult:
     """What became of a measurement's incidents: how many frames were pictured, and what people should know."""
 
     recording: str
@@ -152,7 +152,7 @@ def picture_incidents(
     limits: LimitsOf,
     jobs: int = 1,
     spool: Spool | None = None,
-) -> Iterator[Pictured]:
+) -> Iterator[PicturingResult]:
     """Picture the incidents of measurements that have no pictures yet; each recording in a process with its budget.
 
     A recording that is gone, or is another by now, gets a remark; the others go on. Those of object stores are copied
@@ -163,17 +163,17 @@ def picture_incidents(
     for known, of_incidents in wanted.items():
         record = store.recording(store.measurement(known).recording_id)
         if (left_out := len(of_incidents) - MOST_INCIDENTS) > 0:
-            yield Pictured(record.name, remark=f"{left_out} of its incidents, the weakest, get no pictures")
+            yield PicturingResult(record.name, remark=f"{left_out} of its incidents, the weakest, get no pictures")
         done = pictured_in_full(store.folder / "pictures", known)
         frames = {number: how for one in of_incidents[:MOST_INCIDENTS] for number, how in one.items()}
         if frames := {number: how for number, how in frames.items() if number not in done}:
             try:
                 tasks.append(PictureTask(location_of(record), store.folder, known, frames))
             except AuditorError as error:
-                yield Pictured(record.name, remark=_no_pictures(error))
+                yield PicturingResult(record.name, remark=_no_pictures(error))
     for outcome in _run(tasks, limits, jobs, spool or Spool()):
         remark = _no_pictures(outcome.error) if outcome.error is not None else ""
-        yield Pictured(outcome.item.recording.name, outcome.result or 0, remark)
+        yield PicturingResult(outcome.item.recording.name, outcome.result or 0, remark)
 
 
 def _run(
@@ -237,7 +237,7 @@ class ShownFrame:
     """
 
     rig: Rig
-    frame: Frame | Skipped
+    frame: Frame | SkippedFrame
     clock: str
     regions: tuple[Region, ...] = ()
     pictures: tuple[FramePicture, ...] = ()
@@ -251,7 +251,7 @@ def show_frame(where: Location, number: int, store: Path | None, rig_file: Path 
     with open_recording(where) as recording:
         rig, frame = _frame(recording, number, rig_file)
         shown = ShownFrame(rig, frame, recording.clock)
-        if isinstance(frame, Skipped):
+        if isinstance(frame, SkippedFrame):
             return shown
         kept = Store.open(store) if store is not None else None
         known = _measurement(kept, recording.recording_id, rig.rig_id) if kept is not None else None
@@ -264,7 +264,7 @@ def show_frame(where: Location, number: int, store: Path | None, rig_file: Path 
     return ShownFrame(rig, frame, shown.clock, regions, pictures, known, verdict)
 
 
-def _frame(recording: Recording, number: int, rig_file: Path | None) -> tuple[Rig, Frame | Skipped]:
+def _frame(recording: Recording, number: int, rig_file: Path | None) -> tuple[Rig, Frame | SkippedFrame]:
     """The frame by the rig that is in force then."""
     for one in rigs_through(recording, survey(recording), rig_file).rigs:
         for item in synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches).chosen([number]):

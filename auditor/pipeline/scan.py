@@ -17,9 +17,9 @@ from typing import Any
 from auditor.errors import AuditorError, LimitError, RigError
 from auditor.model.text import storable
 from auditor.pipeline.calibrations.batch import judge_batch
-from auditor.pipeline.judged import Judged, JudgeSettings, judge_all
+from auditor.pipeline.judged import JudgeResult, JudgeSettings, judge_all
 from auditor.pipeline.many import Batch, measure_all
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import MeasureResult, MeasureTask
 from auditor.pipeline.pictures import picture_incidents
 from auditor.pipeline.remote.mirror import put_back_if_due
 from auditor.pipeline.workers import Outcome
@@ -44,7 +44,7 @@ class InputOutcome(StrEnum):
 
 
 def keep_ledger(
-    store: Store, errors: Iterable[AuditorError], measured: Iterable[Measured], judged: Iterable[Judged]
+    store: Store, errors: Iterable[AuditorError], measured: Iterable[MeasureResult], judged: Iterable[JudgeResult]
 ) -> None:
     """Keep a row for each input of a scan: those that ended in `errors`, and those that are `measured` and `judged`."""
     gaps: dict[str, list[str]] = {}
@@ -64,7 +64,7 @@ def _failed(error: AuditorError) -> Row:
     return _row(*_named(error.where), outcome, reason=storable(error.what), remedy=storable(error.remedy))
 
 
-def _read(measured: Sequence[Measured], gaps: dict[str, list[str]]) -> Iterator[Row]:
+def _read(measured: Sequence[MeasureResult], gaps: dict[str, list[str]]) -> Iterator[Row]:
     """The rows of recordings that were read; of several paths of one content the later ones are twins."""
     first: dict[str, str] = {}
     for one in measured:
@@ -114,9 +114,9 @@ class Scan:
 
     def __init__(self, batch: Batch, folder: Path) -> None:
         self.batch, self._folder = batch, folder
-        self._results: dict[MeasureTask, list[Measured]] = {}
+        self._results: dict[MeasureTask, list[MeasureResult]] = {}
         self.errors: list[AuditorError] = list(batch.errors)
-        self.judged: list[Judged] = []
+        self.judged: list[JudgeResult] = []
 
     def logged(self) -> AbstractContextManager[object]:
         """What its steps write has one entry in the store's log; there is none where nothing will be written."""
@@ -128,7 +128,7 @@ class Scan:
         return self.batch.settings.shard is None
 
     @property
-    def measured(self) -> list[Measured]:
+    def measured(self) -> list[MeasureResult]:
         """The recordings that the store has, in the order given."""
         return [one for task in self.batch.tasks for one in self._results.get(task, ())]
 
@@ -142,7 +142,7 @@ class Scan:
         """The measurements of all recordings, in the order given."""
         return [known for one in self.measured for known in one.measurement_ids]
 
-    def measure(self, on_progress: Callable[[object, str, int], None]) -> Iterator[Outcome[MeasureTask, Measured]]:
+    def measure(self, on_progress: Callable[[object, str, int], None]) -> Iterator[Outcome[MeasureTask, MeasureResult]]:
         """Measure the recordings, each in a process of its own, as `measure_all`."""
         for outcome in measure_all(self.batch, on_progress):
             if outcome.error is not None:
@@ -157,7 +157,7 @@ class Scan:
         related = self.store is not None and self._results and self._is_whole
         yield from map(str, relate(self.store) if related and self.store is not None else ())
 
-    def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[Judged]:
+    def judge(self, settings: JudgeSettings, only: Collection[str] | None = None) -> Iterator[JudgeResult]:
         """Judge what was measured, by each other where nothing fits, or `only` these measurements one by one; verdicts
         that would be the same are kept. Where another recording counts in place of one, both are judged.
         """

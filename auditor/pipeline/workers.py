@@ -94,7 +94,7 @@ class Outcome(Generic[Item, Result]):
     error: AuditorError | None = None
 
 
-class Source(Protocol[Item]):
+class ItemSource(Protocol[Item]):
     """Items that come to be there one after the other."""
 
     def take(self) -> "Item | Outcome[Item, Any] | None":
@@ -110,7 +110,7 @@ class Source(Protocol[Item]):
         """Called when no more are taken."""
 
 
-class _Given(Generic[Item]):
+class _ItemList(Generic[Item]):
     """Items that are all there."""
 
     def __init__(self, items: Sequence[Item]) -> None:
@@ -130,7 +130,7 @@ class _Given(Generic[Item]):
 
 
 def run_from(
-    source: Source[Item],
+    source: ItemSource[Item],
     task: Callable[[Item, Progress], Result],
     jobs: int,
     on_progress: Callable[[Item, str, int], None],
@@ -158,7 +158,7 @@ def run_all(
             yield _outcome(task, item, partial(on_progress, item))
     elif items:
         own = {id(item): limits(item) if limits else Limits() for item in items}
-        yield from run_from(_Given(items), task, min(jobs, len(items)), on_progress, lambda item: own[id(item)])
+        yield from run_from(_ItemList(items), task, min(jobs, len(items)), on_progress, lambda item: own[id(item)])
 
 
 def in_order(task: Callable[[Item, Progress], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
@@ -241,7 +241,7 @@ class _Run(Generic[Item, Result]):
     def __init__(
         self,
         task: Callable[[Item, Progress], Result],
-        source: Source[Item],
+        source: ItemSource[Item],
         jobs: int,
         on_progress: Callable[[Item, str, int], None],
         limits: Callable[[Item], Limits],

@@ -1,7 +1,7 @@
 """READ: the messages of a recording, its rigs, and its frames in order of time."""
 
 from auditor.recordings.location import Location, Origin, located, read_path
-from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
+from auditor.recordings.opening import LocatedRecordings, find_recordings, format_of, open_recording
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
 from auditor.recordings.rigs.calibrations import Positions, ZeroLens
 from auditor.recordings.rigs.cameras import read_by, zero_lenses
@@ -40,13 +40,13 @@ __all__ = [
     "ConvertReport",
     "Damage",
     "FarAheadError",
-    "Found",
     "FoundRigs",
     "FramePoses",
     "FrameStream",
     "FrameTimes",
     "Health",
     "Listener",
+    "LocatedRecordings",
     "Location",
     "Origin",
     "PoseMessages",

@@ -108,7 +108,7 @@ def _refuse_empty(path: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Found:
+class LocatedRecordings:
     """The recordings of a command line, each once, in its order, and one error for each path that gave none.
 
     Files of searched folders that are named almost like recordings are errors as well, unless they are text: these are
@@ -120,7 +120,7 @@ class Found:
     notes: tuple[Path, ...] = ()
 
 
-def find_recordings(paths: Sequence[Path]) -> Found:
+def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     """Find the recordings in files and folders; a folder that is not itself a recording is searched in order of names.
 
     Files that were recorded together are one recording, whether they are given or found. A path without a recording
@@ -150,7 +150,9 @@ def find_recordings(paths: Sequence[Path]) -> Found:
         except RecordingError as error:
             errors[location.path] = error
     in_order = dict.fromkeys((*paths, *errors))
-    return Found(tuple(recordings), tuple(errors[path] for path in in_order if path in errors), tuple(notes))
+    return LocatedRecordings(
+        tuple(recordings), tuple(errors[path] for path in in_order if path in errors), tuple(notes)
+    )
 
 
 def _almost_recordings(folder: Path) -> Iterator[Path]:

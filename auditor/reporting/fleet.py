@@ -11,7 +11,7 @@ import auditor
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
-from auditor.reporting.incident.loading import Incidents, OneIncident
+from auditor.reporting.incident.loading import IncidentList, OneIncident
 from auditor.reporting.incident.page import Clock
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
 from auditor.reporting.templates import FILTERS, count, fill
@@ -45,7 +45,7 @@ def render_fleet_report(store: Store, *, out: Path, pictures: Pictures = Picture
     to them. Pages of incidents that are no longer found stay. Raises StoreError where nothing was measured, or a page
     cannot be written.
     """
-    incidents = Incidents(store, pictures)
+    incidents = IncidentList(store, pictures)
     rows = by_gravity(incidents.rows)
     page = load_fleet(store, [row for row in rows if row["same_as"] is None])
     former = _former_names(store, rows, out / INCIDENTS)

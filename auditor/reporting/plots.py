@@ -93,7 +93,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Row:
+class StripRow:
     """What one strip shows: a state for each stamp, drawn where the state is not empty. `labels` name the runs."""
 
     name: str
@@ -172,7 +172,7 @@ def draw(
     *,
     origin_ns: int,
     series: Sequence[Series] = (),
-    rows: Sequence[Row] = (),
+    rows: Sequence[StripRow] = (),
     shaded: Sequence[tuple[int, int]] = (),
 ) -> Figure:
     """Lay out charts, then strips, over one time axis. `shaded` are the first and last stamps of spans.
@@ -262,7 +262,7 @@ def _path(points: Sequence[tuple[float, float | None, int]], axis: TimeAxis) -> 
     return "".join(parts)
 
 
-def _strip(row: Row, axis: TimeAxis, top: float) -> Strip:
+def _strip(row: StripRow, axis: TimeAxis, top: float) -> Strip:
     frames = _dense(row)
     period_ns = median_period_ns([stamp for stamp, _, _ in frames])
     cells = []
@@ -275,7 +275,7 @@ def _strip(row: Row, axis: TimeAxis, top: float) -> Strip:
     return Strip(row.name, row.triple, top, tuple(cells))
 
 
-def _dense(row: Row) -> list[tuple[int, str, str]]:
+def _dense(row: StripRow) -> list[tuple[int, str, str]]:
     """(stamp, state, label) of each frame; of each short span its gravest frame, where there are more than pixels."""
     labels = row.labels or [""] * len(row.states)
     frames = list(zip(row.stamps_ns, row.states, labels, strict=True))

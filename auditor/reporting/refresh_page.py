@@ -7,15 +7,15 @@ from pathlib import Path
 from auditor import __version__
 from auditor.reporting.templates import fill
 from auditor.store.store import Store
-from auditor.store.versions.decisions import Decided, Refresh, next_steps
+from auditor.store.versions.decisions import Refresh, RefreshOutcome, next_steps
 from auditor.store.versions.drift import FleetDrift, SensorDrift
 
 _OF_ONE = {
-    Decided.REFUSED: "Refused: the version in force stays.",
-    Decided.HELD: "The new calibration is held for a person.",
-    Decided.PROMOTED: "A new calibration is in force.",
-    Decided.WAITING: "Too few clean recordings so far.",
-    Decided.NOTHING_NEW: "Nothing new to learn.",
+    RefreshOutcome.REFUSED: "Refused: the version in force stays.",
+    RefreshOutcome.HELD: "The new calibration is held for a person.",
+    RefreshOutcome.PROMOTED: "A new calibration is in force.",
+    RefreshOutcome.WAITING: "Too few clean recordings so far.",
+    RefreshOutcome.NOTHING_NEW: "Nothing new to learn.",
 }
 """The page's headline where there is one rig kind; the worst first."""
 

@@ -7,7 +7,7 @@ from itertools import chain, combinations
 
 from auditor.model.rig import LIDAR
 from auditor.model.text import one_line
-from auditor.reporting.rig_plan import PlacedRig, Plan, Seen, Unused, planned
+from auditor.reporting.rig_plan import DrawnSensor, PlacedRig, Plan, UnusedLidar, planned
 
 _WIDTH, _HEIGHT = 760, 618
 _MIDDLE = _WIDTH / 2, 278.0
@@ -45,7 +45,7 @@ text { font: 13px system-ui, -apple-system, "Segoe UI", "Noto Sans", "Liberation
 """.strip()
 
 
-def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str:
+def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[UnusedLidar] = ()) -> str:
     """An SVG image of all rigs of a recording, from above. Ahead is up, where that is known. All text is escaped."""
     plan = planned(rigs, unused)
     everything = (*plan.cameras, *plan.lidars, *plan.unused)
@@ -76,7 +76,7 @@ def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[Unused] = ()) -> str
     )
 
 
-def _at(one: Seen, scale: float) -> tuple[float, float]:
+def _at(one: DrawnSensor, scale: float) -> tuple[float, float]:
     return _MIDDLE[0] - one.left_m * scale, _MIDDLE[1] - one.ahead_m * scale
 
 
@@ -84,7 +84,7 @@ def _towards(deg: float, radius_px: float) -> tuple[float, float]:
     return -radius_px * math.sin(math.radians(deg)), -radius_px * math.cos(math.radians(deg))
 
 
-def _rim(one: Seen, deg: float, scale: float) -> tuple[float, float]:
+def _rim(one: DrawnSensor, deg: float, scale: float) -> tuple[float, float]:
     """Where a ray of a sensor meets the circle about the middle that all views end at."""
     x, y = _at(one, scale)
     dx, dy = _towards(deg, 1.0)
@@ -94,7 +94,7 @@ def _rim(one: Seen, deg: float, scale: float) -> tuple[float, float]:
     return x + far * dx, y + far * dy
 
 
-def _car(everything: Sequence[Seen], scale: float, *, headed: bool) -> Iterator[str]:
+def _car(everything: Sequence[DrawnSensor], scale: float, *, headed: bool) -> Iterator[str]:
     length_m = max(_CAR_M[0], 1.2 + max((2 * abs(one.ahead_m) for one in everything), default=0.0))
     width_m = max(_CAR_M[1], 0.3 + max((2 * abs(one.left_m) for one in everything), default=0.0))
     width, length = width_m * scale, length_m * scale
@@ -127,7 +127,7 @@ def _views_of(plan: Plan, scale: float) -> Iterator[str]:
         yield f'<path class="edge" d="M{x:.1f} {y:.1f}{arc}Z"/>'
 
 
-def _arc(camera: Seen, first_deg: float, last_deg: float, scale: float) -> str:
+def _arc(camera: DrawnSensor, first_deg: float, last_deg: float, scale: float) -> str:
     steps = max(int(abs(last_deg - first_deg) / 3), 1)
     places = (_rim(camera, first_deg + (last_deg - first_deg) * n / steps, scale) for n in range(steps + 1))
     return "".join(f"L{x:.1f} {y:.1f}" for x, y in places)
@@ -149,7 +149,7 @@ def _lidar_labels(plan: Plan, scale: float) -> Iterator[str]:
         yield f'<text class="beside" x="{x + 12:.1f}" y="{below:.1f}">{_named(one.name)}</text>'
 
 
-def _dot(one: Seen, scale: float, kind: str, radius: float) -> str:
+def _dot(one: DrawnSensor, scale: float, kind: str, radius: float) -> str:
     x, y = _at(one, scale)
     return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"><title>{_named(one.name)}</title></circle>'
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auditor.model.arrays import Indices
-from auditor.model.optics.common_view import CommonView, compared_views, recorded_pixels, sees
+from auditor.model.optics.common_view import IdealView, compared_views, recorded_pixels, sees
 from auditor.model.optics.geometry import Matrix, invert
 from auditor.model.rig import Camera, Rig
 
@@ -27,7 +27,7 @@ class PlacedRig:
 
 
 @dataclass(frozen=True, eq=False)
-class Unused:
+class UnusedLidar:
     """A LiDAR that no rig has, and where it is in the common frame, (3,) metres; None where that is not known."""
 
     name: str
@@ -35,7 +35,7 @@ class Unused:
 
 
 @dataclass(frozen=True)
-class Part:
+class ViewPart:
     """A part of a camera's view, in degrees to the left of ahead, and how many other sensors are compared there."""
 
     from_deg: float
@@ -44,14 +44,14 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Seen:
+class DrawnSensor:
     """A sensor as it is drawn: metres ahead and to the left of the middle, and the parts of what it sees."""
 
     name: str
     ahead_m: float
     left_m: float
     yaw_deg: float = 0.0
-    parts: tuple[Part, ...] = ()
+    parts: tuple[ViewPart, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class Plan:
     whether a camera is compared with the LiDAR by its own past, `headed` whether what is ahead is known.
     """
 
-    cameras: tuple[Seen, ...]
-    lidars: tuple[Seen, ...]
-    unused: tuple[Seen, ...]
+    cameras: tuple[DrawnSensor, ...]
+    lidars: tuple[DrawnSensor, ...]
+    unused: tuple[DrawnSensor, ...]
     said: tuple[str, ...]
-    together: tuple[tuple[Seen, ...], ...]
+    together: tuple[tuple[DrawnSensor, ...], ...]
     firsts: tuple[str, ...]
     alone: bool
     headed: bool
@@ -77,11 +77,11 @@ def in_lidar_frame(rig: Rig) -> PlacedRig:
     return PlacedRig(rig, np.eye(4) if rig.lidar is None else invert(rig.lidar.rig_SE3_lidar))
 
 
-def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
+def planned(rigs: Sequence[PlacedRig], unused: Sequence[UnusedLidar]) -> Plan:
     """What is drawn of some rigs, and of LiDARs that none has. A camera of several rigs is that of the first."""
     axes = _axes(rigs)
     places: dict[str, tuple[str, Matrix]] = {}
-    cameras: dict[str, Seen] = {}
+    cameras: dict[str, DrawnSensor] = {}
     for placed in rigs:
         rig, common_SE3_rig = placed.rig, placed.common_SE3_rig
         places |= {one.topic: (one.name, (common_SE3_rig @ one.rig_SE3_lidar)[:3, 3]) for one in rig.lidars.values()}
@@ -92,8 +92,8 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
     middle = _middle_m([*(place for _, place in places.values()), *known.values()], list(cameras.values()), axes)
     return Plan(
         tuple(_moved(one, middle) for one in cameras.values()),
-        tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in places.values()),
-        tuple(_moved(Seen(name, *_flat(place, axes)), middle) for name, place in known.items()),
+        tuple(_moved(DrawnSensor(name, *_flat(place, axes)), middle) for name, place in places.values()),
+        tuple(_moved(DrawnSensor(name, *_flat(place, axes)), middle) for name, place in known.items()),
         tuple(one.name for one in unused if one.centre_m is None),
         tuple(tuple(_together(placed, axes, middle)) for placed in rigs if placed.rig.others),
         tuple(dict.fromkeys(one.rig.lidar.name for one in rigs if one.rig.lidar and not one.rig.others)),
@@ -102,10 +102,10 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[Unused]) -> Plan:
     )
 
 
-def _together(placed: PlacedRig, axes: Matrix, middle: tuple[float, float]) -> Iterator[Seen]:
+def _together(placed: PlacedRig, axes: Matrix, middle: tuple[float, float]) -> Iterator[DrawnSensor]:
     for number, lidar in placed.rig.lidars.items():
         place = (placed.common_SE3_rig @ lidar.rig_SE3_lidar)[:3, 3]
-        yield _moved(Seen(f"S_{number} {lidar.name}", *_flat(place, axes)), middle)
+        yield _moved(DrawnSensor(f"S_{number} {lidar.name}", *_flat(place, axes)), middle)
 
 
 def _axes(rigs: Sequence[PlacedRig]) -> Matrix:
@@ -143,18 +143,18 @@ def _flat(place_m: Matrix, axes: Matrix) -> tuple[float, float]:
     return float(ahead_m), float(left_m)
 
 
-def _middle_m(places: Sequence[Matrix], cameras: Sequence[Seen], axes: Matrix) -> tuple[float, float]:
+def _middle_m(places: Sequence[Matrix], cameras: Sequence[DrawnSensor], axes: Matrix) -> tuple[float, float]:
     flat = [*(_flat(place, axes) for place in places), *((one.ahead_m, one.left_m) for one in cameras)]
     low, high = np.min(flat, axis=0), np.max(flat, axis=0)
     ahead_m, left_m = (low + high) / 2
     return float(ahead_m), float(left_m)
 
 
-def _moved(one: Seen, middle: tuple[float, float]) -> Seen:
-    return Seen(one.name, one.ahead_m - middle[0], one.left_m - middle[1], one.yaw_deg, one.parts)
+def _moved(one: DrawnSensor, middle: tuple[float, float]) -> DrawnSensor:
+    return DrawnSensor(one.name, one.ahead_m - middle[0], one.left_m - middle[1], one.yaw_deg, one.parts)
 
 
-def _camera(placed: PlacedRig, camera: Camera, axes: Matrix) -> Seen:
+def _camera(placed: PlacedRig, camera: Camera, axes: Matrix) -> DrawnSensor:
     common_R_camera = placed.common_SE3_rig[:3, :3] @ camera.rotation.T
     centre_m = (placed.common_SE3_rig @ np.append(camera.centre_m, 1))[:3]
     yaw_deg = _yaw_deg(common_R_camera[:, 2], axes)
@@ -162,10 +162,10 @@ def _camera(placed: PlacedRig, camera: Camera, axes: Matrix) -> Seen:
     rays = np.arange(-half[0], half[1] + _STEP_DEG / 2, _STEP_DEG)
     parts = tuple(_parts(_others(placed.rig, camera, rays), yaw_deg + rays))
     shown = f"S_{camera.number} " if placed.rig.n > 1 else ""
-    return Seen(f"{shown}{camera.name}", *_flat(centre_m, axes), yaw_deg, parts)
+    return DrawnSensor(f"{shown}{camera.name}", *_flat(centre_m, axes), yaw_deg, parts)
 
 
-def _parts(others: Indices, rays_deg: Matrix) -> Iterator[Part]:
+def _parts(others: Indices, rays_deg: Matrix) -> Iterator[ViewPart]:
     """The parts of a view, by how many others are compared at its rays; slivers go with the part before them."""
     starts = np.flatnonzero(np.diff(others, prepend=others[0] - 1))
     lengths = np.diff(starts, append=others.size)
@@ -176,7 +176,7 @@ def _parts(others: Indices, rays_deg: Matrix) -> Iterator[Part]:
     begins = np.concatenate([[0], kept[1:]])
     ends = np.concatenate([kept[1:], [others.size - 1]])
     for first, begin, end in zip(kept.tolist(), begins.tolist(), ends.tolist(), strict=True):
-        yield Part(float(rays_deg[begin]), float(rays_deg[end]), int(others[first]))
+        yield ViewPart(float(rays_deg[begin]), float(rays_deg[end]), int(others[first]))
 
 
 def _yaw_deg(direction: Matrix, axes: Matrix) -> float:
@@ -211,7 +211,7 @@ def _others(rig: Rig, camera: Camera, rays_deg: Matrix) -> Indices:
     return np.asarray(count + (count > 0) if rig.lidar and rig.n > 1 else count)
 
 
-def _shown(view: CommonView, cameras: Sequence[Camera], camera: Camera, rays_deg: Matrix) -> Indices:
+def _shown(view: IdealView, cameras: Sequence[Camera], camera: Camera, rays_deg: Matrix) -> Indices:
     """(rays,) 1 where a view shows a ray of a camera, in some row, and all cameras of the view see it."""
     x, y = view.x[::8], view.y[:: max(view.y.size // 5, 1)]
     seen = np.logical_and.reduce([sees(recorded_pixels(one, view.view_SO3_rig, x, y), one, 0.0) for one in cameras])

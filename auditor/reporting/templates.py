@@ -67,7 +67,7 @@ FILTERS: Mapping[str, Callable[..., Any]] = {
 """The filters of the templates of incidents and of the fleet."""
 
 
-class _Compiled(jinja2.BytecodeCache):
+class _TemplateCache(jinja2.BytecodeCache):
     """The templates that this process has compiled: that takes longer than to fill one, and a fleet has many pages."""
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class _Compiled(jinja2.BytecodeCache):
         self._code[bucket.key, bucket.checksum] = bucket.code
 
 
-_COMPILED = _Compiled()
+_COMPILED = _TemplateCache()
 
 
 def fill(

@@ -83,7 +83,7 @@ def calibration_id(calibration: Calibration) -> str:
     return _id_of(calibration, [content_of(one) for one in calibration.clean])
 
 
-class Content(NamedTuple):
+class RecordingContent(NamedTuple):
     """Of a clean recording: its id, the hash of its stamps, and all that a calibration's hash has of it.
 
     The last is JSON; it is packed, since there may be ten thousand of them.
@@ -99,15 +99,15 @@ class Content(NamedTuple):
         return zlib.decompress(self.packed).decode()
 
 
-def content_of(clean: CleanFrames) -> Content:
+def content_of(clean: CleanFrames) -> RecordingContent:
     """What the id of a calibration has of a clean recording."""
     stamps = _digest(clean.stamps_ns)
     columns = sorted([*key, _digest(column)] for key, column in _columns(clean))
     text = canonical_json([clean.recording_id, stamps, *columns])
-    return Content(clean.recording_id, stamps, zlib.compress(text.encode(), 1))
+    return RecordingContent(clean.recording_id, stamps, zlib.compress(text.encode(), 1))
 
 
-def _id_of(calibration: Calibration, contents: Sequence[Content]) -> str:
+def _id_of(calibration: Calibration, contents: Sequence[RecordingContent]) -> str:
     """The id of a calibration of these contents, in any order."""
     procedure = calibration.procedure
     groups = groupby(sorted(contents), key=itemgetter(0, 1))
@@ -117,7 +117,10 @@ def _id_of(calibration: Calibration, contents: Sequence[Content]) -> str:
 
 
 def make_calibration(
-    rig_kind: RigKind, procedure: Procedure, clean: Iterable[CleanFrames], contents: Sequence[Content] | None = None
+    rig_kind: RigKind,
+    procedure: Procedure,
+    clean: Iterable[CleanFrames],
+    contents: Sequence[RecordingContent] | None = None,
 ) -> Calibration:
     """A calibration made now, under the id of its content, which is looked for where it is not known."""
     unnamed = Calibration("", rig_kind, procedure, tuple(clean), datetime.now(UTC))
@@ -140,7 +143,7 @@ def writing_calibration(
 
     Raises StoreError where it cannot be written, or where the recordings were others than those that it has its id of.
     """
-    contents: list[Content] = []
+    contents: list[RecordingContent] = []
     same = _same_in_all_rows(calibration)
     with writing("calibrations", path) as table:
 

@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Known:
+class CaseIdentity:
     """What a case is known by. `family` is what its recording is alike with, or the recording's id."""
 
     evaluation_id: str
@@ -81,7 +81,7 @@ class Cases:
 
     rig: Rig
     procedure: Procedure
-    known: tuple[Known, ...]
+    known: tuple[CaseIdentity, ...]
     statistics: Floats
     present: NDArray[np.bool_]
     fingerprints: NDArray[np.int64]
@@ -126,7 +126,7 @@ def _cases(table: pa.Table, rig: Rig, path: Path) -> Cases:
     return Cases(
         rig,
         Procedure(*(table[name][0].as_py() for name in ("matcher", "settings", "counting_version"))),
-        tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
+        tuple(CaseIdentity(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
         floats(table["statistics"], N * M, path).reshape(N, M),
         np.asarray(present.to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
         np.asarray(fingerprints.fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(N, S),

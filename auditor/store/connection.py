@@ -128,7 +128,7 @@ def asking(store: StoreFolder | None, text: str) -> Iterator[duckdb.DuckDBPyConn
         with connected(store, text) as connection:
             yield connection
         return
-    kept = _KEPT.pop(os.getpid(), None) or _Kept(_without_files())
+    kept = _KEPT.pop(os.getpid(), None) or _IdleConnection(_without_files())
     with ExitStack() as on_error:
         connection = on_error.enter_context(kept.connection)
         filling = _lent(kept, store, needed_by(" ".join(_read_in(text))))
@@ -141,14 +141,14 @@ def asking(store: StoreFolder | None, text: str) -> Iterator[duckdb.DuckDBPyConn
 
 
 @dataclass(frozen=True)
-class _Kept:
+class _IdleConnection:
     """A locked connection between two questions: it has macros, by their names, and nothing of a store."""
 
     connection: duckdb.DuckDBPyConnection
     made: set[str] = field(default_factory=set)
 
 
-_KEPT: dict[int, _Kept] = {}
+_KEPT: dict[int, _IdleConnection] = {}
 """By process, for one that was forked has none of DuckDB's threads. While it is lent it is not here."""
 
 
@@ -199,7 +199,7 @@ def shut_connection() -> duckdb.DuckDBPyConnection:
     return connection
 
 
-def _lent(kept: _Kept, store: StoreFolder | None, needed: frozenset[str]) -> _Filling:
+def _lent(kept: _IdleConnection, store: StoreFolder | None, needed: frozenset[str]) -> _Filling:
     """Give a kept connection what it needs of a store."""
     files, filling = _files_of(store), _Filling(kept.connection)
     kept.connection.register_filesystem(files)

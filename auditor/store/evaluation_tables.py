@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
 from auditor.model.verdict import FaultHypothesis, VerdictKind
-from auditor.store.log.entry import Output
+from auditor.store.log.entry import OutputFile
 from auditor.store.log.runs import logged
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
@@ -20,7 +20,7 @@ from auditor.store.tables import Row, TableWriter, read_rows, writing
 
 
 @dataclass(frozen=True)
-class Part(ABC):
+class ExperimentChunk(ABC):
     """One experiment on one chunk of a recording: the columns of its row of the table `manifest`.
 
     Its cases are rows of the table `table`. `seed` and `draws` are None where nothing is drawn; each `attack_every`-th
@@ -49,7 +49,7 @@ class Part(ABC):
         """The id that follows from what decides everything that is measured for the part."""
 
 
-class Case(Protocol):
+class CaseRow(Protocol):
     """What was measured under one set of attacks."""
 
     def row(self) -> Row: ...  # noqa: D102 - its columns, but for the part's id
@@ -58,13 +58,13 @@ class Case(Protocol):
 class PartWriter:
     """Takes the cases of one part, and makes them finished with `commit`."""
 
-    def __init__(self, part: Part, store: Store, table: TableWriter) -> None:
+    def __init__(self, part: ExperimentChunk, store: Store, table: TableWriter) -> None:
         self._part = part
         self._store = store
         self._table = table
         self._cases = 0
 
-    def add(self, case: Case) -> None:
+    def add(self, case: CaseRow) -> None:
         """Take one case."""
         self._table.add({**case.row(), "evaluation_id": self._part.evaluation_id})
         self._cases += 1
@@ -80,7 +80,7 @@ class PartWriter:
         evaluated_at: datetime,
     ) -> None:
         """Put the cases in their place, then write the row that makes them finished."""
-        written = Output.of_written(self._table.commit(), self._store.folder)
+        written = OutputFile.of_written(self._table.commit(), self._store.folder)
         part = self._part
         row = {
             **vars(part),
@@ -100,13 +100,13 @@ class PartWriter:
 
 
 @contextmanager
-def part_writer(store: Store, part: Part) -> Iterator[PartWriter]:
+def part_writer(store: Store, part: ExperimentChunk) -> Iterator[PartWriter]:
     """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
     with writing(part.table, store.path(part.table, part.evaluation_id)) as table:
         yield PartWriter(part, store, table)
 
 
-def finished_part(store: Store, part: Part) -> bool | None:
+def finished_part(store: Store, part: ExperimentChunk) -> bool | None:
     """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
     path = store.path(part.manifest, part.evaluation_id)
     return bool(read_rows(part.manifest, path)[0]["last"]) if path.is_file() else None
@@ -131,7 +131,7 @@ _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 
 
 @dataclass(frozen=True)
-class EvaluationPart(Part):
+class EvaluationPart(ExperimentChunk):
     """One of the paper's experiments, or of those beyond it.
 
     `inputs` tells apart the files that its attacks were made from, where there are any. `family` names what the
@@ -298,7 +298,7 @@ def missed_pictures(store: Store) -> dict[CaseKey, MissedPicture]:
 
 
 @dataclass(frozen=True)
-class ObjectPart(Part):
+class ObjectPart(ExperimentChunk):
     """One of the experiments that the baseline is compared in.
 
     `labels` is the hash of the files of labels, None without any.

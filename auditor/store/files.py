@@ -36,7 +36,7 @@ def checked_id(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenFile:
     """A file that was written: its place, its size in bytes and its sha256."""
 
     path: Path
@@ -44,7 +44,7 @@ class Written:
     sha256: str
 
 
-Announce = Callable[[Written], AbstractContextManager[None]]
+Announce = Callable[[WrittenFile], AbstractContextManager[None]]
 """Tells of a file before it is given its place, which happens inside the block of what it returns."""
 
 
@@ -67,14 +67,14 @@ class PartFile:
             self.discard()
             raise
 
-    def commit(self, announce: "Announce | None" = None) -> Written:
+    def commit(self, announce: "Announce | None" = None) -> WrittenFile:
         """Make what was written durable and give it its place, within the block of `announce`."""
         assert self._part is not None, "the file has found its end"
         with self.reporting():
             self.file.flush()
             os.fsync(self.file.fileno())
             with self._part.open("rb") as content:
-                written = Written(self._target, *hash_stream(content))
+                written = WrittenFile(self._target, *hash_stream(content))
         with announce(written) if announce is not None else nullcontext(), self.reporting():
             self._part.replace(self._target)
             self._part = None
@@ -159,7 +159,7 @@ def hash_stream(file: IO[bytes]) -> tuple[int, str]:
     return size, digest.hexdigest()
 
 
-def write_whole(target: Path, content: bytes, announce: "Announce | None" = None) -> Written:
+def write_whole(target: Path, content: bytes, announce: "Announce | None" = None) -> WrittenFile:
     """Write a small file in one go, and give it its place within the block of `announce`. Raises StoreError."""
     with part_file(target) as part:
         with part.reporting():

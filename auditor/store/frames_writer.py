@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from auditor.errors import StoreError
-from auditor.model.frames import FramePose, Skipped
+from auditor.model.frames import FramePose, SkippedFrame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
-from auditor.store.files import Written
+from auditor.store.files import WrittenFile
 from auditor.store.measurement_tables import cell_rows, fault_feature_rows, measured_row, region_rows, skipped_row
 from auditor.store.records import MeasurementRecord
 from auditor.store.rows import measurement_row, pose_row
@@ -45,7 +45,7 @@ class LookedShares:
         return {"present_frames": list(self._present.values()), **means}
 
 
-Finish = Callable[[str, Row, Sequence[Written]], None]
+Finish = Callable[[str, Row, Sequence[WrittenFile]], None]
 """Makes a measurement finished: its id, its row, and the files that this row finishes."""
 
 
@@ -102,7 +102,7 @@ class FramesWriter:
         self._stamps_ns.append(frame.stamp_ns)
         self._note(frame.stamp_ns)
 
-    def skip(self, tick: Skipped) -> None:
+    def skip(self, tick: SkippedFrame) -> None:
         """Take a tick without a frame."""
         self._tables["frames"].add(skipped_row(self._measurement_id, tick))
         self._skipped[tick.reason] += 1
@@ -112,7 +112,7 @@ class FramesWriter:
         """Take a pose of a measured frame."""
         self._tables["poses"].add(pose_row(self._measurement_id, placed))
 
-    def commit(self, measurement: MeasurementRecord, pictures: Sequence[Written] = ()) -> None:
+    def commit(self, measurement: MeasurementRecord, pictures: Sequence[WrittenFile] = ()) -> None:
         """Put all tables in their place, then write the row that makes them and the pictures finished.
 
         Raises StoreError where the record is of another measurement.

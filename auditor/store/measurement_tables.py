@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from auditor.errors import StoreError
 from auditor.model.checks import ADDED_LATER, Check, CountedPair, Pair, rig_sensor_checks
 from auditor.model.fault_features import COLUMNS, ObservedFeatures, PairFaultFeatures
-from auditor.model.frames import Skipped
+from auditor.model.frames import SkippedFrame
 from auditor.model.measurement import (
     BRIGHTNESS,
     MIN_VALID_PX,
@@ -150,7 +150,7 @@ _JUDGED = (
 """The columns of frames that verdicts and calibrations come from."""
 
 
-def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
+def skipped_row(measurement_id: str, skipped: SkippedFrame) -> Row:
     """The row of a tick without a frame."""
     return {
         "measurement_id": measurement_id,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from auditor.model.pictures import Content, FramePicture, Picture
-from auditor.store.files import Written, checked_id, write_whole
-from auditor.store.log.entry import Output
+from auditor.store.files import WrittenFile, checked_id, write_whole
+from auditor.store.log.entry import OutputFile
 from auditor.store.log.runs import Run
 
 _MASK = re.compile(r"(\d+)_S(\d+)\.png")
@@ -19,7 +19,7 @@ _VIEW = re.compile(r"(\d+)_S(\d+)\.jpg")
 _FULL = re.compile(rf"(\d+)_S(\d+)\.({'|'.join(Content)})\.(jpg|png)")
 
 
-def write_picture(folder: Path, measurement_id: str, picture: Picture) -> tuple[Written, ...]:
+def write_picture(folder: Path, measurement_id: str, picture: Picture) -> tuple[WrittenFile, ...]:
     """Keep the picture of a frame; its mask comes last and makes it finished. Raises StoreError."""
     pictures = folder / checked_id(measurement_id)
     views = [write_whole(pictures / f"{picture.frame}_S{sensor}.jpg", jpeg) for sensor, jpeg in picture.views.items()]
@@ -50,8 +50,8 @@ def write_frame_pictures(run: Run, measurement_id: str, pictures: Sequence[Frame
     """Keep pictures of frames at full resolution; the log tells of them before they are there. Raises StoreError."""
     folder = run.folder / "pictures" / checked_id(measurement_id)
     files = {folder / picture.name: picture.data for picture in pictures}
-    told = [Written(path, len(data), hashlib.sha256(data).hexdigest()) for path, data in files.items()]
-    with run.writing([Output.of_written(one, run.folder) for one in told]):
+    told = [WrittenFile(path, len(data), hashlib.sha256(data).hexdigest()) for path, data in files.items()]
+    with run.writing([OutputFile.of_written(one, run.folder) for one in told]):
         for path, data in files.items():
             write_whole(path, data)
 

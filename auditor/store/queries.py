@@ -23,7 +23,7 @@ from auditor.store.connection import (
 from auditor.store.folder import StoreFolder
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.schema import Column
-from auditor.store.sql_files import Parameter, SqlFile, Value, bind, described_column, queries, views
+from auditor.store.sql_files import QueryParameter, SqlFile, Value, bind, described_column, queries, views
 
 _BATCH_ROWS = 100_000
 _REMEDY = "auditor query lists the views"
@@ -193,7 +193,7 @@ class Description:
     name: str
     what: str
     text: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[QueryParameter, ...]
     columns: tuple[Column, ...]
 
 

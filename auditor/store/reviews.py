@@ -13,7 +13,7 @@ from typing import Any
 
 from auditor.errors import StoreError
 from auditor.store.export import rows_of
-from auditor.store.log.entry import Kind, user
+from auditor.store.log.entry import EntryKind, user
 from auditor.store.log.runs import logged
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import content_id, to_utc
@@ -126,7 +126,7 @@ def keep_review(store: Store, review: Review) -> None:
         row = {**asdict(review), "review_id": review.review_id, "reviewed_at": to_utc(review.reviewed_at)}
         store.write("reviews", review.review_id, [row])
         entry.say(
-            Kind.REVIEWED,
+            EntryKind.REVIEWED,
             {
                 "review": review.review_id,
                 "incident": review.incident_id,

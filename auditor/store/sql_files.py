@@ -39,7 +39,7 @@ _COLUMN = re.compile(r"column (?P<name>\w+): (?P<sentence>.+)")
 
 
 @dataclass(frozen=True)
-class Parameter:
+class QueryParameter:
     """One parameter of a query; `default` is as text would be given, None where NULL, and unused where required."""
 
     name: str
@@ -55,7 +55,7 @@ class SqlFile:
 
     name: str
     text: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[QueryParameter, ...]
     columns: dict[str, str]
     sql: str
 
@@ -106,7 +106,7 @@ def read_sql_file(path: Path) -> SqlFile:
     lines = path.read_text(encoding="utf-8").splitlines()
     length = next((number for number, line in enumerate(lines) if not line.startswith("--")), len(lines))
     sentences: list[str] = []
-    parameters: list[Parameter] = []
+    parameters: list[QueryParameter] = []
     columns: dict[str, str] = {}
     for line in (line.removeprefix("--").strip() for line in lines[:length]):
         if parameter := _PARAMETER.fullmatch(line):
@@ -121,9 +121,9 @@ def read_sql_file(path: Path) -> SqlFile:
     return SqlFile(path.stem, text, tuple(parameters), columns, "\n".join(lines[length:]))
 
 
-def _parameter(found: re.Match[str]) -> Parameter:
+def _parameter(found: re.Match[str]) -> QueryParameter:
     default = found["default"]
-    return Parameter(
+    return QueryParameter(
         name=found["name"],
         type=found["type"],
         sentence=found["sentence"],
@@ -151,7 +151,7 @@ def bind(query: SqlFile, given: Mapping[str, object]) -> dict[str, Value]:
     return {name: _value(query, parameter, given) for name, parameter in known.items()}
 
 
-def _value(query: SqlFile, parameter: Parameter, given: Mapping[str, object]) -> Value:
+def _value(query: SqlFile, parameter: QueryParameter, given: Mapping[str, object]) -> Value:
     if parameter.name not in given and parameter.required:
         raise QueryError(
             f"parameter {parameter.name} is missing",

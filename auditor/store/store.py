@@ -18,10 +18,10 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import Written, write_whole
+from auditor.store.files import WrittenFile, write_whole
 from auditor.store.folder import StoreFolder
 from auditor.store.frames_writer import FramesWriter
-from auditor.store.log.entry import Output
+from auditor.store.log.entry import OutputFile
 from auditor.store.log.runs import logged
 from auditor.store.measurement_tables import (
     FrameCells,
@@ -66,7 +66,7 @@ from auditor.store.rows import (
     verdict_columns,
 )
 from auditor.store.schema import WRITTEN
-from auditor.store.tables import Row, Source, Stored, read_rows, read_table, rows_of_files, write_rows, writing
+from auditor.store.tables import Row, Source, StoredRows, read_rows, read_table, rows_of_files, write_rows, writing
 
 
 class Store(StoreFolder):
@@ -81,10 +81,10 @@ class Store(StoreFolder):
         self._measurements: dict[str, StoredMeasurement] = {}
         self._read: tuple[str, pa.Table] | None = None
 
-    def source(self, table: str, row_id: str) -> Stored:
+    def source(self, table: str, row_id: str) -> StoredRows:
         """Where the rows of an id are read: in a file of its own, or in a pack."""
         path = self.path(table, row_id)
-        return Stored(path, lambda: path if path.is_file() else self.packs.part(table, row_id) or path)
+        return StoredRows(path, lambda: path if path.is_file() else self.packs.part(table, row_id) or path)
 
     def write(self, table: str, row_id: str, rows: Iterable[Row]) -> None:
         """Put a file of a table in its place; the log says so. Raises StoreError."""
@@ -100,9 +100,9 @@ class Store(StoreFolder):
             write_whole(path, text.encode())
         return path
 
-    def _outputs(self, written: Iterable[Written]) -> list[Row]:
+    def _outputs(self, written: Iterable[WrittenFile]) -> list[Row]:
         """Files as the column `outputs` has them."""
-        return [Output.of_written(one, self.folder).fields for one in written]
+        return [OutputFile.of_written(one, self.folder).fields for one in written]
 
     # Recordings, rigs, labels
 
@@ -179,7 +179,7 @@ class Store(StoreFolder):
             tables = {table: stack.enter_context(writing(table, self.path(table, measurement_id))) for table in WRITTEN}
             yield FramesWriter(measurement_id, rig, tables, self._finish_measurement)
 
-    def _finish_measurement(self, measurement_id: str, row: Row, written: Sequence[Written]) -> None:
+    def _finish_measurement(self, measurement_id: str, row: Row, written: Sequence[WrittenFile]) -> None:
         self.write("measurements", measurement_id, [{**row, "outputs": self._outputs(written)}])
 
     def has_measurement(self, measurement_id: str) -> bool:
@@ -306,7 +306,7 @@ class Store(StoreFolder):
 
     # Pictures
 
-    def write_picture(self, measurement_id: str, picture: Picture) -> tuple[Written, ...]:
+    def write_picture(self, measurement_id: str, picture: Picture) -> tuple[WrittenFile, ...]:
         """Keep what the cameras saw in a frame, and its mask: files that the row of the measurement is to name."""
         return write_picture(self.folder / "pictures", measurement_id, picture)
 

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
 from auditor.model.text import storable
-from auditor.store.files import Announce, PartFile, Written, part_file
-from auditor.store.packs.index import Files, Part
+from auditor.store.files import Announce, PartFile, WrittenFile, part_file
+from auditor.store.packs.index import Files, PackPart
 from auditor.store.schema import SCHEMA_VERSION, TableSchema, id_column, newer_version, table_schema, version_of
 
 Row = Mapping[str, object]
@@ -23,17 +23,17 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredRows:
     """The rows of one id, wherever they lie when they are read; `path` is where a file of its own would."""
 
     path: Path
-    find: Callable[[], Path | Part]
+    find: Callable[[], Path | PackPart]
 
     def __str__(self) -> str:
         return str(self.path)
 
 
-Source = Path | Stored
+Source = Path | StoredRows
 
 _UNREADABLE = (OSError, pa.ArrowException, ValueError, KeyError, OverflowError, MemoryError)
 """What Arrow raises on a damaged file, as where a name is not UTF-8 or a length is any number."""
@@ -93,7 +93,7 @@ class TableWriter:
             self._batches.append(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
             self._end_group()
 
-    def commit(self, announce: Announce | None = None) -> Written:
+    def commit(self, announce: Announce | None = None) -> WrittenFile:
         """Write what is left and the footer, and give the file its place within the block of `announce`."""
         self._make_batch()
         self._write_group()
@@ -152,7 +152,7 @@ def writing(table: str, path: Path) -> Iterator[TableWriter]:
             writer.abandon()
 
 
-def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce | None = None) -> Written:
+def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce | None = None) -> WrittenFile:
     """Write a file of a table in one go, and give it its place within the block of `announce`. Raises StoreError."""
     with writing(table, path) as writer:
         for row in rows:
@@ -185,9 +185,9 @@ def read_table(
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
-def _stored(place: Path | Part, columns: Sequence[str], group: int | None, source: Source) -> pa.Table:
+def _stored(place: Path | PackPart, columns: Sequence[str], group: int | None, source: Source) -> pa.Table:
     """Those of some columns that a file, a group of it or the part of a pack has."""
-    if isinstance(place, Part):
+    if isinstance(place, PackPart):
         return _of_part(place, columns, source)
     with pq.ParquetFile(place) as file:
         schema: pa.Schema = file.schema_arrow
@@ -198,7 +198,7 @@ def _stored(place: Path | Part, columns: Sequence[str], group: int | None, sourc
         return file.read_row_group(group, columns=present, use_threads=threads)
 
 
-def _of_part(part: Part, columns: Sequence[str], source: Source) -> pa.Table:
+def _of_part(part: PackPart, columns: Sequence[str], source: Source) -> pa.Table:
     """Those of some columns that a pack has, of the rows of one id."""
     schema = _footer(part.path)[1]
     _check_version(schema, source)
@@ -249,8 +249,8 @@ def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
 def stream_tables(source: Source, names: Sequence[str]) -> Iterator[pa.Table | pa.RecordBatch]:
     """Some columns of a file of a table, or of an id, some rows at a time. Raises StoreError."""
 
-    def opened(place: Path | Part) -> pa.Table | pq.ParquetFile:
-        return _of_part(place, names, source) if isinstance(place, Part) else pq.ParquetFile(place)
+    def opened(place: Path | PackPart) -> pa.Table | pq.ParquetFile:
+        return _of_part(place, names, source) if isinstance(place, PackPart) else pq.ParquetFile(place)
 
     found = _read(source, opened)
     with _reporting(source):
@@ -294,7 +294,7 @@ def in_one_line(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _read(source: Source, read: Callable[[Path | Part], T]) -> T:
+def _read(source: Source, read: Callable[[Path | PackPart], T]) -> T:
     """What is read in the place of some rows; they may be packed just now.
 
     Raises StoreError where it is missing, torn, or of another version.

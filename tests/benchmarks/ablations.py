@@ -141,7 +141,7 @@ def rules() -> Iterator[Rule]:
     yield Rule("alerts", numbers(ALERTS, share=INF, chance=1e-300))
     yield Rule("alerts by share", numbers(ALERTS, share=INF))
     yield Rule("light of one colour or in rows", numbers(light, least_thrown=INF))
-    yield Rule("how long light lasts", replaced(causes.Seen, "_of_time", property(lambda self: 0.0)))
+    yield Rule("how long light lasts", replaced(causes.CameraScores, "_of_time", property(lambda self: 0.0)))
     yield Rule("light lasts: beyond a gap", numbers(light, further_s=0.0))
     for name in ("removed", "inconsistent", "darker", "saturated"):
         yield Rule(f"light on a lens: {name}", flat(f"of_{name}"))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.lab.attacks.catalogue import ON_CAMERA
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
@@ -68,7 +68,7 @@ def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Fr
     for camera in rig.cameras:
         for number, one in enumerate(KINDS):
             rng = np.random.default_rng([seed, frame.number, camera.number, number])
-            attack = ON_CAMERA[one.kind](Drawing(rng, one.strength, one.size), camera)
+            attack = ON_CAMERA[one.kind](AttackDraw(rng, one.strength, one.size), camera)
             image = attack.apply(frame.images[camera.number])
             yield one.name, camera.number, replace(frame, images={**frame.images, camera.number: image})
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from auditor.lab.attacks.faults import SoiledLens
-from auditor.lab.simulation.stray_light import Lens, SunSeen, draw_lens, with_stray_light
+from auditor.lab.simulation.stray_light import LensFlare, SunSeen, draw_lens, with_stray_light
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause
@@ -99,7 +99,7 @@ class Glare:
     seed: int
 
     def apply(self, image: CameraImage) -> CameraImage:
-        lens: Lens = draw_lens(np.random.default_rng([self.seed, image.sensor]))
+        lens: LensFlare = draw_lens(np.random.default_rng([self.seed, image.sensor]))
         channels = image.pixels[..., None] if image.pixels.ndim < 3 else image.pixels
         light = np.ascontiguousarray(channels.transpose(2, 0, 1), dtype=np.float32) / np.float32(WHITE)
         seen = np.clip(with_stray_light(light, lens, self.sun), 0, 1).transpose(1, 2, 0)

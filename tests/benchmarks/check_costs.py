@@ -29,10 +29,10 @@ from auditor.measurement.checks.collect import collect_checks
 from auditor.measurement.checks.count_grid import ImageGrid, places_of, sums_of_pair
 from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
-from auditor.measurement.checks.light import LightDifference, View, light_difference
+from auditor.measurement.checks.light import CameraLevels, LightDifference, light_difference
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
-from auditor.measurement.checks.striped_light import Rows
+from auditor.measurement.checks.striped_light import RowExcess
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
 from auditor.measurement.disparity.matchers import find_matcher
@@ -53,7 +53,7 @@ LATEST: dict[str, tuple[tuple[Any, str], ...]] = {
     "light of one colour": ((light, "coloured_light"),),
     "false ranges": ((false_ranges, "directed_points"), (collect, "pair_ranges"), (collect, "false_ranges")),
     "rough ranges": ((point_distribution, "rough_ranges"),),
-    "light in rows": ((Rows, "of"), (Rows, "above")),
+    "light in rows": ((RowExcess, "of"), (RowExcess, "above")),
 }
 """The functions of each check, and where they are called from."""
 OF_CLOUDS = ("lost returns", "false ranges", "rough ranges")
@@ -187,7 +187,7 @@ def _clocked(spent: Seconds, check: str, function: Callable[..., Any]) -> Callab
 def _light(
     half_res: Mapping[int, Image], colours: Mapping[int, Image], seen: PairConsistency, k: int
 ) -> LightDifference:
-    reference, source = (View(half_res[camera], colours.get(camera)) for camera in (k, 1))
+    reference, source = (CameraLevels(half_res[camera], colours.get(camera)) for camera in (k, 1))
     return light_difference(reference, source, seen.matches.column, seen.matches.seen)
 
 

@@ -31,14 +31,14 @@ import numpy as np
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
 from auditor.lab.attacks.spoofing import RandomRanges
-from auditor.lab.evaluation.sources import CleanDrive, Recorded, Street
+from auditor.lab.evaluation.sources import CleanFrameSource, RecordingSource, Street
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import MeasuredFrame
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
 from auditor.model.arrays import Floats, Image
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
 from auditor.model.optics.common_view import resized
 from auditor.model.rig import LIDAR, Rig
@@ -133,7 +133,7 @@ def measured(
 
 def measure_all(frames: Iterable[Frame], rig: Rig) -> Iterator[MeasuredFrame]:
     """What is measured of frames that follow one another."""
-    return (one for one in measure_stream(frames, rig, MATCHER) if not isinstance(one, Skipped))
+    return (one for one in measure_stream(frames, rig, MATCHER) if not isinstance(one, SkippedFrame))
 
 
 def _last(frames: Sequence[Frame], rig: Rig) -> MeasuredFrame:
@@ -146,16 +146,16 @@ def _last(frames: Sequence[Frame], rig: Rig) -> MeasuredFrame:
 class Resized:
     """A real drive whose cameras had `scale` times the pixels across."""
 
-    source: Recorded
+    source: RecordingSource
     scale: float
 
     @contextmanager
-    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanFrameSource, ...]]:
         """Its frames by each rig."""
         with self.source.open() as drives:
             yield tuple(self._of(drive) for drive in drives)
 
-    def _of(self, drive: CleanDrive) -> CleanDrive:
+    def _of(self, drive: CleanFrameSource) -> CleanFrameSource:
         rig = resized(drive.rig, self.scale)
 
         def shrink(number: int, pixels: Image) -> Image:
@@ -165,9 +165,9 @@ class Resized:
         return replace(drive, rig=rig, frames=(changed(item, shrink) for item in drive.frames))
 
 
-def changed(item: Frame | Skipped, change: Callable[[int, Image], Image]) -> Frame | Skipped:
+def changed(item: Frame | SkippedFrame, change: Callable[[int, Image], Image]) -> Frame | SkippedFrame:
     """A frame whose pictures are changed, each by its camera's number."""
-    if isinstance(item, Skipped):
+    if isinstance(item, SkippedFrame):
         return item
     return replace(item, images={n: replace(one, pixels=change(n, one.pixels)) for n, one in item.images.items()})
 
@@ -217,25 +217,25 @@ another gamma, or darker by 40 % at the sides."""
 class Altered:
     """A drive whose pictures are altered, before any attack."""
 
-    source: Recorded | Resized
+    source: RecordingSource | Resized
     how: str
 
     @contextmanager
-    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanFrameSource, ...]]:
         """Its frames by each rig."""
         with self.source.open() as drives:
             alter = ALTERATIONS[self.how]
             yield tuple(replace(drive, frames=(changed(item, alter) for item in drive.frames)) for drive in drives)
 
 
-def drives_in(data: Path, scale: float, altered: str | None = None) -> dict[str, Recorded | Resized | Altered]:
+def drives_in(data: Path, scale: float, altered: str | None = None) -> dict[str, RecordingSource | Resized | Altered]:
     """The real drives of the test data, by name."""
-    drives = {name: Recorded(data / path) for name, path in DRIVES.items()}
+    drives = {name: RecordingSource(data / path) for name, path in DRIVES.items()}
     resized = {name: drive if scale == 1 else Resized(drive, scale) for name, drive in drives.items()}
     return {name: drive if altered is None else Altered(drive, altered) for name, drive in resized.items()}
 
 
-Source = Recorded | Resized | Altered | Street
+Source = RecordingSource | Resized | Altered | Street
 
 
 def sources_of(

@@ -27,7 +27,7 @@ import numpy as np
 
 from auditor.lab.attacks.catalogue import ON_LIDAR
 from auditor.lab.attacks.faults import lidar_axes
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.lab.attacks.spoofing import find_object
 from auditor.measurement import FaultFeatures, use_one_thread
 from auditor.measurement.checks.found import measuring
@@ -76,7 +76,7 @@ def attack(
     if kind == "removed" and not find_object(cloud.xyz_m @ lidar_axes(rig).T, size).is_car:
         return None
     options = {"range_m": away[0]} if away else {}
-    return ON_LIDAR[kind](Drawing(np.random.default_rng(seed), "mild", size, options)).apply(cloud, rig)
+    return ON_LIDAR[kind](AttackDraw(np.random.default_rng(seed), "mild", size, options)).apply(cloud, rig)
 
 
 def attacks(places: int, only: Sequence[str], seed: int) -> dict[str, Change]:

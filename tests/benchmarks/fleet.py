@@ -26,7 +26,7 @@ import pyarrow.compute
 import pyarrow.parquet as pq
 
 from auditor.store.files import make_folder, write_whole
-from auditor.store.log.entry import Output, output_of
+from auditor.store.log.entry import OutputFile, output_of
 from auditor.store.log.runs import logged
 from auditor.store.packs.index import INDEX, MEMBERS, Index, members_of, pack_path
 from auditor.store.packs.packing import LEVEL
@@ -166,7 +166,7 @@ def _write_row(store: Store, table: str, row_id: str, row: Mapping[str, Any], en
     _write(store, table, row_id, pa.Table.from_pylist([dict(row)], schema=table_schema(table).arrow), entry)
 
 
-def _write(store: Store, table: str, row_id: str, content: pa.Table, entry: Any) -> Output:
+def _write(store: Store, table: str, row_id: str, content: pa.Table, entry: Any) -> OutputFile:
     """As the store writes it, but for making it survive a power cut."""
     schema, path = table_schema(table), store.path(table, row_id)
     make_folder(path.parent)

@@ -34,7 +34,7 @@ from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.refresh_parameters import INFLUENCE
 from auditor.identification.refreshing import influence
-from auditor.identification.refreshing.drives import Drive, Folds, Shown, shown_by
+from auditor.identification.refreshing.drives import Drive, DriveScores, Folds, shown_by
 from auditor.identification.refreshing.gate import difference_of, share_of
 from auditor.identification.robust import findings_alone
 from auditor.identification.scores import CleanDrives
@@ -43,14 +43,14 @@ from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
 from auditor.pipeline.refreshing import choosing, learning
-from auditor.pipeline.refreshing.choosing import Known
+from auditor.pipeline.refreshing.choosing import RigKindState
 from auditor.pipeline.refreshing.learning import Learnt, learn
 from auditor.pipeline.refreshing.night import waiting_after
-from auditor.pipeline.refreshing.pool import Group
+from auditor.pipeline.refreshing.pool import LogGroup
 from auditor.store.calibrations import make_calibration
 from auditor.store.records import content_id
-from auditor.store.versions.decisions import Decided, Decision
-from auditor.store.versions.history import History, How, Move
+from auditor.store.versions.decisions import Decision, RefreshOutcome
+from auditor.store.versions.history import EntryIntoForce, History, Move
 from tests.benchmarks.fleet_bank import (
     ATTACKERS,
     BEGINS,
@@ -111,9 +111,9 @@ class Again:
     """
 
     def __init__(self) -> None:
-        self._known: dict[str, tuple[Shown, int]] = {}
+        self._known: dict[str, tuple[DriveScores, int]] = {}
 
-    def shown_by_others(self, drives: Sequence[Drive], system: System, r: Decimal) -> list[Shown]:
+    def shown_by_others(self, drives: Sequence[Drive], system: System, r: Decimal) -> list[DriveScores]:
         """As the program's function of this name."""
         tonight = max(drive.clean.stamps_ns[0] for drive in drives) // DAY_NS
         folds = Folds([drive.source for drive in drives])
@@ -136,8 +136,8 @@ class Nights:
 
     def __init__(self, fleet: Fleet, known_nights: dict[tuple[str, ...], Learnt]) -> None:
         self.fleet, self._known_nights = fleet, known_nights
-        self.group = Group(History(fleet.rig.kind, PROCEDURE), fleet.rig)
-        self.known, self.every = Known(), list[Made]()
+        self.group = LogGroup(History(fleet.rig.kind, PROCEDURE), fleet.rig)
+        self.known, self.every = RigKindState(), list[Made]()
         self._last: tuple[object, Learnt] | None = None
 
     @property
@@ -152,8 +152,8 @@ class Nights:
         self.group = replace(self.group, logs=logs)
         learnt = self._learn()
         decision = learnt.decision
-        if decision.decided is Decided.PROMOTED and learnt.calibration is not None:
-            how, history = How.REFRESHED if night else How.PROMOTED, self.group.history
+        if decision.decided is RefreshOutcome.PROMOTED and learnt.calibration is not None:
+            how, history = EntryIntoForce.REFRESHED if night else EntryIntoForce.PROMOTED, self.group.history
             moves = (*history.moves, Move(learnt.calibration.calibration_id, how, NOW))
             self.group = replace(self.group, history=replace(history, moves=moves))
             confirmed = self.known.confirmed or learnt.calibration
@@ -204,7 +204,7 @@ def nights_of(
         decision = run.refresh(night, fleet.night(night, attacker))
         attacked = run.attacked
         outcome.decided[decision.decided.value] += 1
-        if decision.decided in (Decided.HELD, Decided.REFUSED):
+        if decision.decided in (RefreshOutcome.HELD, RefreshOutcome.REFUSED):
             outcome.reasons[decision.reasons[0][:60]] += 1
         if not attacked:
             continue
@@ -213,7 +213,9 @@ def nights_of(
         assert run.known.parent is not None
         outcome.false_promotions += bool(attacked & set(run.known.parent.recordings))
         outcome.false_unguarded += any(made.attacked for made in run.every[-MOST:])
-        doubted = decision.decided in (Decided.HELD, Decided.REFUSED) or attacked & run.known.waiting.keys()
+        doubted = (
+            decision.decided in (RefreshOutcome.HELD, RefreshOutcome.REFUSED) or attacked & run.known.waiting.keys()
+        )
         if outcome.alarm is None and doubted:
             outcome.alarm = night
     return _ended(bank, run, outcome, decision)

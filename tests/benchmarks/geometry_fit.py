@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.measurement import CalibrationCheck, FaultFeatures, geometry_fit, measure, use_one_thread
+from auditor.measurement import CalibrationMonitor, FaultFeatures, geometry_fit, measure, use_one_thread
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.arrays import Points
 from auditor.model.frames import Frame
@@ -76,7 +76,7 @@ FAULTS: dict[str, Case] = {
 
 def withheld(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, list[float]]:
     """Why no verdict is given on a few frames, and how well their points fit."""
-    check, fits = CalibrationCheck(), []
+    check, fits = CalibrationMonitor(), []
     for frame in some:
         _, arrays = measure(*reversed(case(rig, frame)), SgbmMatcher())
         check.add(arrays, FaultFeatures().update(arrays))

@@ -31,12 +31,12 @@ import numpy as np
 
 from auditor.cli import run
 from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.frame import MeasuredFrame
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import Frame, PointCloud, Skipped
+from auditor.model.frames import Frame, PointCloud, SkippedFrame
 from auditor.model.pictures import Content
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import AttackLabel
@@ -62,7 +62,7 @@ def attacked(frame: Frame, rig: Rig, place: int, seed: int) -> Frame:
     """The frame under the attack of a place: the kinds take turns, cameras are drawn."""
     kind, on_lidar = KINDS[place % len(KINDS)]
     rng = np.random.default_rng([seed, place])
-    drawing = Drawing(rng, "opaque", None)
+    drawing = AttackDraw(rng, "opaque", None)
     if on_lidar:
         assert frame.cloud is not None
         return replace(frame, cloud=ON_LIDAR[kind](drawing).apply(frame.cloud, rig))
@@ -138,10 +138,12 @@ def measure_repeated(log: Path, store: Path) -> None:
     known: dict[bytes, MeasuredFrame] = {}
     kept = Kept()
 
-    def repeated(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | MeasuredFrame]:
+    def repeated(
+        frames: Iterable[Frame | SkippedFrame], rig: Rig, matcher: Matcher
+    ) -> Generator[SkippedFrame | MeasuredFrame]:
         kept.keep(rig_sensor_checks(rig))
         for item in frames:
-            if isinstance(item, Skipped):
+            if isinstance(item, SkippedFrame):
                 yield item
                 continue
             key = content_of(item)

@@ -20,7 +20,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Protocol
 
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import RecordingSource, Street
 from auditor.measurement import use_one_thread
 from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame
@@ -92,7 +92,7 @@ def _options(description: str) -> argparse.Namespace:
 
 def real(name: str, path: Path, happenings: Happenings, chosen: slice) -> Drive:
     """A real drive, each sensor in turn."""
-    with Recorded(path).open() as [drive]:
+    with RecordingSource(path).open() as [drive]:
         kept = [frame for frame in drive.frames if isinstance(frame, Frame)][chosen]
         return measured_drive(name, name, drive.rig, happenings(kept, drive.rig, 1, each=True))
 

@@ -22,7 +22,7 @@ import numpy as np
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.catalogue import ON_LIDAR
 from auditor.lab.attacks.faults import lidar_axes
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.lab.attacks.paper import BogusWall, draw_wall, road_below_m
 from auditor.lab.attacks.spoofing import find_object
 from auditor.measurement import FaultFeatures, measure
@@ -112,7 +112,9 @@ def attacks_on(frame: Frame, rig: Rig, seed: Sequence[int], only: Collection[str
         if kind in OBJECTS and size is not None and not find_object(points, size).is_car:
             continue
         rng = np.random.default_rng([*seed, number])
-        cloud = ON_LIDAR[kind](Drawing(rng, "mild", size, {"range_m": away[0]} if away else {})).apply(frame.cloud, rig)
+        cloud = ON_LIDAR[kind](AttackDraw(rng, "mild", size, {"range_m": away[0]} if away else {})).apply(
+            frame.cloud, rig
+        )
         yield " ".join([kind, *(f"{one:g}" for one in (size, *away) if one is not None)]), replace(frame, cloud=cloud)
 
 

@@ -28,7 +28,7 @@ from auditor.measurement.checks.parallax_conflict import Moment, parallax_confli
 from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.clean_statistics import MATCHER, Source, alone, case_of, sources_of
 from tests.benchmarks.incident_series import MEASURED_HZ, Drive, Tally, drives_of
@@ -57,7 +57,7 @@ def frames_of(source: Source, camera: int) -> tuple[Rig, list[Frame]]:
 
 def cases_of(frames: Sequence[Frame], rig: Rig, attack: str = "") -> Iterator[Case]:
     for one in measure_stream(frames, rig, MATCHER):
-        if not isinstance(one, Skipped):
+        if not isinstance(one, SkippedFrame):
             yield case_of(one[0], rig, attack, (LIDAR,) if attack else ())
 
 

@@ -24,7 +24,7 @@ from time import process_time
 import numpy as np
 
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
-from auditor.lab.evaluation.sources import Recorded
+from auditor.lab.evaluation.sources import RecordingSource
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
 from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
 from auditor.measurement.checks.still_light import OfThePast
@@ -32,7 +32,7 @@ from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.own_past import _Way
 from auditor.model.checks import Check
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS
 from tests.benchmarks.benign import faults
@@ -70,7 +70,7 @@ def measured(frames: Sequence[Frame], rig: Rig, first: int = 0) -> dict[int, Cas
     """By place the cases of frames in their order."""
     features, found = FaultFeatures(), {}
     for place, one in enumerate(measure_stream(frames, rig, MATCHER), first):
-        if not isinstance(one, Skipped):
+        if not isinstance(one, SkippedFrame):
             found[place] = case_of(replace(one[0], fault_features=features.update(one[1])), rig)
     return found
 
@@ -202,7 +202,8 @@ def main() -> None:
     use_one_thread()
     if options.cost:
         for name, path in DRIVES.items():
-            print(f"{name}: {cost(*frames_of(Recorded(options.cost / path), options.camera)):.2f} SGBM calls a frame")
+            calls = cost(*frames_of(RecordingSource(options.cost / path), options.camera))
+            print(f"{name}: {calls:.2f} SGBM calls a frame")
         return
     if options.judge:
         judge(options.judge)

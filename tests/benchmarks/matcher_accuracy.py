@@ -21,7 +21,15 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.lab.training.samples import Recorded, Sample, SampleFiles, SampleTask, Street, make_samples, score
+from auditor.lab.training.samples import (
+    RecordingSamples,
+    Sample,
+    SampleFiles,
+    SampleTask,
+    StreetSamples,
+    make_samples,
+    score,
+)
 from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
 
 STREET_SAMPLES = 3
@@ -38,13 +46,15 @@ DRIVES = ("kitti_raw_2011_09_26_drive_0009", "kitti_raw_2011_09_26_drive_0001", 
 
 def samples_of(drive: Path, folder: Path, count: int) -> SampleFiles:
     """At most `count` samples, from the first frame with one to the last."""
-    files = make_samples(SampleTask(Recorded(drive), folder, 1000), lambda *_: None).files
+    files = make_samples(SampleTask(RecordingSamples(drive), folder, 1000), lambda *_: None).files
     return SampleFiles(files[:: -(-len(files) // count)])
 
 
 def street_samples(seeds: Iterable[int], folder: Path) -> SampleFiles:
     """Some samples of each street."""
-    made = (make_samples(SampleTask(Street(seed, STREET_SAMPLES), folder, 1000), lambda *_: None) for seed in seeds)
+    made = (
+        make_samples(SampleTask(StreetSamples(seed, STREET_SAMPLES), folder, 1000), lambda *_: None) for seed in seeds
+    )
     return SampleFiles(tuple(file for one in made for file in one.files))
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.lab.evaluation.sources import Recorded, Street
+from auditor.lab.evaluation.sources import RecordingSource, Street
 from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement import parameters as measuring
 from auditor.measurement import point_parameters as of_points
@@ -105,7 +105,7 @@ def rules() -> Iterator[Rule]:
 def kept_frames() -> Iterator[Kept]:
     """The frames, measured once."""
     data = Path(os.environ["AUDITOR_TEST_DATA"])
-    sources: list[tuple[str, Recorded | Street]] = [*drives_in(data, 1.0).items()]  # type: ignore[list-item]
+    sources: list[tuple[str, RecordingSource | Street]] = [*drives_in(data, 1.0).items()]  # type: ignore[list-item]
     sources += [(f"street {seed}", Street(seed, 2, len(FOUR), 0.5)) for seed in STREETS]
     wanted = {kind.split()[0] for kinds in KINDS.values() for kind in kinds}
     for name, source in sources:
@@ -117,7 +117,7 @@ def kept_frames() -> Iterator[Kept]:
                 real = name in _EVERY
                 on = real and place % _EVERY[name] == 0
                 attacked = [*lidar_kinds.attacks_on(frame, drive.rig, [len(name)], wanted)] if on else []
-                family = name if isinstance(source, Recorded) else source.family
+                family = name if isinstance(source, RecordingSource) else source.family
                 yield Kept(name, family, kinds_of(frame), frame, clean, arrays, case, attacked)
 
 

@@ -38,10 +38,10 @@ from auditor.measurement.disparity.matchers.psmnet import (
     frame_cost,
     load_weights,
 )
-from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, Engine
+from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, InferenceEngine
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet
 from auditor.measurement.disparity.matchers.psmnet.weights import content_sha256
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from tests.making.psmnet_networks import noise, ruled_state
@@ -74,7 +74,7 @@ class Naive:
         self.network = PSMNet(max_disparity=RANGE_PX, align_corners=align_corners, width=weights.width)
         self.network.load_state_dict(weights.state)
         self.network.eval().to(device)
-        self.engine = Engine(self.network, torch.device(device))
+        self.engine = InferenceEngine(self.network, torch.device(device))
 
     @torch.inference_mode()
     def match(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -174,7 +174,7 @@ def whole_recording(weights: Weights, align_corners: bool, device: str) -> None:
             print(f"whole recording, {form:13} {count / fast:7.2f} frames/s   {slow / fast:5.2f} times naive")
 
 
-def recording_seconds(path: Path, work: Callable[[Iterable[Frame | Skipped], Rig], object]) -> float:
+def recording_seconds(path: Path, work: Callable[[Iterable[Frame | SkippedFrame], Rig], object]) -> float:
     """Seconds to read, match and compare all frames of a recording."""
     with open_recording(path) as recording:
         surveyed = survey(recording)

@@ -28,12 +28,12 @@ from auditor.lab.attacks.paper import draw_wall
 from auditor.lab.evaluation.experiments import WALL_WIDTHS_M
 from auditor.lab.evaluation.object_baseline import ObjectTask, evaluate_objects
 from auditor.lab.evaluation.object_baseline.agreement import in_view
-from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
+from auditor.lab.evaluation.object_baseline.average_precision import ScoredObjects, score_in_image, score_on_ground
 from auditor.lab.evaluation.object_baseline.detectors import CAR, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.streets import clouds, images
 from auditor.lab.evaluation.object_baseline.detectors.streets.network import packed
 from auditor.lab.evaluation.object_baseline.runner import street_labels
-from auditor.lab.evaluation.sources import Recorded, Source, Street
+from auditor.lab.evaluation.sources import RecordingSource, Source, Street
 from auditor.model.frames import Frame
 from auditor.store.queries import run_query
 from auditor.store.store import Store
@@ -78,7 +78,7 @@ def train(out: Path, streets: int, frames: int) -> None:
         print(f"{name}: {numbers} parameters, {len(content)} bytes, sha256 {hashlib.sha256(content).hexdigest()}")
 
 
-def average_precision(frames: list[Scored]) -> float:
+def average_precision(frames: list[ScoredObjects]) -> float:
     """Mean of the best precision at each recall or a higher one."""
     truths = sum(one.truths for one in frames)
     found = sorted(
@@ -93,7 +93,7 @@ def average_precision(frames: list[Scored]) -> float:
 def score(first: int, streets: int, frames: int) -> None:
     torch.set_num_threads(1)
     of_images, of_clouds = images.shipped_images(), clouds.shipped_clouds()
-    by_family: dict[str, list[tuple[Scored, Scored]]] = {}
+    by_family: dict[str, list[tuple[ScoredObjects, ScoredObjects]]] = {}
     for street in (Street(seed, 50) for seed in range(first, first + streets)):
         with street.open() as (drive,):
             rig, lidar, truth = drive.rig, drive.rig.lidar, drive.street
@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int)
     parser.add_argument("--first", type=int, default=1000, help="the first street that is scored")
     given = parser.parse_args()
-    recorded: list[Source] = [Recorded(path) for path in given.recordings]
+    recorded: list[Source] = [RecordingSource(path) for path in given.recordings]
     if given.what == "train":
         train(given.out, given.streets or STREETS, given.frames or FRAMES)
     elif given.what == "score":

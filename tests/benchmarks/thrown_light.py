@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from auditor.identification.causes import Seen, seen_of
+from auditor.identification.causes import CameraScores, seen_of
 from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import normalised_scores
 from auditor.lab.attacks.catalogue import ON_CAMERA
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.lab.attacks.paper import STRENGTHS, draw_facula
 from auditor.lab.simulation.stray_light import SunSeen
 from auditor.model.arrays import Flags, Floats
@@ -72,7 +72,7 @@ def changes_of(frame: Frame, camera: Camera, seed: int) -> Iterator[tuple[str, o
     sun = SunSeen(rng.uniform(0, size[0]), rng.uniform(0, size[1] / 2), 1.0)
     yield f"{LENS}glare of the sun anywhere", Glare(sun, seed + 1)
     for one in KINDS:
-        yield one.name, ON_CAMERA[one.kind](Drawing(rng, one.strength, one.size), camera)
+        yield one.name, ON_CAMERA[one.kind](AttackDraw(rng, one.strength, one.size), camera)
     for strength in STRENGTHS:
         yield f"facula, {strength}", draw_facula(rng, *size, strength)
     for pattern in patterns():
@@ -84,7 +84,7 @@ class Shown(NamedTuple):
 
     kind: str
     family: str
-    seen: Seen
+    seen: CameraScores
 
 
 def shown(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Shown]:

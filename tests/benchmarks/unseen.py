@@ -23,7 +23,7 @@ from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import runs_of, sensor_statistics
 from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula, draw_wall
-from auditor.lab.evaluation.sources import Recorded
+from auditor.lab.evaluation.sources import RecordingSource
 from auditor.measurement import measure, use_one_thread
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
@@ -45,7 +45,7 @@ PERIODS = range(2, 61)
 
 def frames_of(path: Path, count: int) -> tuple[Rig, list[Frame]]:
     """The rig of a drive and some of its frames, spread over it."""
-    with Recorded(path).open() as drives:
+    with RecordingSource(path).open() as drives:
         frames = [item for item in drives[0].frames if isinstance(item, Frame)]
         return drives[0].rig, frames[:: max(len(frames) // count, 1)][:count]
 

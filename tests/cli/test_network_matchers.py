@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 torch = pytest.importorskip("torch")
 
 from auditor.cli import auditor  # noqa: E402
-from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, runner  # noqa: E402
+from auditor.lab.evaluation import EvaluateTask, RecordingSource, evaluate_source, runner  # noqa: E402
 from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet import weights as shipped  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.weights import load_weights  # noqa: E402
@@ -111,7 +111,7 @@ def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_w
     with monkeypatch.context() as patched:
         patched.setattr(runner, "experiments_of", lambda _: few)
         for matcher in ({}, {"matcher": "psmnet", "network": MatcherOptions(weights=weights)}):
-            assert evaluate_source(EvaluateTask(Recorded(pair), store, **matcher), lambda *_: None).fresh
+            assert evaluate_source(EvaluateTask(RecordingSource(pair), store, **matcher), lambda *_: None).fresh
     again = run(
         *("evaluate", pair, "--store", store, "--format", "json", "--jobs", 1),
         *("--matcher", "psmnet", "--weights", weights),

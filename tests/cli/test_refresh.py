@@ -19,9 +19,9 @@ from auditor.pipeline.labels import label_clean
 from auditor.store import files
 from auditor.store.calibrations import make_calibration
 from auditor.store.log.chains import entries
-from auditor.store.log.entry import Kind
+from auditor.store.log.entry import EntryKind
 from auditor.store.store import Store
-from auditor.store.versions.history import How, calibrations_in_force, histories, put_in_force
+from auditor.store.versions.history import EntryIntoForce, calibrations_in_force, histories, put_in_force
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive
 from tests.making.pages import HOSTILE, Page
@@ -151,7 +151,7 @@ def test_a_new_clean_night_is_promoted_and_names_its_parent(refreshed, audit_of)
         assert 0 <= share["value"] <= share["high"] <= 1
         assert share["low"] < share["high"]
     assert in_force(audit) == [kind["calibration"]] != [before]
-    [moved] = [one.what for one in entries(audit.store) if one.kind == Kind.IN_FORCE and one.what["instead_of"]]
+    [moved] = [one.what for one in entries(audit.store) if one.kind == EntryKind.IN_FORCE and one.what["instead_of"]]
     assert (moved["calibration"], moved["instead_of"], moved["how"]) == (kind["calibration"], before, "refreshed")
     assert audit.ask(f"SELECT parent FROM calibration_versions WHERE calibration_id = '{kind['calibration']}'") == [
         {"parent": before}
@@ -482,7 +482,7 @@ def test_a_version_that_came_into_force_while_a_refresh_ran_is_not_replaced(refr
     other = make_calibration(before.rig_kind, before.procedure, before.clean[:3])
 
     def late(kept, calibration, how, reason="", *, after=None):
-        put_in_force(kept, other, How.PROMOTED)
+        put_in_force(kept, other, EntryIntoForce.PROMOTED)
         put_in_force(kept, calibration, how, reason, after=after)
 
     monkeypatch.setattr("auditor.pipeline.refreshing.night.put_in_force", late)

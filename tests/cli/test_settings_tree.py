@@ -12,7 +12,7 @@ import auditor
 from auditor.cli import run
 from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers import MatcherOptions
-from auditor.model.pictures import Cells, Pictures
+from auditor.model.pictures import CellRetention, Pictures
 from auditor.model.settings import (
     Criteria,
     Engine,
@@ -55,7 +55,7 @@ EXAMPLES = {
     "memory_limit": ("512", 512.0),
     "jobs": ("3", 3),
     "pictures": ("none", Pictures.NONE),
-    "cells": ("all", Cells.ALL),
+    "cells": ("all", CellRetention.ALL),
     "measure_again": (True, True),
     "verify_content": (True, True),
     "shard": ("1/4", "1/4"),

@@ -9,10 +9,10 @@ from auditor.identification.drive_level import OwnLevel, for_drive, group_of, of
 from auditor.identification.evidence_parameters import DRIVE_LEVEL
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.scores import thresholds_from
-from auditor.model.calibration import Expected
+from auditor.model.calibration import NullDistribution
 from auditor.model.checks import Check, SensorCheck
 
-USUAL = Expected(-2.0, 0.6, 0.3, 3, 100, between=0.5)
+USUAL = NullDistribution(-2.0, 0.6, 0.3, 3, 100, between=0.5)
 LIGHT = [SensorCheck(Check.ADDED_LIGHT, s, tuple(t for t in (1, 2, 3, 4) if t != s)) for s in (1, 2, 3, 4)]
 LIMIT = 3.5
 

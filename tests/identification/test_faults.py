@@ -4,11 +4,11 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.causes import Nearby, Seen, bounds_nearby, of_lens, seen_of
+from auditor.identification.causes import CameraScores, Nearby, bounds_nearby, of_lens, seen_of
 from auditor.identification.faults import fault_hypotheses, fault_scores, faults_of, weigh
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
-from auditor.model.calibration import CleanFrames, Expected, Scale
+from auditor.model.calibration import CleanFrames, NullDistribution, ThetaScale
 from auditor.model.checks import CAMERA_CHECKS, Check, sensor_checks_of
 from auditor.model.fault_features import COLUMNS, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS
@@ -17,7 +17,7 @@ from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis,
 
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
-JUST_ENOUGH = Scale(1.0, 0.25, 100)
+JUST_ENOUGH = ThetaScale(1.0, 0.25, 100)
 NAN = np.nan
 TILTED = {"rotated": 0.7, "rotated_only": 80, "unrotated_only": 30}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
@@ -232,7 +232,7 @@ def test_of_two_cameras_no_exposure_is_known():
 
 
 def test_causes_are_listed_from_a_score_of_a_fifth_on_the_likeliest_first():
-    plain = Scale(0.0, 1.0, 100)
+    plain = ThetaScale(0.0, 1.0, 100)
     scores = {
         (Cause.LATE, 1): np.array([-1.8, -1.81, 0.0]),
         (Cause.DARK, None): np.array([-1.8, NAN, 3.0]),
@@ -260,7 +260,7 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
     always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
     tilt = float(always[Cause.DISPLACED, 0][0])
     assert tilt > 2
-    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 0.1, 3, 100, 0.0), 3.0)}
+    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, NullDistribution(tilt, 0.1, 0.1, 3, 100, 0.0), 3.0)}
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
     since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
@@ -270,14 +270,14 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
 
 
 def test_theta_of_a_fault_is_just_enough_or_what_clean_frames_seldom_exceed():
-    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 0.5, 2, 20, 0.0), 3.0) == Scale(1.0, 0.25, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20, 0.0), 4.0) == Scale(4.0, 1.0, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20, 0.0), -np.inf) == Scale(2.0, 0.5, 2)
+    assert fault_scale(Cause.LATE, NullDistribution(-6.0, 0.5, 0.5, 2, 20, 0.0), 3.0) == ThetaScale(1.0, 0.25, 2)
+    assert fault_scale(Cause.LATE, NullDistribution(2.0, 0.5, 0.5, 2, 20, 0.0), 4.0) == ThetaScale(4.0, 1.0, 2)
+    assert fault_scale(Cause.LATE, NullDistribution(2.0, 0.5, 0.5, 2, 20, 0.0), -np.inf) == ThetaScale(2.0, 0.5, 2)
 
 
 def test_an_exposure_is_unusual_above_and_below_what_is_usual_until_it_dazzles():
-    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 0.5, 2, 20, 0.0), 4.0)
-    assert usual == Scale(2.0, 0.5, 2, usual=1.5)
+    usual = fault_scale(Cause.EXPOSURE, NullDistribution(1.5, 0.5, 0.5, 2, 20, 0.0), 4.0)
+    assert usual == ThetaScale(2.0, 0.5, 2, usual=1.5)
     scores = {(Cause.EXPOSURE, 1): np.array([1.5, 3.49, 3.51, -0.51, -0.49])}
     listed = [
         any(one.score >= 0.5 for one in frame) for frame in fault_hypotheses(scores, dict.fromkeys(scores, usual))
@@ -321,7 +321,7 @@ def test_no_white_balance_is_told_by_drives_measured_before_channels_were_kept()
 
 def test_of_two_certain_causes_the_more_unusual_is_first():
     scores = {(Cause.EXPOSURE, 1): np.array([2.4]), (Cause.EXPOSURE, 2): np.array([-5.0])}
-    [found] = fault_hypotheses(scores, dict.fromkeys(scores, Scale(1.0, 0.25, 3, usual=0.0)))
+    [found] = fault_hypotheses(scores, dict.fromkeys(scores, ThetaScale(1.0, 0.25, 3, usual=0.0)))
     assert found == ((Cause.EXPOSURE, 2, 1.0), (Cause.EXPOSURE, 1, 1.0))
 
 
@@ -369,10 +369,10 @@ def test_less_likely_causes_are_only_listed():
     assert weigh(CLEAN, faint, LIMIT) == CLEAN
 
 
-DIRT = Seen(added=1.0, removed=5.5, inconsistent=3.5, darker=5.0, saturated_px=5.0, coloured=0.0)
-DROP = Seen(added=5.0, removed=3.5, inconsistent=3.0, darker=0.5, saturated_px=0.0, coloured=0.0)
-GLARE = Seen(added=5.0, removed=1.5, inconsistent=0.0, darker=0.15, saturated_px=3.0, coloured=0.0)
-FACULA = Seen(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, saturated_px=900.0, coloured=0.0)
+DIRT = CameraScores(added=1.0, removed=5.5, inconsistent=3.5, darker=5.0, saturated_px=5.0, coloured=0.0)
+DROP = CameraScores(added=5.0, removed=3.5, inconsistent=3.0, darker=0.5, saturated_px=0.0, coloured=0.0)
+GLARE = CameraScores(added=5.0, removed=1.5, inconsistent=0.0, darker=0.15, saturated_px=3.0, coloured=0.0)
+FACULA = CameraScores(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, saturated_px=900.0, coloured=0.0)
 
 
 @pytest.mark.parametrize(
@@ -384,7 +384,7 @@ FACULA = Seen(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, saturated_p
         (GLARE._replace(inconsistent=1.0), Cause.SOILED),
         (FACULA, None),
         (DROP._replace(saturated_px=2000.0), None),
-        (Seen(NAN, NAN, NAN, NAN), None),
+        (CameraScores(NAN, NAN, NAN, NAN), None),
     ],
     ids=["mud", "drop", "glare", "another view", "facula", "it outshines the scene", "nothing is known"],
 )
@@ -410,7 +410,7 @@ def test_a_lens_explains_what_it_makes_likelier_than_light_that_was_thrown_in(se
     ],
 )
 def test_what_is_known_of_light_has_the_fitted_chance_of_a_lens(known, values, per_cent):
-    nothing = Seen(NAN, NAN, NAN, NAN)
+    nothing = CameraScores(NAN, NAN, NAN, NAN)
     chances = [100 * nothing._replace(**{known: float(value)}).chance_of_lens for value in values]
     np.testing.assert_allclose(chances, per_cent, atol=0.06)
 
@@ -445,7 +445,7 @@ def test_light_of_one_colour_is_no_drop_and_no_exposure():
     assert of_lens({2: DROP._replace(coloured=2.4)}) == of_lens({2: DROP})
     assert of_lens({2: DROP._replace(coloured=2.5), 3: DROP}) == of_lens({3: DROP})
     toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
-    seen = Seen(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5)
+    seen = CameraScores(added=0.49, removed=0.0, inconsistent=0.5, darker=0.5)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
     lit = seen._replace(coloured=6.0)
     assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
@@ -495,12 +495,12 @@ def test_nearby_are_the_frames_within_half_of_three_seconds_or_the_next_one_beyo
 def test_light_in_rows_is_no_dirt_and_no_exposure():
     assert of_lens({1: DIRT._replace(striped=2.4), 2: DIRT._replace(striped=2.5)}) == of_lens({1: DIRT})
     toned = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
-    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, striped=6.0)
+    seen = CameraScores(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5, striped=6.0)
     assert weigh(verdict(check="striped_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.ATTACKED
 
 
-SATURATED = Seen(added=1.99, removed=0.0, inconsistent=9.0, darker=0.5, saturated_px=2000.0)
-BRIGHTER = Seen(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
+SATURATED = CameraScores(added=1.99, removed=0.0, inconsistent=9.0, darker=0.5, saturated_px=2000.0)
+BRIGHTER = CameraScores(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
 
 
 @pytest.mark.parametrize(

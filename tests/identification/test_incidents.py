@@ -7,7 +7,7 @@ from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents.sequential import (
     QUIET_FRAMES,
     Event,
-    Evidence,
+    FrameEvidence,
     apart,
     events,
     evidence_of,
@@ -61,7 +61,7 @@ def added(*values, runs=None, period=1.0, of_each=None, unexplained=None, worth=
     of_no_fault = of_sensor if unexplained is None else unexplained
     parts = (np.array(part, dtype=np.float64).reshape(frames, -1) for part in (of_sensor, of_no_fault))
     values = np.array(values, dtype=np.float64)
-    return Evidence(values, *parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
+    return FrameEvidence(values, *parts, np.zeros(frames), np.full(frames, worth), runs, np.full(frames, period))
 
 
 def parts_of(evidence):

@@ -10,9 +10,9 @@ import pytest
 from auditor.identification.cross_validation import as_scanned, thresholds_of
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
-from auditor.identification.refreshing.drives import Drive, Folds, Shown, Source, shown_by, shown_by_others
+from auditor.identification.refreshing.drives import Drive, DriveScores, DriveSource, Folds, shown_by, shown_by_others
 from auditor.identification.refreshing.gate import (
-    Compared,
+    VersionComparison,
     compared,
     difference_of,
     doubtful,
@@ -56,7 +56,7 @@ def drawn(
         odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES)
         odds += raised * hit * (check.check is not Check.STRIPED_LIGHT)
         statistics[check] = np.array([statistic_at(one) for one in odds])
-    source = Source(f"r{seed}", vehicle or f"v{seed}", DAY + timedelta(days=day))
+    source = DriveSource(f"r{seed}", vehicle or f"v{seed}", DAY + timedelta(days=day))
     return Drive(source, CleanFrames(f"r{seed}", np.arange(FRAMES) * PERIOD_NS, {}, statistics, {}))
 
 
@@ -67,9 +67,9 @@ def fleet() -> list[Drive]:
 
 
 def test_a_drive_is_raised_from_more_windows_on_than_clean_ones_have_findings_in_by_chance() -> None:
-    assert Shown(600, 16, 0, 120, 16, 0).raised(R) == ""
+    assert DriveScores(600, 16, 0, 120, 16, 0).raised(R) == ""
     assert (
-        Shown(600, 17, 0, 120, 17, 0).raised(R)
+        DriveScores(600, 17, 0, 120, 17, 0).raised(R)
         == "17 of 600 frames are findings at r = 0.01: too many for a clean drive"
     )
 
@@ -85,7 +85,7 @@ def test_a_refresh_judges_as_a_scan_does_that_knows_the_drives_own_level(fleet: 
 
 def test_a_drive_is_judged_by_other_vehicles_and_days_then_by_other_vehicles_then_by_other_days() -> None:
     def others(*sources: tuple[str | None, int | None]) -> list[int]:
-        known = [Source(f"r{place}", *source) for place, source in enumerate(sources)]
+        known = [DriveSource(f"r{place}", *source) for place, source in enumerate(sources)]
         return Folds(known).others(0)
 
     assert others(("a", 1), ("a", 2), ("b", 1), ("b", 2)) == [3]
@@ -96,21 +96,21 @@ def test_a_drive_is_judged_by_other_vehicles_and_days_then_by_other_vehicles_the
 
 
 def test_no_vehicle_and_no_day_has_more_than_its_share_however_many_drives_it_brings() -> None:
-    own = [Source(f"a{day}", "a", day) for day in range(60)]
-    others = [Source(f"b{place}", f"b{place}", 100 + place // 3) for place in range(20)]
+    own = [DriveSource(f"a{day}", "a", day) for day in range(60)]
+    others = [DriveSource(f"b{place}", f"b{place}", 100 + place // 3) for place in range(20)]
     left = [place for place in range(80) if place not in dict(limited([*own, *others]))]
     assert sum(place < 60 for place in left) == int(20 * INFLUENCE.share / (1 - INFLUENCE.share))
-    flood = [Source(f"f{place}", f"f{place}", 999) for place in range(60)]
+    flood = [DriveSource(f"f{place}", f"f{place}", 999) for place in range(60)]
     out = dict(limited([*flood, *others]))
     assert sum(place not in out for place in range(60)) == int(20 * INFLUENCE.share / (1 - INFLUENCE.share))
     assert "no day has more than its share" in out[59]
 
 
 def test_what_waits_counts_among_the_drives_of_its_vehicles_day() -> None:
-    flood = [Source(f"f{place}", "bad", 5) for place in range(10)]
+    flood = [DriveSource(f"f{place}", "bad", 5) for place in range(10)]
     left = INFLUENCE.most_of_a_day - 2
     assert [place for place in range(8) if place not in dict(limited(flood[2:], flood[:2]))] == list(range(left))
-    assert not dict(limited([Source("a", "bad", 6), Source("b", "other", 5), Source("c")], flood))
+    assert not dict(limited([DriveSource("a", "bad", 6), DriveSource("b", "other", 5), DriveSource("c")], flood))
 
 
 def test_of_one_road_only_some_drives_count_and_unknown_roads_are_no_reason() -> None:
@@ -153,7 +153,7 @@ def test_a_step_and_the_loss_of_planted_attacks_may_be_larger_after_few_drives(f
     clean = [one.clean for one in fleet]
     higher = [drawn(seed, raised=0.8).clean for seed in range(24)]
 
-    def step(before: Sequence[CleanFrames], after: Sequence[CleanFrames]) -> Compared:
+    def step(before: Sequence[CleanFrames], after: Sequence[CleanFrames]) -> VersionComparison:
         first, second = (thresholds_of(some, SYSTEM, R) for some in (before, after))
         return compared(clean, SYSTEM, first, second, planted_found(clean, SYSTEM, second))
 
@@ -169,8 +169,8 @@ def test_a_step_and_the_loss_of_planted_attacks_may_be_larger_after_few_drives(f
 
 
 def test_more_raised_windows_of_the_same_new_drives_are_worse() -> None:
-    def shown(raised: int) -> Shown:
-        return Shown(600, raised, 0, 120, raised, 0)
+    def shown(raised: int) -> DriveScores:
+        return DriveScores(600, raised, 0, 120, raised, 0)
 
     clean = [drawn(1).clean]
     thresholds = thresholds_of(clean, SYSTEM, R)
@@ -181,7 +181,11 @@ def test_more_raised_windows_of_the_same_new_drives_are_worse() -> None:
 
 
 def test_conditions_are_drawn_to_the_share_of_all_and_few_windows_say_nothing() -> None:
-    shown = [Shown(600, 0, 0, 120, 30, 0)] * 4 + [Shown(600, 0, 0, 120, 0, 0)] * 12 + [Shown(50, 9, 0, 10, 9, 0)]
+    shown = (
+        [DriveScores(600, 0, 0, 120, 30, 0)] * 4
+        + [DriveScores(600, 0, 0, 120, 0, 0)] * 12
+        + [DriveScores(50, 9, 0, 10, 9, 0)]
+    )
     weather: list[str | None] = ["rain"] * 4 + [None] * 12 + ["fog"]
     fog, rain = rates_by_condition([{"weather": one} for one in weather], shown)
     assert (rain.value, rain.drives, rain.windows, rain.raised_windows, rain.enough) == ("rain", 4, 480, 120, True)

@@ -12,7 +12,7 @@ from auditor.identification.incidents.series import FrameSeries, Portion
 from auditor.identification.prior import statistic_at
 from auditor.identification.robust import clean_peaks, judge_frames, judge_portions
 from auditor.identification.systems import System
-from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
+from auditor.model.calibration import CleanFrames, NullDistribution, RobustThresholds, ThetaScale
 from auditor.model.checks import Check, sensor_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import Cause, VerdictKind
@@ -24,7 +24,7 @@ THRESHOLDS = RobustThresholds(
     "c" * 32,
     Decimal("0.01"),
     LIMIT,
-    dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100, 0.0)),
+    dict.fromkeys(SYSTEM.sensor_checks, NullDistribution(-2.0, 0.5, 0.5, 3, 100, 0.0)),
     {},
     3,
     incident_limit(),
@@ -99,7 +99,7 @@ def hovering(z, *, check, steady=2.9, begin=40, end=45):
 
 
 OF_FEW_DRIVES = replace(
-    THRESHOLDS, expected=dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.3, 3, 100, between=0.4))
+    THRESHOLDS, expected=dict.fromkeys(SYSTEM.sensor_checks, NullDistribution(-2.0, 0.5, 0.3, 3, 100, between=0.4))
 )
 """The same deviation, most of it between drives: so a level that lasts says little."""
 
@@ -158,7 +158,7 @@ def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out()
 def test_a_frozen_sensor_has_no_other_cause_and_the_others_keep_theirs():
     late = [(Cause.LATE, 1), (Cause.LATE, 2)]
     series = replace(series_of(frozen=range(4, 14)), fault_scores={cause: np.full(FRAMES, 2.0) for cause in late})
-    thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, Scale(1.0, 0.25, 3)))
+    thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, ThetaScale(1.0, 0.25, 3)))
     verdicts = judge_frames(series, SYSTEM, thresholds)
     assert [(one.cause, one.sensor) for one in verdicts[8].causes] == [(Cause.FROZEN, 2), (Cause.LATE, 1)]
     assert [(one.cause, one.sensor) for one in verdicts[2].causes] == late
@@ -188,7 +188,7 @@ def test_frames_judged_alone_are_judged_as_among_all():
 def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_out():
     late = {(Cause.LATE, 1): np.full(FRAMES, 2.0)}
     series = replace(series_of(range(5, 12), z=5.0), fault_scores=late)
-    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): ThetaScale(1.0, 0.25, 3)})
     assert finding_of(judge_frames(series, SYSTEM, thresholds)[8]) == (VerdictKind.SUSPECT, (), 1)
     without = judge_frames(series, SYSTEM, thresholds, without_causes=True)
     assert (finding_of(without[8]), without[8].causes) == ((VerdictKind.ATTACKED, (1,), 1), ())
@@ -197,7 +197,7 @@ def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_o
 def test_a_blurred_camera_is_a_finding_but_none_beside_light_that_hides_detail():
     blurred = Cause.BLURRED, 1
     series = replace(series_of([8]), fault_scores={blurred: np.full(FRAMES, 2.0)})
-    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, causes={blurred: Scale(1.0, 0.25, 3)}))
+    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, causes={blurred: ThetaScale(1.0, 0.25, 3)}))
     assert [(one.cause, one.sensor) for one in verdicts[7].causes] == [blurred]
     assert (verdicts[7].kind, verdicts[8].kind) == (VerdictKind.SUSPECT, VerdictKind.ATTACKED)
     assert blurred not in [(one.cause, one.sensor) for one in verdicts[8].causes]
@@ -205,7 +205,7 @@ def test_a_blurred_camera_is_a_finding_but_none_beside_light_that_hides_detail()
 
 def test_a_fault_needs_evidence_in_time_as_an_attack_does():
     late = np.zeros(FRAMES)
-    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): ThetaScale(1.0, 0.25, 3)})
     for frames, incident in ((range(5, 7), False), (range(5, 18), True)):
         late[list(frames)] = 1.2
         verdicts = judge_frames(replace(series_of(), fault_scores={(Cause.LATE, 1): late}), SYSTEM, thresholds)

@@ -19,7 +19,7 @@ from auditor.identification.scores import (
     standing_out,
     thresholds_from,
 )
-from auditor.model.calibration import CleanFrames, Expected, Scale
+from auditor.model.calibration import CleanFrames, NullDistribution, ThetaScale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
 
@@ -119,13 +119,13 @@ def test_a_smaller_rate_never_has_a_smaller_limit_and_expects_the_same(r, other)
 
 
 def test_a_score_is_how_many_deviations_the_log_odds_lie_above_the_mean():
-    expects = [Expected(-2.0, 0.5, 0.5, 1, 10, 0.0), Expected(-1.0, 0.25, 0.25, 1, 10, 0.0), None]
+    expects = [NullDistribution(-2.0, 0.5, 0.5, 1, 10, 0.0), NullDistribution(-1.0, 0.25, 0.25, 1, 10, 0.0), None]
     statistics = np.array([[statistic_at(odds) for odds in row] for row in ([-2.0, -1.0, 0.0], [-1.0, -1.5, 0.0])])
     np.testing.assert_allclose(normalised_scores(statistics, expects), [[0, 0, np.nan], [2, -2, np.nan]], atol=1e-9)
 
 
 def test_scores_stay_between_two_limits_and_what_was_not_measured_has_none():
-    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10, 0.0)])
+    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [NullDistribution(-2.0, 0.1, 0.1, 1, 10, 0.0)])
     assert z[:2].ravel().tolist() == [12, -4]
     assert np.isnan(z[2, 0])
 
@@ -158,17 +158,17 @@ def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(check,
 
 
 def test_a_fault_s_theta_is_what_clean_frames_exceed_as_seldom_and_one_at_least():
-    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10, 0.0), 3.0)
-    assert quiet == Scale(1.0, FAULT_SCALE.scale, 4)
-    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
-    assert always == Scale(3.5, FAULT_SCALE.scale * 3.5, 4)
-    below_zero = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10, 0.0), -9.0)
+    quiet = fault_scale(Cause.LATE, NullDistribution(-2.0, 0.3, 0.3, 4, 10, 0.0), 3.0)
+    assert quiet == ThetaScale(1.0, FAULT_SCALE.scale, 4)
+    always = fault_scale(Cause.LATE, NullDistribution(2.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
+    assert always == ThetaScale(3.5, FAULT_SCALE.scale * 3.5, 4)
+    below_zero = fault_scale(Cause.LATE, NullDistribution(2.0, 0.5, 0.5, 4, 10, 0.0), -9.0)
     assert below_zero.theta == 2.0, "such a limit lowers no theta"
 
 
 def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta():
-    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
-    assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
+    found = fault_scale(Cause.EXPOSURE, NullDistribution(5.0, 0.5, 0.5, 4, 10, 0.0), 3.0)
+    assert found == ThetaScale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from auditor.identification.incidents.events import (
     with_lasting,
 )
 from auditor.identification.incidents.series import FrameSeries
-from auditor.model.calibration import Expected
+from auditor.model.calibration import NullDistribution
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Verdict, VerdictKind
 
@@ -57,7 +57,7 @@ def test_a_value_of_a_window_is_the_median_of_what_was_measured_in_most_of_it():
 
 def test_what_is_expected_of_a_stretch_is_narrower_than_of_a_frame():
     light = SensorCheck(Check.ADDED_LIGHT, 1, (2, 3, 4))
-    frame = Expected(-2.9, 0.8, 0.57, 3, 100, 0.0)
+    frame = NullDistribution(-2.9, 0.8, 0.57, 3, 100, 0.0)
     assert of_stretch(light, frame).deviation < 0.6 * frame.deviation
     assert of_stretch(light, frame).mean == frame.mean
 

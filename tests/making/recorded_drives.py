@@ -11,7 +11,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState, Skipped
+from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState, SkippedFrame
 from auditor.model.optics.geometry import motion, rotation_from_quaternion
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings import FrameStream, Recording, find_rigs, survey, synchronise
@@ -74,9 +74,9 @@ def stream_of(recording: Recording, rig: Rig | None = None, *, colour: bool = Fa
     return synchronise(recording, rig or find_rigs(known)[0], known, colour=colour)
 
 
-def split(stream: FrameStream) -> tuple[list[Frame], list[Skipped]]:
+def split(stream: FrameStream) -> tuple[list[Frame], list[SkippedFrame]]:
     out = list(stream)
-    return [f for f in out if isinstance(f, Frame)], [s for s in out if isinstance(s, Skipped)]
+    return [f for f in out if isinstance(f, Frame)], [s for s in out if isinstance(s, SkippedFrame)]
 
 
 def same_frame(a: Frame, b: Frame) -> bool:

@@ -18,7 +18,7 @@ from auditor.identification.systems import System
 from auditor.identification.thresholds import thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.frames import Presence, SensorState, Skipped, TopicBalance
+from auditor.model.frames import Presence, SensorState, SkippedFrame, TopicBalance
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.pictures import Picture
 from auditor.model.rig import Camera, Lidar, Rig
@@ -97,9 +97,9 @@ def add_recording(
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in range(frames):
             if frame in edge:
-                writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "edge"))
+                writer.skip(SkippedFrame(frame, START_NS + frame * PERIOD_NS, "edge"))
             elif frame in skipped:
-                writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
+                writer.skip(SkippedFrame(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
             else:
                 measured = _measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured)
                 writer.add(replace(measured, regions=regions), _statistics(rig, frame, attacks, measured))

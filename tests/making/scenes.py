@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -65,13 +65,13 @@ def seen_by_pair(
     valid_masks: Mapping[int, Mask] | None = None,
     *,
     together: bool = True,
-) -> Seen:
+) -> FrameViews:
     """The pictures of cameras 1, the source, and 3, the reference, as checks see them; `together` they match or not."""
     half = {one: halve(picture) for one, picture in levels.items()}
     texture = {one: textured(picture) for one, picture in half.items()}
     stereo = stereo_map(SgbmMatcher(), levels[3], levels[1], texture[3], texture[1])
     maps = {(1, 3): replace(stereo, valid=stereo.valid & together)}
-    return Seen(half, {}, maps, {}, rig, valid_masks or {})
+    return FrameViews(half, {}, maps, {}, rig, valid_masks or {})
 
 
 def moved(rig: Rig, offsets_m: tuple[tuple[float, float, float], ...]) -> Rig:

@@ -12,14 +12,14 @@ from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
 from auditor.recordings import schemas
-from auditor.recordings.decoding.interface import Region
+from auditor.recordings.decoding.interface import ImageRegion
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 
 Pixels = NDArray[np.uint8]
 Deep = NDArray[np.uint16]
-WHOLE = Region()
+WHOLE = ImageRegion()
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Sensor:
     `written_for` is the region whose K and P the driver writes: ROS wants those of the whole sensor.
     """
 
-    region: Region = WHOLE
+    region: ImageRegion = WHOLE
     binning: tuple[int, int] = (0, 0)
     info_px: tuple[int, int] | None = None
-    written_for: Region = WHOLE
+    written_for: ImageRegion = WHOLE
 
     def picture(self, pixels: Pixels) -> Pixels:
         """What is recorded of a picture of the whole sensor."""

@@ -8,7 +8,7 @@ import numpy as np
 from auditor.model.calibration import Thresholds
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.fault_features import COLUMNS
-from auditor.model.frames import Presence, SensorState, Skipped
+from auditor.model.frames import Presence, SensorState, SkippedFrame
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import Verdict, VerdictKind
@@ -119,7 +119,7 @@ def add_frames(store, rig, recording_id, frames, *, poses=(), **record):
     measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
     with store.frames_writer(measurement.measurement_id, rig) as writer:
         for frame in frames:
-            if isinstance(frame, Skipped):
+            if isinstance(frame, SkippedFrame):
                 writer.skip(frame)
             else:
                 # Tests give statistics as shares, whatever the check.
@@ -169,4 +169,4 @@ def make_verdict(rig, kind, gap=0.1):
 
 
 def skip(number, reason="no LiDAR", sensor=0):
-    return Skipped(number, number * PERIOD_NS, reason, sensor)
+    return SkippedFrame(number, number * PERIOD_NS, reason, sensor)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from auditor.lab.simulation.vehicles import rotation
-from auditor.measurement import CalibrationCheck, FaultFeatures, measure
+from auditor.measurement import CalibrationMonitor, FaultFeatures, measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.optics.geometry import Matrix, motion
@@ -87,9 +87,9 @@ def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
     return checked(case, rig, some).warnings()
 
 
-def checked(case: Case, rig: Rig, some: Iterable[Frame]) -> CalibrationCheck:
+def checked(case: Case, rig: Rig, some: Iterable[Frame]) -> CalibrationMonitor:
     """The check of a rig by a few frames."""
-    check = CalibrationCheck()
+    check = CalibrationMonitor()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
         check.add(evidence, FaultFeatures().update(evidence))

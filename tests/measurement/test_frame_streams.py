@@ -8,7 +8,7 @@ import pytest
 from auditor.errors import SettingError
 from auditor.measurement import measure, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.model.frames import Skipped
+from auditor.model.frames import SkippedFrame
 from tests.making.matchers import WholeRange
 from tests.making.scenes import plane_frame, plane_rig
 
@@ -45,7 +45,7 @@ def flat(measurement):
 def frames(count: int, skipped: int | None = None):
     for number in range(count):
         if number == skipped:
-            yield Skipped(number, 0, "torn")
+            yield SkippedFrame(number, 0, "torn")
         else:
             yield replace(plane_frame(RIG, 8.0 + number, frozenset({1} if number == 4 else ())), number=number)
 
@@ -54,10 +54,10 @@ def frames(count: int, skipped: int | None = None):
 def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pairs_at_once, groups) -> None:
     matcher = Batching(pairs_at_once)
     found = list(measure_stream(frames(7, skipped=2), RIG, matcher))
-    plain = [one if isinstance(one, Skipped) else measure(one, RIG, WholeRange()) for one in frames(7, skipped=2)]
-    assert [isinstance(one, Skipped) for one in found] == [number == 2 for number in range(7)]
+    plain = [one if isinstance(one, SkippedFrame) else measure(one, RIG, WholeRange()) for one in frames(7, skipped=2)]
+    assert [isinstance(one, SkippedFrame) for one in found] == [number == 2 for number in range(7)]
     for one, other in zip(found, plain, strict=True):
-        if not isinstance(other, Skipped):
+        if not isinstance(other, SkippedFrame):
             assert flat(one[0]) == flat(other[0])
     assert sum(matcher.pairs_matched) == 16
     assert [count for count in matcher.pairs_matched if count] == groups

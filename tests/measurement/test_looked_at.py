@@ -5,7 +5,7 @@ import pytest
 
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.measurement.frame import Looked, looked_at
+from auditor.measurement.frame import ComparedShares, looked_at
 from auditor.model.checks import Check, CountedPair
 from auditor.model.measurement import Cells
 from auditor.model.rig import LIDAR
@@ -23,17 +23,17 @@ def light(i, k, sensor, valid):
 
 def test_what_one_other_sees_and_what_two_see_are_told_apart():
     cells = light(1, 2, 2, [[5, 5, 0, 0]]) | light(2, 3, 2, [[0, 1, 1, 0]])
-    assert looked_at(cells, {2: 1.0}, None) == {2: Looked(0.75, 0.25)}
+    assert looked_at(cells, {2: 1.0}, None) == {2: ComparedShares(0.75, 0.25)}
 
 
 def test_a_view_of_half_a_picture_is_half_of_it_at_most():
     cells = light(1, 2, 1, [[9, 9]]) | light(1, 3, 1, [[9, 0]])
-    assert looked_at(cells, {1: 0.5, 4: 1.0}, None) == {1: Looked(0.5, 0.25), 4: Looked(0.0, 0.0)}
+    assert looked_at(cells, {1: 0.5, 4: 1.0}, None) == {1: ComparedShares(0.5, 0.25), 4: ComparedShares(0.0, 0.0)}
 
 
 def test_other_checks_do_not_make_a_place_looked_at():
     cells = {CountedPair(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1): counted([[9, 9]])}
-    assert looked_at(cells, {1: 1.0}, None) == {1: Looked(0.0, 0.0)}
+    assert looked_at(cells, {1: 1.0}, None) == {1: ComparedShares(0.0, 0.0)}
 
 
 @pytest.mark.parametrize(("points", "share"), [(100, 0.3), (20, 1.0), (0, 1.0)])
@@ -42,11 +42,11 @@ def test_a_point_counts_once_however_many_pairs_look_at_it(points, share):
         CountedPair(Check.LIDAR_CONFLICT, 1, 2, LIDAR): counted([[10, 20]]),
         CountedPair(Check.LIDAR_CONFLICT, 1, 3, LIDAR): counted([[5, 20]]),
     }
-    assert looked_at(pairs, {}, points) == {LIDAR: Looked(share, share)}
+    assert looked_at(pairs, {}, points) == {LIDAR: ComparedShares(share, share)}
 
 
 def test_a_lidar_that_no_pair_checks_is_not_looked_at():
-    assert looked_at({}, {}, 1000) == {LIDAR: Looked(0.0, 0.0)}
+    assert looked_at({}, {}, 1000) == {LIDAR: ComparedShares(0.0, 0.0)}
 
 
 def test_a_frame_says_what_of_each_sensor_was_looked_at_and_a_missing_camera_takes_its_voice():

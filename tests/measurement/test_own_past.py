@@ -10,7 +10,7 @@ import pytest
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import measure, measure_stream, own_past
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.checks.parallax_conflict import Compared
+from auditor.measurement.checks.parallax_conflict import ParallaxComparison
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import NOT_LOOKED_AT
 from auditor.model.frames import Frame
@@ -31,7 +31,7 @@ def compared_with(stamps: list[int], speed_m_s: float) -> list[int | None]:
         apart_ns = None if before is None else now.stamp_ns - before.stamp_ns
         chosen.append(None if apart_ns is None else round(apart_ns / PERIOD_NS))
         moved_m = float("nan") if apart_ns is None else speed_m_s * apart_ns / 1e9
-        return Compared(VerifiedConflicts(none, none, none.astype(bool), none.astype(bool)), moved_m)
+        return ParallaxComparison(VerifiedConflicts(none, none, none.astype(bool), none.astype(bool)), moved_m)
 
     frames = [make_frame(RIG, n, stamp_ns=START_NS + stamp * PERIOD_NS) for n, stamp in enumerate(stamps)]
     with (

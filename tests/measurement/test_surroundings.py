@@ -13,7 +13,7 @@ from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.drawing import damaged_cloud
 from auditor.measurement.frame import MeasuredFrame
 from auditor.model.checks import Check, SensorCheck
-from auditor.model.frames import Frame, PointCloud, Skipped
+from auditor.model.frames import Frame, PointCloud, SkippedFrame
 from auditor.recordings import write_mcap
 from auditor.store.store import Store
 from auditor.store.tables import read_table
@@ -41,7 +41,7 @@ def ghost(frame: Frame) -> Frame:
 
 def last_of(frames: list[Frame]) -> MeasuredFrame:
     *_, last = measure_stream(frames, DRIVE.rig, SgbmMatcher())
-    assert not isinstance(last, Skipped)
+    assert not isinstance(last, SkippedFrame)
     return last
 
 

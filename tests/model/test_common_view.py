@@ -3,7 +3,7 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.model.optics import common_view as optics
-from auditor.model.optics.common_view import CommonView, common_view, compared_shares, compared_views, largest_rectangle
+from auditor.model.optics.common_view import IdealView, common_view, compared_shares, compared_views, largest_rectangle
 from auditor.model.rig import Camera, Rig
 
 
@@ -48,7 +48,7 @@ def test_cameras_that_see_next_to_nothing_have_no_view_in_common(focal_px: float
 def test_the_view_of_each_pair_is_found_once_whoever_asks(monkeypatch: pytest.MonkeyPatch) -> None:
     found: list[Rig] = []
 
-    def counted(rig: Rig, **options: bool) -> CommonView:
+    def counted(rig: Rig, **options: bool) -> IdealView:
         found.append(rig)
         return common_view(rig, **options)
 

@@ -21,7 +21,7 @@ from auditor.pipeline.calibrations.batch import (
     drives_of,
     judge_batch,
 )
-from auditor.pipeline.judged import Judged, JudgeSettings
+from auditor.pipeline.judged import JudgeResult, JudgeSettings
 from auditor.store.maintenance.verify import verify
 from auditor.store.records import GivenLabel
 from auditor.store.store import Store
@@ -49,16 +49,16 @@ def drives(store: Store, names: tuple[str, ...], **how: object) -> dict[str, str
     }
 
 
-def judged(store: Store, settings: JudgeSettings = BY_DEFAULT) -> dict[str, Judged]:
+def judged(store: Store, settings: JudgeSettings = BY_DEFAULT) -> dict[str, JudgeResult]:
     """What became of each recording of a store, by name."""
     return {one.recording: one for one in judge_batch(store, store.ids("measurements"), settings)}
 
 
-def provenance(results: dict[str, Judged]) -> dict[str, str | None]:
+def provenance(results: dict[str, JudgeResult]) -> dict[str, str | None]:
     return {name: one.by for name, one in results.items()}
 
 
-def taught_by(store: Store, result: Judged) -> tuple[str, ...]:
+def taught_by(store: Store, result: JudgeResult) -> tuple[str, ...]:
     """The recordings that the calibration of a recording was made of."""
     return store.calibration(result.judgement.calibration_id).recordings
 
@@ -83,7 +83,7 @@ def fleet(measured, store) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def judged_once(measured, tmp_path_factory) -> tuple[Store, dict[str, str], dict[str, Judged]]:
+def judged_once(measured, tmp_path_factory) -> tuple[Store, dict[str, str], dict[str, JudgeResult]]:
     """The fleet's store after a first scan, its measurements, and what became of each; tests do not change it."""
     kept, found = measured
     store = Store.open(shutil.copytree(kept.folder, tmp_path_factory.mktemp("judged") / "audit"))
@@ -91,7 +91,7 @@ def judged_once(measured, tmp_path_factory) -> tuple[Store, dict[str, str], dict
 
 
 @pytest.fixture
-def judged_fleet(judged_once, store) -> dict[str, Judged]:
+def judged_fleet(judged_once, store) -> dict[str, JudgeResult]:
     """What became of each in the test's own store, which was scanned once."""
     shutil.copytree(judged_once[0].folder, store.folder, dirs_exist_ok=True)
     return judged_once[2]
@@ -157,7 +157,7 @@ def test_what_the_others_find_teaches_no_more(store, fleet, monkeypatch) -> None
     """By the prior elm shows nothing, and an incident by the other recordings."""
     really, elm, passes = batch.judge_side_by_side, fleet["elm"], []
 
-    def judge(*given: object) -> Iterator[Judged]:
+    def judge(*given: object) -> Iterator[JudgeResult]:
         passes.append(given)
         for one in really(*given):
             found = one.measurement_id == elm and one.by is JudgedBy.BATCH

@@ -13,7 +13,7 @@ from auditor.model.measurement import Statistic
 from auditor.pipeline.calibrations import making
 from auditor.pipeline.calibrations.clean import choose_clean
 from auditor.pipeline.calibrations.making import make
-from auditor.pipeline.calibrations.versions import Kept, keep_calibrated
+from auditor.pipeline.calibrations.versions import CalibrationEntry, keep_calibrated
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.store import calibrations
 from auditor.store.store import Store
@@ -29,7 +29,7 @@ class Made:
     """A calibration of the drives, as it was kept, and the bytes of its file."""
 
     store: Store
-    kept: Kept
+    kept: CalibrationEntry
     file: bytes
 
 

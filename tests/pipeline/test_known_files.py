@@ -80,7 +80,7 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
     def picture_incidents(*_):
         raise AssertionError("pictures of an earlier scan are made again")
 
-    monkeypatch.setattr(judged.Judged, "found", True)
+    monkeypatch.setattr(judged.JudgeResult, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", 0)
     monkeypatch.setattr("auditor.pipeline.scan.picture_incidents", picture_incidents)
     assert scan(drive, folder) in {1, 3}
@@ -90,7 +90,7 @@ def test_where_many_are_known_what_keeps_its_verdicts_is_not_asked_for_pictures_
 def test_the_library_pictures_what_is_known_as_the_command_does(known, read, monkeypatch, most):
     drive, folder = known
     asked = []
-    monkeypatch.setattr(judged.Judged, "found", True)
+    monkeypatch.setattr(judged.JudgeResult, "found", True)
     monkeypatch.setattr(many, "MOST_KNOWN", most)
     monkeypatch.setattr(scanning, "picture_incidents", lambda store, found, *_: asked.append(list(found)) or [])
     [scanned] = library.scan(drive, store=folder)

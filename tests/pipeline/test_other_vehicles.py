@@ -13,7 +13,7 @@ from auditor.model.calibration import Marks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig_kind import Similarity
 from auditor.pipeline.judge import Criteria, prior_for
-from auditor.pipeline.judged import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, JudgeResult, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.remarks import marked
@@ -76,7 +76,7 @@ def audit(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[St
     return store, by_name
 
 
-def judged(audit: tuple[Store, dict[str, str]], name: str) -> Judged:
+def judged(audit: tuple[Store, dict[str, str]], name: str) -> JudgeResult:
     store, by_name = audit
     return Judge(store, JudgeSettings(Criteria(R))).judge(by_name[name])
 

@@ -12,7 +12,7 @@ from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, CleanFrames, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.judged import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, JudgeResult, JudgeSettings
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureTask
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
@@ -68,7 +68,7 @@ def measured(kept: dict[str, tuple[str, Path]], tmp_path: Path) -> Callable[...,
     return put
 
 
-def judged(store: Store, measurement: str, criteria: Criteria = BY_DEFAULT, **settings: object) -> Judged:
+def judged(store: Store, measurement: str, criteria: Criteria = BY_DEFAULT, **settings: object) -> JudgeResult:
     return Judge(store, JudgeSettings(criteria, **settings)).judge(measurement)
 
 

@@ -9,7 +9,7 @@ from auditor.cli import run
 from auditor.errors import StoreError
 from auditor.identification import statistics
 from auditor.model.checks import LIDAR_CHECKS, Check, rig_sensor_checks
-from auditor.model.pictures import Cells
+from auditor.model.pictures import CellRetention
 from auditor.pipeline.clean_frames import statistics_from_cells
 from auditor.pipeline.judge import Criteria, judge_measurement
 from auditor.pipeline.measure import measure_recording
@@ -26,7 +26,7 @@ FRAMES = 4
 def scanned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scanned")
     drive = write_drive(folder / "drive.mcap", count=FRAMES, seed=1, attacked={1: range(2, FRAMES)})
-    measured = measure_recording(MeasureTask(drive, folder / "audit", cells=Cells.ALL), lambda what, done: None)
+    measured = measure_recording(MeasureTask(drive, folder / "audit", cells=CellRetention.ALL), lambda what, done: None)
     return Store.open(folder / "audit"), measured.measurement_ids[0]
 
 
@@ -116,7 +116,7 @@ def test_what_is_the_same_without_the_lidar_is_so_recounted(scanned, monkeypatch
     assert clean.unmasked.keys() == {one for one, other in zip(sensor_checks, others.any(axis=0), strict=True) if other}
 
 
-@pytest.mark.parametrize(("cells", "kept"), [(Cells.ALL, {0, 1, 2, 3}), (Cells.INCIDENTS, {0, 2, 3})])
+@pytest.mark.parametrize(("cells", "kept"), [(CellRetention.ALL, {0, 1, 2, 3}), (CellRetention.INCIDENTS, {0, 2, 3})])
 def test_cells_that_are_left_out_change_no_statistic_and_are_missed_by_a_recount(scanned, tmp_path, cells, kept):
     store, measurement = scanned
     drive = store.folder.parent / "drive.mcap"
@@ -124,7 +124,7 @@ def test_cells_that_are_left_out_change_no_statistic_and_are_missed_by_a_recount
     fewer = Store.open(tmp_path / "audit")
     assert {frame for frame, _ in fewer.load_cells(same)} == kept
     assert fewer.source("frames", same).path.read_bytes() == store.source("frames", measurement).path.read_bytes()
-    if cells is Cells.ALL:
+    if cells is CellRetention.ALL:
         np.testing.assert_array_equal(statistics_from_cells(fewer, same), statistics_from_cells(store, measurement))
         return
     with pytest.raises(StoreError, match=f"of {FRAMES - len(kept)} frames no cells were kept"):

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from auditor.identification.refreshing.drives import Drive, Shown, Source
+from auditor.identification.refreshing.drives import Drive, DriveScores, DriveSource
 from auditor.model.calibration import CleanFrames
-from auditor.pipeline.refreshing.choosing import Choice, Chosen
-from auditor.store.versions.decisions import Decided, Decision, next_steps
+from auditor.pipeline.refreshing.choosing import Choice, LearntRecording
+from auditor.store.versions.decisions import Decision, RefreshOutcome, next_steps
 from auditor.store.versions.records import UsedRecording
 
 DAY = date(2026, 3, 1)
-CLEAN = Shown(40, 0, 0, 8, 0, 0)
+CLEAN = DriveScores(40, 0, 0, 8, 0, 0)
 EMPTY = CleanFrames("", (), {}, {}, {})  # type: ignore[arg-type]
 
 
@@ -25,12 +25,12 @@ def used(name: str, day: int | None, *, reason: str = "", raised: bool = False) 
     )
 
 
-def chosen(name: str, day: int, *, named: bool = False, new: bool = False) -> Chosen:
+def chosen(name: str, day: int, *, named: bool = False, new: bool = False) -> LearntRecording:
     one = used(name, day, reason="named clean" if named else "judged clean")
-    return Chosen(one, Drive(Source(name), EMPTY), CLEAN, CLEAN if new else None)
+    return LearntRecording(one, Drive(DriveSource(name), EMPTY), CLEAN, CLEAN if new else None)
 
 
-def choice(taken: Sequence[Chosen], out: Sequence[UsedRecording]) -> Choice:
+def choice(taken: Sequence[LearntRecording], out: Sequence[UsedRecording]) -> Choice:
     return Choice(tuple(taken), tuple(out), sum(one.new for one in taken), 0)
 
 
@@ -49,7 +49,7 @@ def test_what_was_in_force_and_is_raised_now_waits_and_is_none_of_the_new_ones()
     assert [one.look_at for one in left.out] == [True, True]
 
 
-DECISION = Decision("kind", "sgbm", Decided.HELD, ("why",), "c" * 32, "b" * 32, "b" * 32, False, ())
+DECISION = Decision("kind", "sgbm", RefreshOutcome.HELD, ("why",), "c" * 32, "b" * 32, "b" * 32, False, ())
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ DECISION = Decision("kind", "sgbm", Decided.HELD, ("why",), "c" * 32, "b" * 32, 
             ],
         ),
         (
-            replace(DECISION, decided=Decided.REFUSED, recordings=(used("it's.mcap", 1, raised=True),)),
+            replace(DECISION, decided=RefreshOutcome.REFUSED, recordings=(used("it's.mcap", 1, raised=True),)),
             [
                 "auditor calibration quarantine --store 'my fleet'",
                 "auditor label 'it'\"'\"'s.mcap' --clean --store 'my fleet'",
@@ -71,15 +71,15 @@ DECISION = Decision("kind", "sgbm", Decided.HELD, ("why",), "c" * 32, "b" * 32, 
             ],
         ),
         (
-            replace(DECISION, decided=Decided.PROMOTED, provisional=True),
+            replace(DECISION, decided=RefreshOutcome.PROMOTED, provisional=True),
             [f"auditor calibration promote {'c' * 12} --store 'my fleet'"],
         ),
         (
-            replace(DECISION, decided=Decided.WAITING, calibration_id=None, before=None),
+            replace(DECISION, decided=RefreshOutcome.WAITING, calibration_id=None, before=None),
             ["auditor refresh RECORDING --clean --store 'my fleet'"],
         ),
-        (replace(DECISION, decided=Decided.PROMOTED), []),
-        (replace(DECISION, decided=Decided.NOTHING_NEW), []),
+        (replace(DECISION, decided=RefreshOutcome.PROMOTED), []),
+        (replace(DECISION, decided=RefreshOutcome.NOTHING_NEW), []),
     ],
 )
 def test_a_person_is_told_the_commands_of_what_to_do(decision: Decision, commands: list[str]) -> None:

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.pipeline.measure import measure_recording
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import MeasureResult, MeasureTask
 from auditor.recordings.synchronisation import streams
 from tests.making.published_recordings import road_points, write_published
 from tests.making.published_rigs import PUBLISHED_RIGS
@@ -35,7 +35,7 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return drive(tmp_path_factory.mktemp("ring"))
 
 
-def measured(path: Path, store: Path) -> Measured:
+def measured(path: Path, store: Path) -> MeasureResult:
     return measure_recording(MeasureTask(path, store), lambda _, __: None)
 
 

@@ -9,7 +9,7 @@ import pytest
 from auditor.cli import run
 from auditor.model.frames import Message
 from auditor.pipeline.measure import measure_recording
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import MeasureResult, MeasureTask
 from auditor.recordings import Location, find_recordings, schemas
 from auditor.store.store import Store
 from tests.making.scenes import plane_rig
@@ -27,11 +27,11 @@ def messages() -> list[Message]:
     return messages_of(".mcap", RIG, drive_frames(RIG, COUNT))
 
 
-def measured(store: Path, location: Location) -> Measured:
+def measured(store: Path, location: Location) -> MeasureResult:
     return measure_recording(MeasureTask(location, store), lambda *_: None)
 
 
-def tables(store: Path, one: Measured) -> list[bytes]:
+def tables(store: Path, one: MeasureResult) -> list[bytes]:
     """The stored frames of each measurement."""
     return [Store.open(store).path("frames", known).read_bytes() for known in one.measurement_ids]
 

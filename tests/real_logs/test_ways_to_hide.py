@@ -8,7 +8,7 @@ import pytest
 import auditor
 from auditor.cli.exit_codes import Exit
 from auditor.model.pictures import Pictures
-from auditor.pipeline.library import Scanned
+from auditor.pipeline.library import ScanResult
 from tests.making.audits import Audit, ask
 from tests.making.logs_of_strangers import NO_ATTACK, Attack, record, write
 from tests.making.vehicles_of_strangers import WAGON
@@ -18,7 +18,7 @@ PATTERN = "{vehicle}/log.mcap"
 """Each recording is of a vehicle of its own: of one vehicle they would be in conflict, as all have the same stamps."""
 
 
-def scanned(store: Path, ways: Iterable[Way]) -> dict[str, Scanned]:
+def scanned(store: Path, ways: Iterable[Way]) -> dict[str, ScanResult]:
     """What one scan of their recordings says of each, by the name of its way.
 
     Each test scans its own: what they shared, each process of the suite would scan once.

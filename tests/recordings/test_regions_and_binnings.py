@@ -11,10 +11,10 @@ from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.recordings import find_rigs, open_recording, search_rigs, survey, synchronise
-from auditor.recordings.decoding.interface import Region
+from auditor.recordings.decoding.interface import ImageRegion
 from tests.making.sensor_forms import Sensor, write_sensors
 
-REGION = Region(140, 60, 960, 300)
+REGION = ImageRegion(140, 60, 960, 300)
 WHOLE_PX = (1242, 375)
 BY = 2
 FRAMES = 3
@@ -54,7 +54,7 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> float:
         Sensor(REGION, (BY, BY)),
         Sensor(REGION, info_px=(960, 300), written_for=REGION),
         Sensor(REGION, info_px=(0, 0)),
-        Sensor(Region(0, 0, *WHOLE_PX)),
+        Sensor(ImageRegion(0, 0, *WHOLE_PX)),
     ],
     ids=["region", "binned", "both", "written for the region", "no size", "all as a region"],
 )
@@ -85,7 +85,7 @@ def test_a_camera_whose_pictures_are_neither_is_left_out_with_the_reason(
     tmp_path: Path, info_px: tuple[int, int]
 ) -> None:
     made, frames = drive()
-    wrong = Sensor(Region(140, 60, 500, 300), info_px=info_px)
+    wrong = Sensor(ImageRegion(140, 60, 500, 300), info_px=info_px)
     path = write_sensors(tmp_path / "a.mcap", made.rig, frames[:1], _Recording(wrong, REGION))
     with open_recording(path) as recording:
         found = search_rigs(survey(recording))
@@ -96,7 +96,7 @@ def test_a_camera_whose_pictures_are_neither_is_left_out_with_the_reason(
 class _Recording(Sensor):
     """A sensor whose pictures show another region than its camera info says."""
 
-    def __init__(self, said: Sensor, shown: Region) -> None:
+    def __init__(self, said: Sensor, shown: ImageRegion) -> None:
         super().__init__(said.region, said.binning, said.info_px)
         object.__setattr__(self, "shown", Sensor(shown))
 

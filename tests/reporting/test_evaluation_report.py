@@ -10,7 +10,15 @@ from auditor.errors import StoreError
 from auditor.lab.evaluation.experiments import EXPERIMENTS, INTERVALS
 from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation, percent, render_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
-from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
+from auditor.reporting.evaluation.plots import (
+    BOTTOM_PX,
+    LEFT_PX,
+    RIGHT_PX,
+    TOP_PX,
+    PlotAxes,
+    RatePoint,
+    histogram_panel,
+)
 from auditor.store.queries import run_query
 from tests.making.evaluated_stores import evaluated
 from tests.making.pages import BROWSER, HOSTILE, Page, browse
@@ -201,11 +209,11 @@ def test_the_page_opens_in_a_browser_without_a_message_or_a_request(page, tmp_pa
 
 
 def test_curves_and_bars_reach_where_they_should():
-    line = Axes(0, 1).line([Point(0, 0, 0, 0.1), Point(1, 1, 0.9, 1)], "line", marked=True)
+    line = PlotAxes(0, 1).line([RatePoint(0, 0, 0, 0.1), RatePoint(1, 1, 0.9, 1)], "line", marked=True)
     assert line.path == f"M{LEFT_PX:.1f} {BOTTOM_PX}L{RIGHT_PX:.1f} {TOP_PX}"
     assert line.whiskers.endswith(f"V{TOP_PX}")
     first, second = histogram_panel("", [("bar", [3, 0, 1, 0])]).bars
-    assert (first.y_px, second.x_px) == (TOP_PX, Axes(0, 1).x(0.5))
+    assert (first.y_px, second.x_px) == (TOP_PX, PlotAxes(0, 1).x(0.5))
     assert second.height_px == pytest.approx((BOTTOM_PX - TOP_PX) / 3, abs=0.01)
 
 

@@ -8,12 +8,12 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.model.pictures import Pictures
-from auditor.pipeline.judged import Judged
-from auditor.pipeline.measured import Measured
+from auditor.pipeline.judged import JudgeResult
+from auditor.pipeline.measured import MeasureResult
 from auditor.pipeline.scan import keep_ledger
 from auditor.reporting import fleet
 from auditor.reporting.fleet import open_words, render_fleet_report
-from auditor.reporting.incident.loading import Incidents
+from auditor.reporting.incident.loading import IncidentList
 from auditor.reporting.incident.render import render_incident_page
 from auditor.store.queries import run_query
 from auditor.store.reviews import ReviewVerdict, review_incident
@@ -33,7 +33,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Store:
     add_recording(store, "attacked.mcap", attacks=attacks, drives=3, vehicle="car 1", pictured=[7], skipped=[15, 16])
     add_recording(store, "clean.mcap", drives=3, vehicle="car 2")
     add_recording(store, "waiting.mcap", judged=False, vehicle="car 2")
-    [_, second] = Incidents(store, Pictures.NONE).rows
+    [_, second] = IncidentList(store, Pictures.NONE).rows
     review_incident(store, second, ReviewVerdict.FALSE_ALARM, "low sun", dt.date(2999, 1, 1))
     return store
 
@@ -44,7 +44,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Store:
     store = new_store(tmp_path_factory.mktemp("hostile"))
     rig = make_rig(("velo", HOSTILE, "middle", "left"))
     add_recording(store, HOSTILE, rig=rig, attacks=[((1,), 5, 9)], damage=(HOSTILE,), vehicle=HOSTILE, drives=3)
-    review_incident(store, Incidents(store, Pictures.NONE).rows[0], ReviewVerdict.KNOWN, HOSTILE)
+    review_incident(store, IncidentList(store, Pictures.NONE).rows[0], ReviewVerdict.KNOWN, HOSTILE)
     return store
 
 
@@ -80,8 +80,8 @@ def test_a_day_whose_recording_was_not_fully_audited_is_not_clean(tmp_path):
     known = add_recording(store, "mirror.mcap", drives=0, vehicle="car 3")
     recording = store.measurement(known).recording_id
     gap = "no thresholds for its rig kind and matcher"
-    measured = Measured(Path("mirror.mcap"), recording, (known,), 40, True, (), ())
-    keep_ledger(store, [], [measured], [Judged("mirror.mcap", known, gaps=(gap,))])
+    measured = MeasureResult(Path("mirror.mcap"), recording, (known,), 40, True, (), ())
+    keep_ledger(store, [], [measured], [JudgeResult("mirror.mcap", known, gaps=(gap,))])
     words = read(render_fleet_report(store, out=tmp_path / "index")).words.replace("\u00a0", " ")
     assert gap in words
     assert "car 3 not fully audited 1 recording" in words
@@ -92,14 +92,14 @@ def test_a_day_whose_recording_was_not_fully_audited_is_not_clean(tmp_path):
     [("attacked", "an attack explains what was found better than this does: dirt"), ("suspect", "dirt")],
 )
 def test_the_index_says_that_an_attack_explains_better_what_has_another_cause(many, tmp_path, kind, said):
-    rows = [{**row, "kind": kind, "causes": "dirt"} for row in Incidents(many, Pictures.NONE).rows]
+    rows = [{**row, "kind": kind, "causes": "dirt"} for row in IncidentList(many, Pictures.NONE).rows]
     (tmp_path / "index.html").write_text(fleet.render(fleet.load_fleet(many, rows)), "utf-8")
     assert f"Other causes: {said}" in read(tmp_path / "index.html").words
 
 
 def test_each_incident_has_a_page_under_its_id_that_the_index_links(many, pages):
     links = [attributes["href"] for tag, attributes in read(pages / "many" / "index.html").elements if tag == "a"]
-    known = {row["incident_id"] for row in Incidents(many, Pictures.NONE).rows}
+    known = {row["incident_id"] for row in IncidentList(many, Pictures.NONE).rows}
     assert {f"incidents/{one}.html" for one in known} == set(links)
     for link in links:
         page = pages / "many" / link
@@ -108,7 +108,7 @@ def test_each_incident_has_a_page_under_its_id_that_the_index_links(many, pages)
 
 
 def test_the_page_of_an_incident_has_evidence_alternatives_hashes_calibration_and_rules(many, pages):
-    store_rows = Incidents(many, Pictures.NONE).rows
+    store_rows = IncidentList(many, Pictures.NONE).rows
     row = next(one for one in store_rows if one["review"] is None)
     words = read(pages / "many" / "incidents" / f"{row['incident_id']}.html").words
     assert row["incident_id"] in words

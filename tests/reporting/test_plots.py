@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 
 from auditor.model.rig import Triple
-from auditor.reporting.plots import LEFT_PX, MOST_POINTS, RIGHT_PX, Row, Series, TimeAxis, draw, round_values
+from auditor.reporting.plots import LEFT_PX, MOST_POINTS, RIGHT_PX, Series, StripRow, TimeAxis, draw, round_values
 
 S = 1_000_000_000
 TRIPLE = Triple(0, 1, 3)
@@ -42,7 +42,7 @@ def test_everything_lies_inside_the_plot():
         stamps(30),
         origin_ns=0,
         series=[Series("E", TRIPLE, [index / 10 for index in range(30)], 0.4)],
-        rows=[Row("verdict", stamps(30), ["clean"] * 30)],
+        rows=[StripRow("verdict", stamps(30), ["clean"] * 30)],
         shaded=[(0, 100 * S)],
     )
     (chart,) = figure.charts
@@ -60,7 +60,7 @@ def test_strips_and_charts_do_not_overlap():
         stamps(5),
         origin_ns=0,
         series=[Series("E", Triple(0, j, 9), [0.1] * 5, 0.2) for j in range(1, 8)],
-        rows=[Row(str(index), stamps(5), ["0"] * 5) for index in range(4)],
+        rows=[StripRow(str(index), stamps(5), ["0"] * 5) for index in range(4)],
     )
     edges = [(chart.top_px, chart.bottom_px) for chart in figure.charts]
     edges += [(strip.y_px, strip.y_px + 15) for strip in figure.strips]
@@ -107,7 +107,7 @@ def test_many_points_are_thinned_and_no_extreme_is_lost():
 def test_a_single_raised_frame_among_many_stays_visible():
     states = ["clean"] * 20_000
     states[9_999] = "attacked"
-    (strip,) = draw(stamps(20_000), origin_ns=0, rows=[Row("verdict", stamps(20_000), states)]).strips
+    (strip,) = draw(stamps(20_000), origin_ns=0, rows=[StripRow("verdict", stamps(20_000), states)]).strips
     assert [cell.state for cell in strip.cells] == ["clean", "attacked", "clean"]
 
 
@@ -115,20 +115,22 @@ def test_runs_of_a_strip_split_by_state_by_label_and_by_gap():
     times = [*stamps(4), *[stamp + 10 * S for stamp in stamps(4)]]
     states = ["clean", "attacked", "attacked", "", "clean", "clean", "clean", "clean"]
     labels = ["", "S1", "S2", "", "", "", "", ""]
-    (strip,) = draw(times, origin_ns=0, rows=[Row("verdict", times, states, labels)]).strips
+    (strip,) = draw(times, origin_ns=0, rows=[StripRow("verdict", times, states, labels)]).strips
     assert [cell.state for cell in strip.cells] == ["clean", "attacked", "attacked", "clean"]
 
 
 def test_a_label_that_would_not_fit_is_left_out():
     states = ["clean", *["attacked"] * 98, "clean"]
-    wide = draw(stamps(100), origin_ns=0, rows=[Row("", stamps(100), states, ["S1"] * 100)]).strips[0].cells[1]
+    wide = draw(stamps(100), origin_ns=0, rows=[StripRow("", stamps(100), states, ["S1"] * 100)]).strips[0].cells[1]
     states = [*["clean"] * 99, "attacked"]
-    narrow = draw(stamps(100), origin_ns=0, rows=[Row("", stamps(100), states, ["S1"] * 100)]).strips[0].cells[1]
+    narrow = draw(stamps(100), origin_ns=0, rows=[StripRow("", stamps(100), states, ["S1"] * 100)]).strips[0].cells[1]
     assert (wide.label, narrow.label) == ("S1", "")
 
 
 def test_a_single_frame_can_be_drawn():
-    figure = draw([5 * S], origin_ns=5 * S, series=[Series("E", TRIPLE, [0.1], 0.2)], rows=[Row("", [5 * S], ["0"])])
+    figure = draw(
+        [5 * S], origin_ns=5 * S, series=[Series("E", TRIPLE, [0.1], 0.2)], rows=[StripRow("", [5 * S], ["0"])]
+    )
     assert figure.strips[0].cells[0].width_px == RIGHT_PX - LEFT_PX
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from auditor.model.rig import Rig
 from auditor.reporting.rig_picture import rig_picture
-from auditor.reporting.rig_plan import PlacedRig, Unused, in_lidar_frame, planned
+from auditor.reporting.rig_plan import PlacedRig, UnusedLidar, in_lidar_frame, planned
 from tests.making.published_rigs import PUBLISHED_RIGS
 from tests.making.recorded_drives import make_rig
 from tests.making.several_lidars import BUMPER, REAR, ROOF, rig_of
@@ -63,7 +63,7 @@ def test_without_a_lidar_only_the_cameras_count() -> None:
 
 
 def test_lidars_that_nothing_is_compared_with_are_drawn_or_named() -> None:
-    svg = rig_picture(ring("pandaset"), [Unused("pandar_gt", np.array([1.75, 0, 1.7])), Unused("lost", None)])
+    svg = rig_picture(ring("pandaset"), [UnusedLidar("pandar_gt", np.array([1.75, 0, 1.7])), UnusedLidar("lost", None)])
     assert svg.count('class="unused"') == 2  # on the vehicle and in the legend
     assert "LiDAR that is compared with nothing: pandar_gt" in svg
     assert "place not known: lost" in svg

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from auditor.store.queries import list_queries, list_views
 from auditor.store.schema import TABLES, table_schema
-from auditor.store.sql_files import Parameter
+from auditor.store.sql_files import QueryParameter
 
 PAGE = Path(__file__).parents[2] / "docs" / "store.md"
 
@@ -22,7 +22,7 @@ def paragraph(text: str, *, item: bool = False) -> str:
     )
 
 
-def parameter(known: Parameter) -> str:
+def parameter(known: QueryParameter) -> str:
     default = "required" if known.required else f"default {known.default or 'NULL'}"
     return paragraph(f"`{known.name}` {known.type}, {default}: {known.sentence}", item=True)
 

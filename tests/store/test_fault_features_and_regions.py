@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.model.fault_features import COLUMNS, Agreement, IsolatedShares, PairFaultFeatures, Rows
-from auditor.model.frames import Skipped
+from auditor.model.fault_features import COLUMNS, Agreement, IsolatedShares, PairFaultFeatures, RowMatches
+from auditor.model.frames import SkippedFrame
 from auditor.model.measurement import Coverage, Region, Solid
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict, VerdictKind
 from auditor.store.queries import run_sql
@@ -20,7 +20,7 @@ from tests.making.stores import (
 )
 
 SEEN = PairFaultFeatures(
-    Rows(40, 0.9, 0.5, 0.95),
+    RowMatches(40, 0.9, 0.5, 0.95),
     Agreement(1500, 0.8, 0, 0.8, 4, 0, 0.7, -0.1, -0.2),
     IsolatedShares(0.02, 0.001),
 )
@@ -33,7 +33,7 @@ def test_fault_features_come_back_by_frame_and_pair_with_how_bright_the_cameras_
     dim = {s: Coverage(0.25, 0.5, level=10.0 * s, red_level=1.0 * s) if s else Coverage(returns=9) for s in rig.sensors}
     frames = [
         replace(make_measurement(rig, 1), fault_features={(1, 3): SEEN, (2, 3): PairFaultFeatures()}, coverage=dim),
-        Skipped(2, 200_000_000, "no cloud"),
+        SkippedFrame(2, 200_000_000, "no cloud"),
         replace(make_measurement(rig, 3), fault_features={(2, 3): SEEN}, coverage=dim),
     ]
     seen = store.load_fault_features(add_measurement(store, rig, frames))

@@ -13,7 +13,7 @@ from auditor.cli import run
 from auditor.store import tables
 from auditor.store.connection import connected
 from auditor.store.log.chains import entries
-from auditor.store.log.entry import Kind
+from auditor.store.log.entry import EntryKind
 from auditor.store.log.runs import logged
 from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.removal import remove_measurement, remove_recordings
@@ -88,8 +88,8 @@ def test_a_packed_store_has_few_files_and_answers_as_before(kept, folder):
     assert len(parquet_files(folder)) == done.packs
     assert told(folder) == kept[1]
     assert verify(whole(folder)).problems == ()
-    assert [entry.kind for entry in entries(folder)].count(Kind.PACKED) == done.packs
-    assert pack(Store.open(folder)) == packing.Packed()
+    assert [entry.kind for entry in entries(folder)].count(EntryKind.PACKED) == done.packs
+    assert pack(Store.open(folder)) == packing.PackingResult()
     assert small_files(Store.open(folder)) == 0
 
 
@@ -343,7 +343,7 @@ def test_the_views_for_others_read_packs_and_what_was_written_since(folder):
 
 def test_a_scan_packs_where_many_files_have_gathered(folder, monkeypatch):
     store = Store.open(folder)
-    assert packing.pack_where_many(store) == packing.Packed()
+    assert packing.pack_where_many(store) == packing.PackingResult()
     monkeypatch.setattr(packing, "MANY_FILES", 24)
     assert packing.pack_where_many(store).files == 24
 
@@ -352,7 +352,7 @@ def test_a_packed_store_is_upgraded_with_all_that_packs_have(kept, folder, monke
     pack(Store.open(folder))
     monkeypatch.setattr(upgrade, "SCHEMA_VERSION", SCHEMA_VERSION + 1)  # what the next version will do
     monkeypatch.setattr(upgrade, "UPGRADED_FROM", (SCHEMA_VERSION,))
-    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=6)
+    assert upgrade.upgrade(folder) == upgrade.UpgradeResult(measurements=2, judgements=4, parts=6)
     monkeypatch.undo()
     found, before = told(folder), kept[1]
     assert found.keys() == before.keys()

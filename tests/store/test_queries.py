@@ -5,7 +5,7 @@ import pytest
 
 from auditor.errors import QueryError
 from auditor.identification.prior import log_odds, statistic_at
-from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import LIDAR_CHECKS, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
@@ -256,7 +256,7 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     statistics = [{counting[0]: 0.5, counting[1]: 0.1}.get(one) for one in checks]
     measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, statistics=statistics, missing=(1,))])
     usual = float(log_odds(0.2))
-    expected = {one: Expected(usual, 0.5, 0.5, 2, 50, 0.0) for one in checks}
+    expected = {one: NullDistribution(usual, 0.5, 0.5, 2, 50, 0.0) for one in checks}
     thresholds = RobustThresholds("c" * 32, Decimal(0), 3.0, expected, {}, drives=2)
     verdict = Verdict(
         VerdictKind.SUSPECT,

@@ -12,7 +12,7 @@ from auditor.identification.prior import statistic_at
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System
-from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
@@ -45,7 +45,7 @@ def judged(tmp_path):
     given = [[None if np.isnan(x) else x for x in row] for row in statistics.tolist()]
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f, statistics=row) for f, row in enumerate(given)])
-    expected = {check: Expected(-2.2, 0.4, 0.4, 3, 100, 0.0) for check in CHECKS[:-1]}  # of the last nothing is
+    expected = {check: NullDistribution(-2.2, 0.4, 0.4, 3, 100, 0.0) for check in CHECKS[:-1]}  # of the last nothing is
     loaded = store.load_statistics(known)
     system = System(CHECKS, RIG.triples, RIG.sensors, RIG.fallback)
     thresholds = RobustThresholds(

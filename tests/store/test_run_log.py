@@ -13,7 +13,7 @@ from auditor import __version__
 from auditor.errors import StoreError
 from auditor.store.log import runs
 from auditor.store.log.chains import chain_paths, entries, heads, read_chains
-from auditor.store.log.entry import Kind, Outcome
+from auditor.store.log.entry import EntryKind, RunOutcome
 from auditor.store.log.runs import adopt, current_runs, logged, run
 from auditor.store.maintenance.removal import remove_recordings
 from auditor.store.maintenance.verify import verify
@@ -76,19 +76,19 @@ def test_a_run_says_who_did_what_with_what(store):
     [file] = wrote.what["files"]
     assert file["path"] == f"recordings/{'a' * 64}.parquet"
     assert file["size"] == store.path("recordings", "a" * 64).stat().st_size
-    assert (closed.kind, closed.what["outcome"], closed.what["unwritten"]) == (Kind.CLOSED, Outcome.DONE, [])
+    assert (closed.kind, closed.what["outcome"], closed.what["unwritten"]) == (EntryKind.CLOSED, RunOutcome.DONE, [])
     assert {entry.run for entry in entries(store.folder)} == {opened.run}
 
 
 def test_what_is_written_outside_of_a_run_is_a_run_of_its_own(store):
     store.write_recording(record())
-    assert kinds(store) == [Kind.OPENED, Kind.WROTE, Kind.CLOSED]
+    assert kinds(store) == [EntryKind.OPENED, EntryKind.WROTE, EntryKind.CLOSED]
 
 
 def test_a_run_within_a_run_is_the_same(store):
     with run(store.folder, ["outer"]) as outer, logged(store.folder) as inner:
         assert inner is outer
-    assert kinds(store) == [Kind.OPENED, Kind.CLOSED]
+    assert kinds(store) == [EntryKind.OPENED, EntryKind.CLOSED]
     assert current_runs() == ()
 
 
@@ -96,7 +96,7 @@ def test_what_fails_is_closed_as_failed_with_its_reason(store):
     with pytest.raises(StoreError), run(store.folder, ["auditor"]):
         raise StoreError("the disk is full", where="here")
     last = entries(store.folder)[-1]
-    assert (last.what["outcome"], last.what["reason"]) == (Outcome.FAILED, "here: the disk is full")
+    assert (last.what["outcome"], last.what["reason"]) == (RunOutcome.FAILED, "here: the disk is full")
 
 
 def test_a_process_that_works_for_a_run_writes_to_its_chain(store):
@@ -115,7 +115,7 @@ def test_superseding_and_removal_are_entries_of_their_own(store):
     known = add_measurement(store, rig, [make_measurement(rig, 0)])
     add_judgement(store, rig, known, "c")
     remove_recordings(store, ["a" * 64])
-    removed = [entry.what["files"] for entry in entries(store.folder) if entry.kind == Kind.REMOVED]
+    removed = [entry.what["files"] for entry in entries(store.folder) if entry.kind == EntryKind.REMOVED]
     assert {file["path"].split("/")[0] for files in removed for file in files} >= {
         "recordings",
         "measurements",
@@ -154,12 +154,12 @@ def name_of(store, entry):
 @pytest.mark.parametrize("point", ["between", "before its place"])
 def test_a_killed_run_is_closed_by_the_next_one(store, point):
     assert writer(store.folder, point).wait() == -signal.SIGKILL
-    assert kinds(store)[0] == Kind.OPENED
-    assert Kind.CLOSED not in kinds(store)
+    assert kinds(store)[0] == EntryKind.OPENED
+    assert EntryKind.CLOSED not in kinds(store)
     assert not verify(store).grave
     assert len(verify(store).open_runs) == 1
     store.write_recording(record("c"))
-    [closed] = [entry for entry in entries(store.folder) if entry.what.get("outcome") == Outcome.INTERRUPTED]
+    [closed] = [entry for entry in entries(store.folder) if entry.what.get("outcome") == RunOutcome.INTERRUPTED]
     assert len(closed.what["unwritten"]) == (point == "before its place")
     assert not verify(store).grave
     assert verify(store).open_runs == ()
@@ -172,7 +172,7 @@ def test_half_an_entry_that_a_killed_run_left_goes(store):
         file.write(path.read_bytes()[:100])
     assert not verify(store).grave
     store.write_recording(record("b"))
-    assert kinds(store) == [Kind.OPENED, Kind.WROTE, Kind.CLOSED] * 2
+    assert kinds(store) == [EntryKind.OPENED, EntryKind.WROTE, EntryKind.CLOSED] * 2
     assert not verify(store).grave
 
 

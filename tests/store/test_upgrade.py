@@ -63,7 +63,7 @@ def test_a_store_of_this_version_answers_as_when_it_was_kept(tmp_path):
 @pytest.mark.parametrize("version", UPGRADED_FROM)
 def test_an_upgraded_store_answers_of_what_was_told(tmp_path, version):
     folder, told = unpack(version, tmp_path)
-    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=6)
+    assert upgrade.upgrade(folder) == upgrade.UpgradeResult(measurements=2, judgements=4, parts=6)
     assert of_what_was_told(answers(folder), told) == told
     store = Store.open(folder)
     assert all(store.pictured_frames(known) for known in store.ids("measurements"))

@@ -15,8 +15,8 @@ from auditor.store.calibrations import make_calibration
 from auditor.store.maintenance.verify import verify
 from auditor.store.queries import run_query, run_sql
 from auditor.store.versions.history import (
+    EntryIntoForce,
     History,
-    How,
     Move,
     calibrations_in_force,
     histories,
@@ -46,8 +46,8 @@ def test_a_kept_calibration_is_in_force_once_it_is_put_there_whatever_its_date(t
     assert put_first_in_force(store, first)
     assert not put_first_in_force(store, later)
     assert in_force(store) == [first.calibration_id]
-    put_in_force(store, later, How.PROMOTED, "looked at")
-    put_in_force(store, first, How.PROMOTED)
+    put_in_force(store, later, EntryIntoForce.PROMOTED, "looked at")
+    put_in_force(store, first, EntryIntoForce.PROMOTED)
     assert in_force(store) == [first.calibration_id]
     rows = run_sql(store, "SELECT how, reason, in_force FROM calibration_history ORDER BY number").to_pylist()
     assert [(row["how"], row["reason"], row["in_force"]) for row in rows] == [
@@ -68,7 +68,7 @@ def test_rig_kinds_and_procedures_have_histories_of_their_own_and_vehicles_of_on
     assert sorted(in_force(store)) == sorted(one.calibration_id for one in kinds)
     of_one_kind = make("d", make_rig(4, focal_px=705.0))
     assert not put_first_in_force(store, of_one_kind)
-    put_in_force(store, of_one_kind, How.PROMOTED)
+    put_in_force(store, of_one_kind, EntryIntoForce.PROMOTED)
     assert len(histories(store)) == 3
     assert of_one_kind.calibration_id in in_force(store)
     assert kinds[0].calibration_id not in in_force(store)
@@ -81,13 +81,48 @@ def history(*moves):
 @pytest.mark.parametrize(
     ("moves", "previous", "confirmed", "withdrawn"),
     [
-        ([("a", How.CALIBRATED)], None, "a", set()),
-        ([("a", How.REFRESHED), ("b", How.REFRESHED)], "a", "a", set()),
-        ([("a", How.CALIBRATED), ("b", How.REFRESHED), ("c", How.REFRESHED)], "b", "a", set()),
-        ([("a", How.CALIBRATED), ("b", How.REFRESHED), ("b", How.PROMOTED)], "a", "b", set()),
-        ([("a", How.CALIBRATED), ("b", How.REFRESHED), ("a", How.ROLLED_BACK)], None, "a", {"b"}),
-        ([("a", How.CALIBRATED), ("b", How.PROMOTED), ("c", How.PROMOTED), ("b", How.ROLLED_BACK)], "a", "b", {"c"}),
-        ([("a", How.CALIBRATED), ("b", How.REFRESHED), ("a", How.ROLLED_BACK), ("b", How.PROMOTED)], "a", "b", set()),
+        ([("a", EntryIntoForce.CALIBRATED)], None, "a", set()),
+        ([("a", EntryIntoForce.REFRESHED), ("b", EntryIntoForce.REFRESHED)], "a", "a", set()),
+        (
+            [("a", EntryIntoForce.CALIBRATED), ("b", EntryIntoForce.REFRESHED), ("c", EntryIntoForce.REFRESHED)],
+            "b",
+            "a",
+            set(),
+        ),
+        (
+            [("a", EntryIntoForce.CALIBRATED), ("b", EntryIntoForce.REFRESHED), ("b", EntryIntoForce.PROMOTED)],
+            "a",
+            "b",
+            set(),
+        ),
+        (
+            [("a", EntryIntoForce.CALIBRATED), ("b", EntryIntoForce.REFRESHED), ("a", EntryIntoForce.ROLLED_BACK)],
+            None,
+            "a",
+            {"b"},
+        ),
+        (
+            [
+                ("a", EntryIntoForce.CALIBRATED),
+                ("b", EntryIntoForce.PROMOTED),
+                ("c", EntryIntoForce.PROMOTED),
+                ("b", EntryIntoForce.ROLLED_BACK),
+            ],
+            "a",
+            "b",
+            {"c"},
+        ),
+        (
+            [
+                ("a", EntryIntoForce.CALIBRATED),
+                ("b", EntryIntoForce.REFRESHED),
+                ("a", EntryIntoForce.ROLLED_BACK),
+                ("b", EntryIntoForce.PROMOTED),
+            ],
+            "a",
+            "b",
+            set(),
+        ),
     ],
 )
 def test_a_history_says_what_was_before_what_a_person_confirmed_and_what_was_withdrawn(
@@ -101,19 +136,19 @@ def test_a_history_says_what_was_before_what_a_person_confirmed_and_what_was_wit
 def test_a_version_that_came_into_force_meanwhile_is_not_replaced(tmp_path):
     store, a, b, c = new_store(tmp_path), make("a"), make("b"), make("c")
     for one in (a, b):
-        put_in_force(store, one, How.PROMOTED)
+        put_in_force(store, one, EntryIntoForce.PROMOTED)
     with pytest.raises(StoreError, match="came into force meanwhile"):
-        put_in_force(store, c, How.REFRESHED, after=a.calibration_id)
+        put_in_force(store, c, EntryIntoForce.REFRESHED, after=a.calibration_id)
     assert in_force(store) == [b.calibration_id]
 
 
 def test_a_full_disk_leaves_the_version_in_force(tmp_path, monkeypatch):
     store, a, b = new_store(tmp_path), make("a"), make("b")
-    put_in_force(store, a, How.CALIBRATED)
+    put_in_force(store, a, EntryIntoForce.CALIBRATED)
     store.write_calibration(b)
     monkeypatch.setattr(files.os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(StoreError, match="No space left"):
-        put_in_force(store, b, How.PROMOTED)
+        put_in_force(store, b, EntryIntoForce.PROMOTED)
     monkeypatch.undo()
     assert in_force(store) == [a.calibration_id]
     assert verify(store).problems == ()
@@ -137,13 +172,13 @@ def _promote_and_die(folder, moment, calibration):
     files.PartFile.commit = counted(files.PartFile.commit)
     from auditor.store.store import Store  # noqa: PLC0415 - after what it uses was changed
 
-    put_in_force(Store.open(folder), calibration, How.PROMOTED)
+    put_in_force(Store.open(folder), calibration, EntryIntoForce.PROMOTED)
     os._exit(0)
 
 
 def test_whenever_it_is_killed_one_whole_version_is_in_force(tmp_path):
     store, a, b = new_store(tmp_path), make("a"), make("b")
-    put_in_force(store, a, How.CALIBRATED)
+    put_in_force(store, a, EntryIntoForce.CALIBRATED)
     fork, ends, seen = multiprocessing.get_context("fork"), [], set()
     for moment in range(1, 30):
         process = fork.Process(target=_promote_and_die, args=(store.folder, moment, b))
@@ -165,7 +200,7 @@ def _promote(folder, calibrations):
     from auditor.store.store import Store  # noqa: PLC0415 - in the process
 
     for one in calibrations:
-        put_in_force(Store.open(folder), one, How.PROMOTED)
+        put_in_force(Store.open(folder), one, EntryIntoForce.PROMOTED)
 
 
 def test_processes_that_promote_at_once_lose_no_move(tmp_path):

@@ -17,7 +17,7 @@ from auditor.errors import SettingError
 from auditor.model.stamps import NANOSECONDS
 
 if TYPE_CHECKING:
-    from auditor.lab.attacks.kinds import Kind, Option
+    from auditor.lab.attacks.kinds import AttackKind, Option
     from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
     from auditor.pipeline.workers import LimitsOf
@@ -65,7 +65,7 @@ class _Attack(click.Command):
             formatter.write_dl([(kind, one.in_words) for kind, one in _catalogue().items()])
 
 
-def _catalogue() -> "Mapping[str, Kind]":
+def _catalogue() -> "Mapping[str, AttackKind]":
     from auditor.lab.attacks.catalogue import KINDS  # noqa: PLC0415 - heavy
 
     return KINDS
@@ -129,7 +129,7 @@ def command(
     from auditor.recordings.writers.mcap_file import no_remains  # noqa: PLC0415
 
     given = {one.name: wanted.pop(one.name) for _, one in _options()}
-    told = _Wanted(**wanted, options={name: value for name, value in given.items() if value is not None})
+    told = _AttackOptions(**wanted, options={name: value for name, value in given.items() if value is not None})
     _check_span(told.from_s, told.to_s)
     for kind, one in _options():
         if one.name in told.options and told.kind != kind:
@@ -141,7 +141,7 @@ def command(
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _AttackOptions:
     """The options that say what is done to which sensors, and when."""
 
     sensors: tuple[int, ...]
@@ -156,7 +156,7 @@ class _Wanted:
     options: "Mapping[str, float]"
 
 
-def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> None:
+def _attack(source: Path, target: Path, rig: Path | None, wanted: _AttackOptions) -> None:
     """Write the compromised copy."""
     from auditor.lab.attacks.schedule import Attacker  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.geometry import rigs_of  # noqa: PLC0415
@@ -177,7 +177,7 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> No
         rewrite(recording, target, changes, _labels(attackers, start_ns), depths)
 
 
-def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
+def _plans(wanted: _AttackOptions, start_ns: int) -> "Iterator[AttackPlan]":
     """One plan a sensor."""
     from auditor.lab.attacks.schedule import AttackPlan  # noqa: PLC0415
     from auditor.lab.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick

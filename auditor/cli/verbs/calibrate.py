@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from auditor.model.settings import MeasureSettings
     from auditor.pipeline.calibrations.clean import CleanMeasurements
     from auditor.pipeline.calibrations.making import MadeCalibration
-    from auditor.pipeline.calibrations.versions import Kept
+    from auditor.pipeline.calibrations.versions import CalibrationEntry
     from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
     from auditor.store.store import Store
@@ -147,7 +147,9 @@ def _made(
     return list(make_each(groups, r, frames, recount=recount, jobs=jobs))
 
 
-def _show(made: "MadeCalibration", version: "Kept", store: "Store", method: str, r: Decimal, form: str) -> None:
+def _show(
+    made: "MadeCalibration", version: "CalibrationEntry", store: "Store", method: str, r: Decimal, form: str
+) -> None:
     """Print the thresholds of a calibration, how it judges what it has not seen, and whether it is in force."""
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
 
@@ -159,7 +161,7 @@ def _show(made: "MadeCalibration", version: "Kept", store: "Store", method: str,
     _say_in_force(version, store.folder)
 
 
-def _say_in_force(made: "Kept", store: Path) -> None:
+def _say_in_force(made: "CalibrationEntry", store: Path) -> None:
     """What scans judge by from now on: a later calibration is a candidate until a person promotes it."""
     known = made.version.calibration_id[:12]
     if made.in_force:

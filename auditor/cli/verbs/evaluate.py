@@ -16,7 +16,7 @@ from auditor.errors import SettingError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from auditor.lab.evaluation import Evaluated, Source, Task
+    from auditor.lab.evaluation import EvaluationWork, Source, Task
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.model.settings import MeasureSettings
     from auditor.pipeline.workers import LimitsOf, Outcome, Progress
@@ -170,10 +170,10 @@ def _evaluated(
 
 def _sources(recordings: "Sequence[Location]", rig: Path | None, streets: int) -> "list[Source]":
     """The recordings, and so many synthetic streets."""
-    from auditor.lab.evaluation import Recorded, Street  # noqa: PLC0415 - heavy
+    from auditor.lab.evaluation import RecordingSource, Street  # noqa: PLC0415 - heavy
 
     synthetic = [Street(_FIRST_STREET + number, _STREET_FRAMES) for number in range(streets)]
-    return [*(Recorded(path, rig) for path in recordings), *synthetic]
+    return [*(RecordingSource(path, rig) for path in recordings), *synthetic]
 
 
 def _tasks(
@@ -216,7 +216,7 @@ class _Run:
             evaluate_objects, [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
         )
 
-    def _measure(self, evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]") -> None:
+    def _measure(self, evaluate: "Callable[[SomeTask, Progress], EvaluationWork]", tasks: "Sequence[SomeTask]") -> None:
         from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
 
         with progress(len(tasks), "evaluating") as (advanced, finished):
@@ -227,7 +227,7 @@ class _Run:
                 finished(_said(outcome))
 
 
-def _said(outcome: "Outcome[SomeTask, Evaluated]") -> str:
+def _said(outcome: "Outcome[SomeTask, EvaluationWork]") -> str:
     """What became of a share."""
     if outcome.error is not None:
         return f"auditor: {outcome.error.located(outcome.item)}"

@@ -40,7 +40,7 @@ def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: 
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.casefile.folder import new_folder, write_file  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_new  # noqa: PLC0415
-    from auditor.model.frames import Skipped  # noqa: PLC0415
+    from auditor.model.frames import SkippedFrame  # noqa: PLC0415
     from auditor.pipeline.pictures import show_frame  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import Location  # noqa: PLC0415
@@ -52,7 +52,7 @@ def command(recording: Path, frame: int, store: Path, rig: Path | None, limits: 
     kept = store if Store.is_at(store) else None
     where = Location(recording)
     shown = run_within(limits(where), show_frame, where, frame, kept, rig)
-    if isinstance(shown.frame, Skipped):
+    if isinstance(shown.frame, SkippedFrame):
         say(f"{recording}: frame {frame} was skipped: {shown.frame.reason}")
         return Exit.INCOMPLETE
     _print(shown, shown.frame)

@@ -15,7 +15,7 @@ from auditor.cli.output import answer, print_rows, progress, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.lab.training import Made, Point, SampleSource, SampleTask
+    from auditor.lab.training import CurvePoint, SampleSet, SampleSource, SampleTask
     from auditor.pipeline.workers import LimitsOf
     from auditor.recordings import Location
 
@@ -122,7 +122,7 @@ def command(
     say(f"{len(training_samples.training)} samples to train on; validated on {validated}")
 
     training.use_threads(jobs)
-    points: list[Point] = []
+    points: list[CurvePoint] = []
     for some in train_on(training_samples, replace(chosen, samples=training_samples.known), out):
         points += some
         for point in some:
@@ -159,14 +159,14 @@ def _tasks(
     recordings: "Sequence[Location]", rig: Path | None, streets: range, out: Path, frames: int
 ) -> "list[SampleTask]":
     """The samples to be made of some recordings, and of the streets of these numbers."""
-    from auditor.lab.training import Recorded, SampleTask, Street  # noqa: PLC0415 - heavy
+    from auditor.lab.training import RecordingSamples, SampleTask, StreetSamples  # noqa: PLC0415 - heavy
 
-    sources: list[SampleSource] = [Recorded(path, rig) for path in recordings]
-    sources += [Street(number, _STREET_SAMPLES) for number in streets]
+    sources: list[SampleSource] = [RecordingSamples(path, rig) for path in recordings]
+    sources += [StreetSamples(number, _STREET_SAMPLES) for number in streets]
     return [SampleTask(source, out / "samples", frames) for source in sources]
 
 
-def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[Made]":
+def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[SampleSet]":
     """The samples of every source, in the order of the tasks; the first that cannot be made is an error."""
     from auditor.lab.training import make_samples  # noqa: PLC0415
     from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
@@ -183,7 +183,7 @@ def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[Mad
     return [made[task] for task in tasks]
 
 
-def _row(point: "Point") -> dict[str, object]:
+def _row(point: "CurvePoint") -> dict[str, object]:
     return {
         "step": point.step,
         "loss": point.loss,
@@ -194,6 +194,6 @@ def _row(point: "Point") -> dict[str, object]:
     }
 
 
-def _line(point: "Point") -> str:
+def _line(point: "CurvePoint") -> str:
     network, sgbm = point.network.over_3px_share or 0.0, point.sgbm.over_3px_share or 0.0
     return f"step {point.step}: loss {point.loss:.3f}, {point.kind}: over 3 px {network:.1%} (sgbm {sgbm:.1%})"

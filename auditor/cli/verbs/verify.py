@@ -13,7 +13,7 @@ from auditor.cli.output import say, shown
 
 if TYPE_CHECKING:
     from auditor.store.log.signatures import PublicKey
-    from auditor.store.maintenance.verify import Verified
+    from auditor.store.maintenance.verify import VerifyResult
 
 _key = LocalPath(exists=True, dir_okay=False)
 
@@ -87,7 +87,7 @@ def _verify_case(path: Path, key: "PublicKey | None") -> Exit:
     return Exit.FINDINGS if found.problems else Exit.CLEAN
 
 
-def _summary(found: "Verified", *, signed: bool) -> str:
+def _summary(found: "VerifyResult", *, signed: bool) -> str:
     """One line on everything."""
     grave, left = len(found.grave), len(found.problems) - len(found.grave)
     what = f"{grave} problem{'s' * (grave != 1)}" if grave else "everything is as it was written"

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
-from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, Event, Evidence, periods_of, places_of
+from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, Event, FrameEvidence, periods_of, places_of
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import joint_limit, prior_of_check
 from auditor.identification.statistics import measured_medians
 from auditor.model.arrays import Floats, Integers
-from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import SensorCheck
 from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
@@ -118,7 +118,7 @@ def thresholds_of(thresholds: RobustThresholds, checks: int, seconds: float) -> 
     return replace(thresholds, limit=joint_limit(rate, checks), expected=expected)
 
 
-def of_stretch(check: SensorCheck, usual: Expected) -> Expected:
+def of_stretch(check: SensorCheck, usual: NullDistribution) -> NullDistribution:
     """What is expected of the median of a stretch, by what is expected of a frame.
 
     The deviation between drives is that of frames; the one within drives is a share of theirs, and the tail is its own.
@@ -242,7 +242,7 @@ class HeldEvent:
         return {frame.held_for[1] for frame in self.frames.values() if frame.held_for[0] is VerdictKind.ATTACKED}
 
 
-def held_of(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence) -> HeldEvent:
+def held_of(event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence) -> HeldEvent:
     """An event of single frames, with what they are held for."""
     added = evidence.added[list(event.frames)].tolist()
     own = [verdicts[place] for place in event.frames]

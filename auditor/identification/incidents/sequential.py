@@ -62,7 +62,7 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class FrameEvidence:
     """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
 
     `of_each` (F, S) is what each sensor adds, and `unexplained` (F, S) of that what no fault explains as well. `worth`
@@ -79,7 +79,7 @@ class Evidence:
     periods_s: Floats
 
 
-def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) -> Evidence:
+def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) -> FrameEvidence:
     """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
 
     `runs` (F,) number the runs without a gap that the frames belong to, in ascending order, and `periods_s` (F,) are
@@ -88,10 +88,10 @@ def evidence_of(scores: Floats, checks: int, periods_s: Floats, runs: Integers) 
     worth = frame_worth(periods_s)
     ratios = log_ratios(scores, checks)
     added = _added(ratios, worth)
-    return Evidence(added, added[:, None], added[:, None], ratios, worth, runs, periods_s)
+    return FrameEvidence(added, added[:, None], added[:, None], ratios, worth, runs, periods_s)
 
 
-def of_sensors(whole: Evidence, scores: Floats, explained: Flags, checks: int) -> Evidence:
+def of_sensors(whole: FrameEvidence, scores: Floats, explained: Flags, checks: int) -> FrameEvidence:
     """The evidence of F frames by sensor: `scores` (F, S) is the largest z of each.
 
     `explained` (F,) says which frames a fault explains as well as an attack.
@@ -139,7 +139,7 @@ def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
     return periods
 
 
-def excursions(evidence: Evidence, raised: Flags) -> Iterator[Excursion]:
+def excursions(evidence: FrameEvidence, raised: Flags) -> Iterator[Excursion]:
     """The excursions of the sum from zero, in order; it begins anew with each run.
 
     The frames that `raised` (F,) flags are findings by themselves.
@@ -150,7 +150,7 @@ def excursions(evidence: Evidence, raised: Flags) -> Iterator[Excursion]:
             yield Excursion(tuple(rises), _peak(evidence, rises, raised))
 
 
-def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
+def peaks_of(evidence: FrameEvidence, raised: Flags) -> list[float]:
     """The peaks of the excursions that hold as many findings as an incident, where `raised` (F,) frames are findings.
 
     Of clean drives: `incident_limit` follows from them.
@@ -158,7 +158,7 @@ def peaks_of(evidence: Evidence, raised: Flags) -> list[float]:
     return [one.peak for one in excursions(evidence, raised) if one.peak > 0]
 
 
-def events(evidence: Evidence, raised: Flags, limit: float) -> list[Event]:
+def events(evidence: FrameEvidence, raised: Flags, limit: float) -> list[Event]:
     """The incidents of F frames in the order of time: where the sum exceeds the `limit`.
 
     Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
@@ -167,7 +167,7 @@ def events(evidence: Evidence, raised: Flags, limit: float) -> list[Event]:
     return [Event(one.rises) for one in excursions(evidence, raised) if one.peak > limit]
 
 
-def strong_frames(evidence: Evidence, raised: Flags, per_hour: float | None) -> Flags:
+def strong_frames(evidence: FrameEvidence, raised: Flags, per_hour: float | None) -> Flags:
     """(F,) raised frames as strong as clean frames are less than `per_hour`; None stands for the usual rate."""
     limits = _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour)
     return np.asarray(raised & (evidence.ratios > limits))
@@ -219,13 +219,13 @@ def _rows(loose: Flags, accusing: Flags, audited: Flags, fewest: int) -> Iterato
             yield tuple(row.tolist())
 
 
-def joined(parts: Sequence[Evidence], order: Integers) -> Evidence:
+def joined(parts: Sequence[FrameEvidence], order: Integers) -> FrameEvidence:
     """The evidence of the frames of several parts as one series, in an `order` (F,) of their places one after another.
 
     The parts have the same sensors, and runs that are numbered through.
     """
     columns = zip(*(tuple(vars(part).values()) for part in parts), strict=True)
-    return Evidence(*(np.concatenate(column)[order] for column in columns))
+    return FrameEvidence(*(np.concatenate(column)[order] for column in columns))
 
 
 def apart(event: Event, named: Sequence[tuple[int, ...]], added: Sequence[float], limit: float) -> list[Event]:
@@ -263,7 +263,7 @@ def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), h
     return least + max(scale * log(rate / allowed), 0.0)
 
 
-def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
+def _single_limits(evidence: FrameEvidence, per_hour: float) -> Floats:
     """(F,) the ratio that clean frames exceed `per_hour` times an hour at the rate of each frame's run.
 
     A lone frame, whose rate is not known, is taken for one a second.
@@ -290,7 +290,7 @@ def _rises(run: range, added: Sequence[float], quiet: int) -> Iterator[list[int]
         yield rises
 
 
-def _peak(evidence: Evidence, rises: Sequence[int], raised: Flags) -> float:
+def _peak(evidence: FrameEvidence, rises: Sequence[int], raised: Flags) -> float:
     """The peak of the excursion whose sum rises at these places; the sums of sensors begin and end with it."""
     span, findings = slice(rises[0], rises[-1] + 1), [place for place in rises if raised[place]]
 
@@ -310,7 +310,7 @@ def _highest(added: Floats) -> Floats:
     return np.asarray((total - lowest).max(axis=0))
 
 
-def _quiet_frames(evidence: Evidence, place: int) -> int:
+def _quiet_frames(evidence: FrameEvidence, place: int) -> int:
     """For how many frames of a run the sum must not have risen until its excursion has ended."""
     period = float(evidence.periods_s[place])
     frames = ceil(INCIDENTS.quiet_s / period) if period > 0 else 0

@@ -23,7 +23,7 @@ from auditor.model.verdict import FINDINGS
 _FOLDS = 5  # groups of vehicles, and groups of days, that judge each other
 
 
-class Source(NamedTuple):
+class DriveSource(NamedTuple):
     """Where a drive comes from; a vehicle or day that is not known is None."""
 
     recording_id: str
@@ -35,12 +35,12 @@ class Source(NamedTuple):
 class Drive:
     """The frames of a recording, and where they come from."""
 
-    source: Source
+    source: DriveSource
     clean: CleanFrames
 
 
 @dataclass(frozen=True)
-class Shown:
+class DriveScores:
     """What a drive shows by thresholds that it did not teach.
 
     `findings` of its `frames` are not clean, `raised_windows` of its `windows` hold one. `strong` are its incidents at
@@ -64,16 +64,16 @@ class Shown:
         return ""
 
 
-def shown_by(drive: CleanFrames, system: System, learnt: RobustThresholds) -> Shown:
+def shown_by(drive: CleanFrames, system: System, learnt: RobustThresholds) -> DriveScores:
     """Judge a drive as a scan would, by thresholds at their r, and once more at the rate of strong incidents."""
     series, thresholds = as_scanned(drive, learnt, system)
     if not findings_alone(series, system, thresholds).any():
-        return Shown(drive.frames, 0, 0, _windows(drive.stamps_ns), 0, 0)
+        return DriveScores(drive.frames, 0, 0, _windows(drive.stamps_ns), 0, 0)
     verdicts = judge_frames(series, system, thresholds)
     finding = np.array([verdict.kind in FINDINGS for verdict in verdicts], dtype=np.bool_)
     strict = replace(learnt, limit=joint_limit(CLEAN_DRIVE.raised_r, system.judged_together))
     strong = judge_frames(series, system, as_scanned(drive, strict, system)[1], without_causes=True)
-    return Shown(
+    return DriveScores(
         drive.frames,
         int(np.count_nonzero(finding)),
         count_incidents([verdict.finding for verdict in verdicts], drive.stamps_ns),
@@ -83,7 +83,7 @@ def shown_by(drive: CleanFrames, system: System, learnt: RobustThresholds) -> Sh
     )
 
 
-def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list[Shown]:
+def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list[DriveScores]:
     """Each drive judged by drives of other vehicles and days (`Folds`); by the prior where there are none."""
     folds = Folds([drive.source for drive in drives])
     every = CleanDrives.of([drive.clean for drive in drives], system.sensor_checks, fitted_on=system.fitted_on)
@@ -101,7 +101,7 @@ def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list
 class Folds:
     """Drives by groups of vehicles and of days, so that the work of judging each by others grows with their number."""
 
-    def __init__(self, sources: Sequence[Source]) -> None:
+    def __init__(self, sources: Sequence[DriveSource]) -> None:
         self._vehicles = _groups([one.vehicle for one in sources], sources)
         self._days = _groups([one.day for one in sources], sources)
 
@@ -140,7 +140,7 @@ def _windows(stamps_ns: Integers) -> int:
     return len(np.unique(stamps_ns // int(TEMPORAL_WINDOW.seconds * NANOSECONDS)))
 
 
-def _groups(known: Sequence[Hashable], sources: Sequence[Source]) -> list[int]:
+def _groups(known: Sequence[Hashable], sources: Sequence[DriveSource]) -> list[int]:
     """The number of the group that each drive is in; what is not known is one of its own."""
     keys = [one.recording_id if key is None else key for key, one in zip(known, sources, strict=True)]
     number = {key: place for place, key in enumerate(sorted(set(keys), key=str))}

@@ -14,7 +14,7 @@ from auditor.identification.drive_level import for_clean_drive
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import CONDITIONS, GATE, INFLUENCE
-from auditor.identification.refreshing.drives import Shown
+from auditor.identification.refreshing.drives import DriveScores
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, ConditionRate, RobustThresholds
 from auditor.model.checks import SensorCheck
@@ -95,7 +95,7 @@ def steps(before: RobustThresholds, after: RobustThresholds, system: System) -> 
 
 
 @dataclass(frozen=True)
-class Planted:
+class PlantedAttacks:
     """Planted attacks: how many of each drive are found, and of how many."""
 
     found: tuple[int, ...]
@@ -106,13 +106,13 @@ class Planted:
         """The share that is found."""
         return share_of(self.found, self.planted)
 
-    def lost_since(self, before: "Planted") -> Share:
+    def lost_since(self, before: "PlantedAttacks") -> Share:
         """The share of the same planted attacks that others found and these do not, less those found anew."""
         lost = [one - other for one, other in zip(before.found, self.found, strict=True)]
         return difference_of(lost, self.planted)
 
 
-def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: RobustThresholds) -> Planted:
+def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: RobustThresholds) -> PlantedAttacks:
     """How many planted attacks are found in each drive when it is scanned by these thresholds.
 
     One is planted into each check that counts and each frame: its statistic is raised by so many log odds.
@@ -124,11 +124,11 @@ def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: Rob
         theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
         odds = log_odds(one.statistics_of(checks)) + GATE.planted
         found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
-    return Planted(tuple(one for one, _ in found), tuple(of for _, of in found))
+    return PlantedAttacks(tuple(one for one, _ in found), tuple(of for _, of in found))
 
 
 @dataclass(frozen=True)
-class Compared:
+class VersionComparison:
     """How the thresholds of a candidate compare with those of another version, which was made of so many `drives`.
 
     `found` is the share of planted attacks that the other one finds, `lost` what the candidate loses of them.
@@ -146,14 +146,20 @@ class Compared:
 
 
 def compared(
-    drives: Sequence[CleanFrames], system: System, before: RobustThresholds, after: RobustThresholds, found: Planted
-) -> Compared:
+    drives: Sequence[CleanFrames],
+    system: System,
+    before: RobustThresholds,
+    after: RobustThresholds,
+    found: PlantedAttacks,
+) -> VersionComparison:
     """Compare thresholds, on drives that attacks are planted into; `found` is what those of after find."""
     earlier = planted_found(drives, system, before)
-    return Compared(before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share)
+    return VersionComparison(
+        before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share
+    )
 
 
-def doubts(step: Compared, creep: Compared) -> Iterator[str]:
+def doubts(step: VersionComparison, creep: VersionComparison) -> Iterator[str]:
     """Why a person should look before thresholds come into force; `creep` is against those that a person confirmed."""
     confirmed = "the version that a person confirmed last, or of the first"
     most = allowed(GATE.most_step, step.drives)
@@ -166,7 +172,7 @@ def doubts(step: Compared, creep: Compared) -> Iterator[str]:
         yield f"{creep.lost} of planted attacks are lost since {confirmed}"
 
 
-def worse(step: Compared, before: Sequence[Shown], after: Sequence[Shown]) -> Iterator[str]:
+def worse(step: VersionComparison, before: Sequence[DriveScores], after: Sequence[DriveScores]) -> Iterator[str]:
     """Why thresholds are worse than those in force: attacks lost, or more false alarms.
 
     `before` and `after` are what the same new drives show by the version in force and by the others of the candidate.
@@ -179,7 +185,7 @@ def worse(step: Compared, before: Sequence[Shown], after: Sequence[Shown]) -> It
         yield f"{difference} more windows of new clean recordings would be raised"
 
 
-def raised_often(shown: Sequence[Shown], r: Decimal) -> Iterator[str]:
+def raised_often(shown: Sequence[DriveScores], r: Decimal) -> Iterator[str]:
     """Why a person should look: drives that others judge are raised far more often than r says."""
     alarms = false_alarms(shown)
     if alarms.low > GATE.most_false_alarms * float(r):
@@ -195,16 +201,18 @@ def allowed(most: float, drives: int) -> float:
     return most * sqrt((INFLUENCE.most_drives + prior) / (min(drives, INFLUENCE.most_drives) + prior))
 
 
-def false_alarms(shown: Sequence[Shown]) -> Share:
+def false_alarms(shown: Sequence[DriveScores]) -> Share:
     """The share of windows with findings."""
     return share_of([one.raised_windows for one in shown], [one.windows for one in shown])
 
 
-def rates_by_condition(conditions: Sequence[Mapping[str, str | None]], shown: Sequence[Shown]) -> list[ConditionRate]:
+def rates_by_condition(
+    conditions: Sequence[Mapping[str, str | None]], shown: Sequence[DriveScores]
+) -> list[ConditionRate]:
     """The rates of all conditions, by name and value; `conditions` are those of each drive, None where not known."""
     windows, raised = sum(one.windows for one in shown), sum(one.raised_windows for one in shown)
     of_all = raised / windows if windows else 0.0
-    groups: dict[tuple[str, str], list[Shown]] = defaultdict(list)
+    groups: dict[tuple[str, str], list[DriveScores]] = defaultdict(list)
     for of_drive, one in zip(conditions, shown, strict=True):
         for name, value in of_drive.items():
             if value is not None:
@@ -222,7 +230,7 @@ def doubtful(rates: Sequence[ConditionRate], r: Decimal) -> Iterator[str]:
             )
 
 
-def _rate(condition: str, value: str, drives: Sequence[Shown], of_all: float) -> ConditionRate:
+def _rate(condition: str, value: str, drives: Sequence[DriveScores], of_all: float) -> ConditionRate:
     windows, raised = sum(one.windows for one in drives), sum(one.raised_windows for one in drives)
     weight = CONDITIONS.windows_of_all
     k, n = raised + weight * of_all, windows + weight

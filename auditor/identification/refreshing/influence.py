@@ -8,7 +8,7 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.identification.refresh_parameters import GATE, INFLUENCE
-from auditor.identification.refreshing.drives import Drive, Source
+from auditor.identification.refreshing.drives import Drive, DriveSource
 from auditor.identification.refreshing.gate import Step, allowed, steps
 from auditor.identification.scores import CleanDrives
 from auditor.identification.systems import System
@@ -16,7 +16,7 @@ from auditor.identification.systems import System
 Cell = tuple[int, int]
 
 
-def limited(sources: Sequence[Source], waiting: Sequence[Source] = ()) -> Iterator[tuple[int, str]]:
+def limited(sources: Sequence[DriveSource], waiting: Sequence[DriveSource] = ()) -> Iterator[tuple[int, str]]:
     """The places in `sources` of the drives that are too many, each with the reason; later days go first.
 
     A calibration has so many drives at most, and so many of a vehicle's day, with those that are `waiting` for a
@@ -42,7 +42,7 @@ def limited(sources: Sequence[Source], waiting: Sequence[Source] = ()) -> Iterat
         yield place, f"{INFLUENCE.most_drives} recordings of later days are enough"
 
 
-def _of_a_day(one: Source) -> Hashable:
+def _of_a_day(one: DriveSource) -> Hashable:
     """What the drives of one vehicle and day share."""
     return one.vehicle, one.recording_id if one.day is None else one.day
 

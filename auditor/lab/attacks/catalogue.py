@@ -11,7 +11,7 @@ from typing import Any
 
 from auditor.errors import SettingError
 from auditor.lab.attacks.faults import DelayedCamera, DelayedLidar
-from auditor.lab.attacks.kinds import CameraKind, Kind, LidarKind
+from auditor.lab.attacks.kinds import AttackKind, CameraKind, LidarKind
 from auditor.model.frames import CameraImage, PointCloud
 
 PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
@@ -34,13 +34,13 @@ ON_CAMERA: Mapping[str, CameraKind] = _declared("ON_CAMERA")
 ON_LIDAR: Mapping[str, LidarKind] = _declared("ON_LIDAR")
 """The kinds that are put on the LiDAR, as ON_CAMERA."""
 
-OF_INPUT: Mapping[str, Kind] = {
-    PATTERN: Kind("the picture of a laser's pattern, from --pattern, over a camera's images", "", None),
-    DELAYED: Kind("a fault: what the sensor saw before", "frames", 1),
-    FROZEN: Kind("a fault: what the sensor saw when it began", "", None),
+OF_INPUT: Mapping[str, AttackKind] = {
+    PATTERN: AttackKind("the picture of a laser's pattern, from --pattern, over a camera's images", "", None),
+    DELAYED: AttackKind("a fault: what the sensor saw before", "frames", 1),
+    FROZEN: AttackKind("a fault: what the sensor saw when it began", "", None),
 }
 
-KINDS: Mapping[str, Kind] = {**ON_CAMERA, **ON_LIDAR, **OF_INPUT}
+KINDS: Mapping[str, AttackKind] = {**ON_CAMERA, **ON_LIDAR, **OF_INPUT}
 """All of them, in the order of help and documents."""
 
 

@@ -6,8 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from auditor.lab.attacks.kinds import CameraKind, Drawing, place
-from auditor.lab.attacks.paper import RADIUS, Described, Facula, RoundLight, drawn_facula, scaled, with_levels
+from auditor.lab.attacks.kinds import AttackDraw, CameraKind, place
+from auditor.lab.attacks.paper import RADIUS, DescribedEffect, Facula, RoundLight, drawn_facula, scaled, with_levels
 from auditor.model.arrays import Floats32
 from auditor.model.frames import CameraImage
 from auditor.model.rig import Camera
@@ -66,7 +66,7 @@ class InfraredFacula(RoundLight):
 
 
 @dataclass(frozen=True)
-class Veil(Described):
+class Veil(DescribedEffect):
     """Light that the lens scatters over the whole image: `level` grey levels more everywhere, and less contrast.
 
     What a lamp beside the picture, or a laser on a dirty windscreen, does: Petit et al., Black Hat Europe 2015.
@@ -82,7 +82,7 @@ class Veil(Described):
 
 
 @dataclass(frozen=True)
-class ProjectedObject(Described):
+class ProjectedObject(DescribedEffect):
     """A stop sign that a projector throws into one camera's lens, whose flare shows it: Man et al., RAID 2020.
 
     Light adds, so the scene shows through. `amplitude` in levels of its white parts, `height_px` of the sign; its
@@ -120,20 +120,20 @@ _SIGN_LEVEL = 120.0
 _HEIGHT = "height, px of an image 1242 px wide"
 
 
-def _of(colour: str) -> Callable[[Drawing, Camera, float | None], ColouredFacula]:
-    def draw_one(draw: Drawing, camera: Camera, radius: float | None) -> ColouredFacula:
+def _of(colour: str) -> Callable[[AttackDraw, Camera, float | None], ColouredFacula]:
+    def draw_one(draw: AttackDraw, camera: Camera, radius: float | None) -> ColouredFacula:
         drawn = drawn_facula(draw, camera, radius)
         return ColouredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px, colour)
 
     return draw_one
 
 
-def _infrared(draw: Drawing, camera: Camera, radius: float | None) -> InfraredFacula:
+def _infrared(draw: AttackDraw, camera: Camera, radius: float | None) -> InfraredFacula:
     drawn = drawn_facula(draw, camera, radius)
     return InfraredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
 
 
-def _projected(draw: Drawing, camera: Camera, height: float) -> ProjectedObject:
+def _projected(draw: AttackDraw, camera: Camera, height: float) -> ProjectedObject:
     return ProjectedObject(_SIGN_LEVEL, scaled(height, camera), *place(draw, camera))
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.lab.attacks.kinds import CameraKind, Drawing, LidarKind, uniform
-from auditor.lab.attacks.paper import Described, with_levels
+from auditor.lab.attacks.kinds import AttackDraw, CameraKind, LidarKind, uniform
+from auditor.lab.attacks.paper import DescribedEffect, with_levels
 from auditor.model.arrays import Floats, Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
@@ -25,7 +25,7 @@ _RANGE_NOISE_M = 0.09
 
 
 @dataclass(frozen=True)
-class Rain(Described):
+class Rain(DescribedEffect):
     """Rain of `rate_mm_h` on the whole view, its drops anew in every cloud: a fault of the weather, not an attack.
 
     Drops are Marshall and Palmer's (J. Meteorology 5, 1948): 8000 exp(-Lambda D) a cubic metre and mm of diameter D,
@@ -94,7 +94,7 @@ _MUD_LEVEL = 30.0  # grey levels
 
 
 @dataclass(frozen=True)
-class HiddenSector(Described):
+class HiddenSector(DescribedEffect):
     """All points of a sector are gone: `width_deg` wide, its middle `azimuth_deg` to the right of straight ahead."""
 
     width_deg: float
@@ -110,7 +110,7 @@ class HiddenSector(Described):
 
 
 @dataclass(frozen=True)
-class ScatteredPoints(Described):
+class ScatteredPoints(DescribedEffect):
     """`count` spoofed points anywhere in the cameras' view, 4 to 40 m away."""
 
     count: int
@@ -132,7 +132,7 @@ class ScatteredPoints(Described):
 
 
 @dataclass(frozen=True)
-class TurnedLidar(Described):
+class TurnedLidar(DescribedEffect):
     """The LiDAR has turned on its mount since it was calibrated: a fault, not an attack."""
 
     yaw_deg: float
@@ -152,7 +152,7 @@ class TurnedLidar(Described):
 
 
 @dataclass(frozen=True)
-class ShiftedCamera(Described):
+class ShiftedCamera(DescribedEffect):
     """The camera has turned since it was calibrated: its image stands `rows_px` lower and `columns_px` to the right.
 
     A fault, not an attack. One degree is 13 px where the focal length is 720 px.
@@ -172,7 +172,7 @@ class ShiftedCamera(Described):
 
 
 @dataclass(frozen=True)
-class DimmedCamera(Described):
+class DimmedCamera(DescribedEffect):
     """The camera gets a share `light` of its light: dusk, a tunnel, a closed aperture. Not an attack by itself."""
 
     light: float
@@ -185,7 +185,7 @@ class DimmedCamera(Described):
 
 
 @dataclass(frozen=True)
-class SoiledLens(Described):
+class SoiledLens(DescribedEffect):
     """Drops of mud on the lens: `blobs` soft-edged discs at places that do not move, dark and opaque in the middle."""
 
     blobs: int
@@ -208,7 +208,7 @@ class SoiledLens(Described):
 
 
 @dataclass(frozen=True, eq=False)
-class _Delayed:
+class _DelayedFault:
     frames: int
 
     name = "delay"
@@ -220,7 +220,7 @@ class _Delayed:
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedCamera(_Delayed):
+class DelayedCamera(_DelayedFault):
     """The camera shows what it saw `frames` ago: a replay, or a camera that has been frozen since then."""
 
     earlier: CameraImage = field(repr=False)
@@ -231,7 +231,7 @@ class DelayedCamera(_Delayed):
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedLidar(_Delayed):
+class DelayedLidar(_DelayedFault):
     """The LiDAR reports what it saw `frames` ago."""
 
     earlier: PointCloud = field(repr=False)
@@ -248,7 +248,7 @@ def lidar_axes(rig: Rig) -> Points:
     return rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32)
 
 
-def azimuth(draw: Drawing) -> float:
+def azimuth(draw: AttackDraw) -> float:
     """The middle of a sector, in most cameras' view."""
     return uniform(draw, _SECTORS_DEG)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.lab.attacks.kinds import CameraKind, Drawing, uniform
-from auditor.lab.attacks.paper import Described, with_levels
+from auditor.lab.attacks.kinds import AttackDraw, CameraKind, uniform
+from auditor.lab.attacks.paper import DescribedEffect, with_levels
 from auditor.model.arrays import Floats, Image
 from auditor.model.frames import CameraImage
 from auditor.model.rig import Camera
@@ -43,7 +43,7 @@ class LaserPattern:
 
 
 @dataclass(frozen=True)
-class Stripes(Described):
+class Stripes(DescribedEffect):
     """Rows brightened or darkened in turn, as a light that flickers faster than the frame does to a rolling shutter.
 
     Köhler et al., "They See Me Rollin'", ACSAC 2021, arXiv:2101.10011. Of every `period_px` rows, the first being
@@ -70,7 +70,7 @@ _BALANCE = {_BLUE: 1.5, _RED: 1.8}  # how much more than green a white balance a
 
 
 @dataclass(frozen=True)
-class AcousticBlur(Described):
+class AcousticBlur(DescribedEffect):
     """Sound at the resonance of a stabiliser's gyroscope: the lens moves against a still scene, and blurs it.
 
     Ji et al., "Poltergeist", IEEE S&P 2021. The image is averaged along a line of `length_px`, `angle_deg` up from the
@@ -96,7 +96,7 @@ class AcousticBlur(Described):
 
 
 @dataclass(frozen=True)
-class ElectromagneticStripes(Described):
+class ElectromagneticStripes(DescribedEffect):
     """Radio waves on the cable between sensor and processor: rows are lost, and the rows after them take their places.
 
     Jiang et al., "GlitchHiker", USENIX Security 2023; Kang et al., arXiv:2409.10922. A colour camera sends rows of
@@ -140,19 +140,19 @@ _SHUTTER_LEVEL = 120.0
 _LOST_STRIPE_SHARE = 0.08  # of the image's height
 
 
-def _stripes(draw: Drawing, _: Camera, level: float) -> Stripes:
+def _stripes(draw: AttackDraw, _: Camera, level: float) -> Stripes:
     return Stripes(level, _STRIPES_PX, uniform(draw, (0, _STRIPES_PX)))
 
 
-def _shutter(draw: Drawing, _: Camera, duty: float) -> Stripes:
+def _shutter(draw: AttackDraw, _: Camera, duty: float) -> Stripes:
     return Stripes(_SHUTTER_LEVEL, _STRIPES_PX, uniform(draw, (0, _STRIPES_PX)), duty)
 
 
-def _blur(draw: Drawing, _: Camera, length: float) -> AcousticBlur:
+def _blur(draw: AttackDraw, _: Camera, length: float) -> AcousticBlur:
     return AcousticBlur(length, uniform(draw, (0, 180)))
 
 
-def _lost_rows(draw: Drawing, camera: Camera, stripes: float) -> ElectromagneticStripes:
+def _lost_rows(draw: AttackDraw, camera: Camera, stripes: float) -> ElectromagneticStripes:
     height = round(_LOST_STRIPE_SHARE * camera.height_px)
     return ElectromagneticStripes(round(stripes), height, int(draw.rng.integers(camera.height_px)))
 

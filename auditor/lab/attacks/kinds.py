@@ -32,7 +32,7 @@ class OnLidar(Attack, Protocol):
 
 
 @dataclass(frozen=True)
-class Drawing:
+class AttackDraw:
     """The inputs of a drawn attack: a random generator, a facula's strength, the kind's size, and its own options."""
 
     rng: np.random.Generator
@@ -57,7 +57,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Kind:
+class AttackKind:
     """One kind for a person: what it `does`, what its `size` is, and its `usual` size; None where that is drawn."""
 
     does: str
@@ -73,36 +73,36 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class CameraKind(Kind):
+class CameraKind(AttackKind):
     """A kind that is put on a camera: `draw` makes one of a size, which is None where it is to be drawn as well.
 
     `evaluated`: the further experiment has it at its usual size; a change of that raises EXPERIMENTS_VERSION.
     """
 
-    draw: Callable[[Drawing, Camera, Any], OnCamera]
+    draw: Callable[[AttackDraw, Camera, Any], OnCamera]
     evaluated: bool = field(default=False, kw_only=True)
 
-    def __call__(self, draw: Drawing, camera: Camera) -> OnCamera:
+    def __call__(self, draw: AttackDraw, camera: Camera) -> OnCamera:
         """One on this camera, of the size that was asked for or the usual one."""
         return self.draw(draw, camera, self.usual if draw.size is None else draw.size)
 
 
 @dataclass(frozen=True)
-class LidarKind(Kind):
+class LidarKind(AttackKind):
     """A kind that is put on the LiDAR, as `CameraKind`."""
 
-    draw: Callable[[Drawing, Any], OnLidar]
+    draw: Callable[[AttackDraw, Any], OnLidar]
 
-    def __call__(self, draw: Drawing) -> OnLidar:
+    def __call__(self, draw: AttackDraw) -> OnLidar:
         """One of the size that was asked for, or the usual one."""
         return self.draw(draw, self.usual if draw.size is None else draw.size)
 
 
-def uniform(draw: Drawing, limits: tuple[float, float]) -> float:
+def uniform(draw: AttackDraw, limits: tuple[float, float]) -> float:
     """A number between two."""
     return float(draw.rng.uniform(*limits))
 
 
-def place(draw: Drawing, camera: Camera) -> tuple[float, float]:
+def place(draw: AttackDraw, camera: Camera) -> tuple[float, float]:
     """A place anywhere in the image."""
     return uniform(draw, (0, camera.width_px)), uniform(draw, (0, camera.height_px))

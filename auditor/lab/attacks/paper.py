@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.lab.attacks.kinds import CameraKind, Drawing, LidarKind, place
+from auditor.lab.attacks.kinds import AttackDraw, CameraKind, LidarKind, place
 from auditor.model.arrays import Floats, Floats32, Mask, Points
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Camera, Rig
@@ -38,7 +38,7 @@ _USUAL_STEPS = (0.003, 0.008)  # radians, where a cloud is too small to tell
 
 
 @dataclass(frozen=True)
-class Described:
+class DescribedEffect:
     """An attack or fault whose fields are all that determines its effect."""
 
     @property
@@ -53,7 +53,7 @@ def with_levels(image: CameraImage, levels: Floats | Floats32) -> CameraImage:
 
 
 @dataclass(frozen=True)
-class RoundLight(Described):
+class RoundLight(DescribedEffect):
     """Light that fades from a centre: `amplitude` A in levels; `radius_px` R, `u_px` and `v_px` in the image's px."""
 
     amplitude: float
@@ -90,7 +90,7 @@ class Facula(RoundLight):
 
 
 @dataclass(frozen=True)
-class BogusWall(Described):
+class BogusWall(DescribedEffect):
     """Relayed pulses that show a wall facing the LiDAR and hide what is behind it.
 
     `range_m` ahead of the LiDAR along the cameras' viewing direction, its middle `lateral_m` to the right, its lower
@@ -234,22 +234,22 @@ def scaled(length: float, camera: Camera) -> float:
     return length * camera.width_px / PAPER_WIDTH_PX
 
 
-def drawn_facula(draw: Drawing, camera: Camera, radius: float | None) -> Facula:
+def drawn_facula(draw: AttackDraw, camera: Camera, radius: float | None) -> Facula:
     """A facula anywhere in a camera's image, of a radius or a drawn one."""
     drawn = draw_facula(draw.rng, camera.width_px, camera.height_px, draw.strength)
     return drawn if radius is None else replace(drawn, radius_px=scaled(radius, camera))
 
 
-def _spot(draw: Drawing, camera: Camera, radius: float) -> Facula:
+def _spot(draw: AttackDraw, camera: Camera, radius: float) -> Facula:
     return Facula(STRENGTHS[_SPOT_STRENGTH], scaled(radius, camera), *place(draw, camera))
 
 
-def _wall(draw: Drawing, width_m: float | None) -> BogusWall:
+def _wall(draw: AttackDraw, width_m: float | None) -> BogusWall:
     drawn = draw_wall(draw.rng)
     return replace(drawn, width_m=drawn.width_m if width_m is None else width_m)
 
 
-def _far_wall(draw: Drawing, range_m: float) -> BogusWall:
+def _far_wall(draw: AttackDraw, range_m: float) -> BogusWall:
     return replace(draw_wall(draw.rng), range_m=range_m)
 
 

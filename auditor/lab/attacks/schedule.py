@@ -17,7 +17,7 @@ from auditor.lab.attacks.catalogue import (
     check_kind,
 )
 from auditor.lab.attacks.interference import LaserPattern
-from auditor.lab.attacks.kinds import Drawing, OnCamera, OnLidar
+from auditor.lab.attacks.kinds import AttackDraw, OnCamera, OnLidar
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 from auditor.model.verdict import AttackLabel
@@ -55,7 +55,7 @@ class AttackPlan:
         It does not apply to kinds that replay a sensor's past: their effect depends on earlier data.
         """
         rng = np.random.default_rng([self.seed, self.sensor, stamp_ns if self.moving else 0])
-        drawing = Drawing(rng, self.strength, self.size, self.options)
+        drawing = AttackDraw(rng, self.strength, self.size, self.options)
         if self.sensor in rig.lidars:
             return ON_LIDAR[self.kind or "wall"](drawing)
         return self.pattern or ON_CAMERA[self.kind or "facula"](drawing, rig.camera(self.sensor))

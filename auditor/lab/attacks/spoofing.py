@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.lab.attacks.faults import azimuth, lidar_axes
-from auditor.lab.attacks.kinds import Drawing, LidarKind, Option, uniform
-from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
+from auditor.lab.attacks.kinds import AttackDraw, LidarKind, Option, uniform
+from auditor.lab.attacks.paper import BogusWall, DescribedEffect, road_below_m
 from auditor.model.arrays import Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.rig import Rig
@@ -42,7 +42,7 @@ class Spot(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RemovedObject(Described):
+class RemovedObject(DescribedEffect):
     """What stands `range_m` ahead vanishes: the points of the car-sized box there that most looks like a car are gone.
 
     Physical removal (Cao et al., USENIX Security 2023): relayed pulses arrive before the echo, nearer than the LiDAR's
@@ -66,7 +66,7 @@ class RemovedObject(Described):
 
 
 @dataclass(frozen=True)
-class RandomRanges(Described):
+class RandomRanges(DescribedEffect):
     """Beams of a sector see noise: a share `lost` returns nothing, the others random ranges up to `farthest_m`.
 
     Strong light saturates the receiver (Shin et al., CHES 2017), or pulses at a higher frequency than the LiDAR's come
@@ -93,7 +93,7 @@ class RandomRanges(Described):
 
 
 @dataclass(frozen=True)
-class GhostCar(Described):
+class GhostCar(DescribedEffect):
     """The back of a car that is not there: `points` spoofed returns, `range_m` ahead and `lateral_m` to the right.
 
     A detector takes 60 points at 8 m for a car (Cao et al., CCS 2019), or 200, as many as a spoofer placed (Sun et al.,
@@ -124,7 +124,7 @@ class GhostCar(Described):
 
 
 @dataclass(frozen=True)
-class ChangedRanges(Described):
+class ChangedRanges(DescribedEffect):
     """All returns of a sector come `shift_m` farther away, nearer where it is negative, and with noise of `noise_m`.
 
     A relay delays each echo by the same, or by a time that jitters: 0.3 m are 2 ns. The noise is normal, `noise_m` its
@@ -222,19 +222,19 @@ _AWAY = "range of the object, m"
 _RANGE = Option("range", "range_m", f"how far away it is, m; {_GHOST_M:g} unless told", least=1)
 
 
-def _jitter(draw: Drawing, noise_m: float) -> ChangedRanges:
+def _jitter(draw: AttackDraw, noise_m: float) -> ChangedRanges:
     return ChangedRanges(_JITTERY_DEG, azimuth(draw), 0.0, noise_m, draw.seed)
 
 
-def _shift(draw: Drawing, shift_m: float) -> ChangedRanges:
+def _shift(draw: AttackDraw, shift_m: float) -> ChangedRanges:
     return ChangedRanges(_SHIFTED_DEG, azimuth(draw), shift_m, 0.0, draw.seed)
 
 
-def _noisy(lost: float, farthest_m: float) -> Callable[[Drawing, float], RandomRanges]:
+def _noisy(lost: float, farthest_m: float) -> Callable[[AttackDraw, float], RandomRanges]:
     return lambda draw, width_deg: RandomRanges(width_deg, azimuth(draw), lost, farthest_m, draw.seed)
 
 
-def _ghost(draw: Drawing, points: float) -> GhostCar:
+def _ghost(draw: AttackDraw, points: float) -> GhostCar:
     range_m = draw.options.get(_RANGE.name, _GHOST_M)
     return GhostCar(round(points), range_m, uniform(draw, _LATERALS_M), draw.seed)
 

@@ -15,7 +15,7 @@ from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.disparity.matchers.interface import for_pair, takes_pairs
-from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
+from auditor.measurement.disparity.rectification import PairView, RigRectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.fault_features.added_light import saturated_by_light
 from auditor.measurement.fault_features.collect import (
@@ -75,7 +75,7 @@ class AttackedFrame:
         """The grid of the cameras' images, None where they are in this view."""
         return None
 
-    def _rectification(self) -> Rectification:
+    def _rectification(self) -> RigRectification:
         return rectification(self.rig)
 
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
@@ -322,7 +322,7 @@ class _AttackedPair(AttackedFrame):
         self._whole, self._view = whole, view
         super().__init__(view.recorded(whole.frame), whole.rig.pair(*view.cameras), whole._matcher)
 
-    def _rectification(self) -> Rectification:
+    def _rectification(self) -> RigRectification:
         return self._view.seen
 
     @property

@@ -19,7 +19,7 @@ from auditor.lab.attacks.faults import (
     TurnedLidar,
 )
 from auditor.lab.attacks.interference import LaserPattern, Stripes
-from auditor.lab.attacks.kinds import Drawing, OnCamera, OnLidar
+from auditor.lab.attacks.kinds import AttackDraw, OnCamera, OnLidar
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame
@@ -72,7 +72,7 @@ STRENGTH = "mild"
 
 
 @dataclass(frozen=True)
-class Case:
+class AttackCase:
     """One way to attack a frame.
 
     `strength` names the amplitude of its faculas, None where it has none to choose. `size` is the quantity that a
@@ -123,7 +123,7 @@ class Experiment:
 
     name: str
     triples: Callable[[Rig], tuple[Triple, ...]]
-    cases: Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[Case]]
+    cases: Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[AttackCase]]
     drawn: bool = True
     inputs: str | None = None
     attacks: bool = True
@@ -164,16 +164,16 @@ def _scenario_1_only(rig: Rig) -> tuple[Triple, ...]:
     return () if triple is None else (triple,)
 
 
-def _clean(_rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
-    yield Case()
+def _clean(_rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
+    yield AttackCase()
 
 
-def _combinations(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+def _combinations(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
     """Each sensor has one attack in a draw, whatever others are attacked with it; strengths change nothing else."""
     for strength in STRENGTHS:
         attacks = {sensor: drawn_attack(rig, sensor, strength, draws.of(sensor)) for sensor in rig.sensors}
         for attacked in attacked_sets(rig):
-            yield Case({sensor: attacks[sensor] for sensor in attacked}, strength)
+            yield AttackCase({sensor: attacks[sensor] for sensor in attacked}, strength)
 
 
 def drawn_attack(rig: Rig, sensor: int, strength: str, rng: np.random.Generator) -> Facula | BogusWall:
@@ -184,20 +184,20 @@ def drawn_attack(rig: Rig, sensor: int, strength: str, rng: np.random.Generator)
     return draw_facula(rng, camera.width_px, camera.height_px, strength)
 
 
-def _sensitivity(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+def _sensitivity(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
     """Walls of several widths on S_0; faculas of several radii on the reference camera, then on the source camera."""
     triple = scenario_1(rig)
     if triple is None:
         return
     wall = draw_wall(draws.of(LIDAR))
     for width in WALL_WIDTHS_M:
-        yield Case({LIDAR: replace(wall, width_m=width)}, size=width)
+        yield AttackCase({LIDAR: replace(wall, width_m=width)}, size=width)
     for sensor, strength in product((triple.k, triple.j), SENSITIVITY_STRENGTHS):
         camera = rig.camera(sensor)
         drawn = draw_facula(draws.of(sensor), camera.width_px, camera.height_px, strength)
         for radius in RADII_PX:
             facula = replace(drawn, radius_px=radius * camera.width_px / PAPER_WIDTH_PX)
-            yield Case({sensor: facula}, strength, radius, disc_share(facula, camera.width_px, camera.height_px))
+            yield AttackCase({sensor: facula}, strength, radius, disc_share(facula, camera.width_px, camera.height_px))
 
 
 def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
@@ -207,7 +207,7 @@ def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
     return float(np.mean(down[:, None] + across[None, :] <= facula.radius_px**2))
 
 
-def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[Case]:
+def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[AttackCase]:
     """One sensor of each part: the LiDAR, the leftmost reference camera and the source camera farthest from it.
 
     Cases that are not random come with the first draw only, so that they count once.
@@ -217,39 +217,39 @@ def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterat
     for sensor in (1, rig.n):
         phase = draws.of(sensor).uniform(0, STRIPES_PX)
         for level in STRIPE_LEVELS:
-            yield Case({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
-            yield Case({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
+            yield AttackCase({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
+            yield AttackCase({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
         for kind in LIGHTS:
-            drawing = Drawing(draws.of(sensor), STRENGTH, None)
-            yield Case({sensor: ON_CAMERA[kind](drawing, rig.camera(sensor))}, kind)
+            drawing = AttackDraw(draws.of(sensor), STRENGTH, None)
+            yield AttackCase({sensor: ON_CAMERA[kind](drawing, rig.camera(sensor))}, kind)
     if draws.draw == 0:
         yield from _certain(rig, past)
 
 
-def _drawn_on_lidar(draws: SeededDraws) -> Iterator[Case]:
+def _drawn_on_lidar(draws: SeededDraws) -> Iterator[AttackCase]:
     rng = draws.of(LIDAR)
     azimuth, seed = float(rng.uniform(*SECTOR_AZIMUTHS_DEG)), int(rng.integers(1 << 31))
     for width in SECTORS_DEG:
-        yield Case({LIDAR: HiddenSector(width, azimuth)}, size=width)
+        yield AttackCase({LIDAR: HiddenSector(width, azimuth)}, size=width)
     for count in POINTS:
-        yield Case({LIDAR: ScatteredPoints(count, seed)}, size=count)
+        yield AttackCase({LIDAR: ScatteredPoints(count, seed)}, size=count)
 
 
-def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[Case]:
+def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[AttackCase]:
     if rig.lidar:
         for yaw in YAWS_DEG:
-            yield Case({LIDAR: TurnedLidar(yaw)}, size=yaw)
+            yield AttackCase({LIDAR: TurnedLidar(yaw)}, size=yaw)
         for delay, frame in _earlier(past):
             if frame.cloud is not None:
-                yield Case({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
+                yield AttackCase({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
     for sensor in (1, rig.n):
         for level in VEILS_LEVELS:
-            yield Case({sensor: Veil(level)}, size=level)
+            yield AttackCase({sensor: Veil(level)}, size=level)
         for rows in ROWS_PX:
-            yield Case({sensor: ShiftedCamera(rows)}, size=rows)
+            yield AttackCase({sensor: ShiftedCamera(rows)}, size=rows)
         for delay, frame in _earlier(past):
             if sensor in frame.images:
-                yield Case({sensor: DelayedCamera(delay, frame.images[sensor])}, size=delay)
+                yield AttackCase({sensor: DelayedCamera(delay, frame.images[sensor])}, size=delay)
 
 
 def _earlier(past: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
@@ -269,18 +269,20 @@ def read_patterns(paths: Sequence[Path]) -> tuple[LaserPattern, ...]:
     return tuple(patterns)
 
 
-def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[Case]]:
+def pattern_cases(
+    patterns: Sequence[LaserPattern],
+) -> Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[AttackCase]]:
     """Each pattern on each camera."""
 
-    def on_each(rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+    def on_each(rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
         for camera in rig.cameras:
             for pattern in patterns:
-                yield Case({camera.number: pattern}, pattern.title)
+                yield AttackCase({camera.number: pattern}, pattern.title)
 
     return on_each
 
 
-def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
     """One sensor at a time, then the first and the last together.
 
     Still attacks are drawn once for the interval, lasting ones once for the recording, of which they attack each
@@ -291,7 +293,7 @@ def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iter
     for variant, drawn in (("still", fixed), ("moving", draws), (LASTING, replace(draws, frame=0))):
         attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, drawn.of(sensor)) for sensor in rig.sensors}
         for attacked in (*((sensor,) for sensor in rig.sensors), together):
-            yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)
+            yield AttackCase({sensor: attacks[sensor] for sensor in attacked}, variant)
 
 
 EXPERIMENTS = (
@@ -318,7 +320,7 @@ LADDERS_EACH = 10
 Step = tuple[str, float, Attack]
 
 
-def ladder_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
+def ladder_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[AttackCase]:
     """Attacks from weak to strong, on one sensor at a time, by which the largest that stays unseen is found.
 
     Each ladder varies one thing that an attacker chooses, and draws the rest, its place above all, once for the frame.
@@ -326,7 +328,7 @@ def ladder_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterat
     """
     for sensor in rig.sensors:
         for what, size, attack in _on_lidar(draws) if sensor == LIDAR else _on_camera(rig, sensor, draws):
-            yield Case({sensor: attack}, what, size)
+            yield AttackCase({sensor: attack}, what, size)
 
 
 def _on_camera(rig: Rig, sensor: int, draws: SeededDraws) -> Iterator[Step]:

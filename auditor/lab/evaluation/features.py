@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import isnan, nan
 
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
-from auditor.lab.evaluation.experiments import Attacks, Case, Experiment
+from auditor.lab.evaluation.experiments import AttackCase, Attacks, Experiment
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import Pair
 from auditor.model.fault_features import COLUMNS, PairFaultFeatures
@@ -15,7 +15,7 @@ from auditor.store.evaluation_tables import CaseFeatures
 
 
 @dataclass(frozen=True, eq=False)
-class _Attacked:
+class _AttackedFrame:
     """An attacked frame of an interval, prepared by pair for the fault features of the next one."""
 
     frame: int
@@ -29,9 +29,9 @@ class FeaturesOfCases:
     """
 
     def __init__(self) -> None:
-        self._attacked: dict[object, _Attacked] = {}
+        self._attacked: dict[object, _AttackedFrame] = {}
 
-    def of(self, now: InTime, experiment: Experiment, draw: int, case: Case) -> CaseFeatures:
+    def of(self, now: InTime, experiment: Experiment, draw: int, case: AttackCase) -> CaseFeatures:
         """The features of a case of the frame `now`."""
         attacked_frame, attacks, after = now.attacked_frame, case.attacks, now.after
         pairs = attacked_frame.pairs(experiment.triples(attacked_frame.rig))
@@ -51,7 +51,7 @@ class FeaturesOfCases:
         )
 
     def _before(
-        self, now: InTime, experiment: Experiment, draw: int, case: Case, pairs: Sequence[Pair]
+        self, now: InTime, experiment: Experiment, draw: int, case: AttackCase, pairs: Sequence[Pair]
     ) -> Mapping[Pair, FeatureInputs | None]:
         """The frame before, prepared for each pair: it is clean, except inside an interval."""
         if now.before is None:
@@ -65,7 +65,7 @@ class FeaturesOfCases:
         if last and now.before and last.frame == now.before.frame.number and _same(last.frame, number, experiment):
             found = {**found, **{pair: last.pairs.get(pair) for pair in pairs}}
         every = now.attacked_frame.rig.pairs
-        self._attacked[known] = _Attacked(
+        self._attacked[known] = _AttackedFrame(
             number, {pair: now.attacked_frame.earlier(pair, case.attacks) for pair in every}
         )
         return found

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import cast
 
 from auditor.lab.attacks.kinds import OnCamera, OnLidar
-from auditor.lab.evaluation.experiments import DELAYS, Case, Experiment, SeededDraws, parameters_of
+from auditor.lab.evaluation.experiments import DELAYS, AttackCase, Experiment, SeededDraws, parameters_of
 from auditor.lab.evaluation.runner import Progress, experiments_of
-from auditor.lab.evaluation.sources import CleanDrive, Source
+from auditor.lab.evaluation.sources import CleanFrameSource, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.drawing.clouds import changed_cloud, small_jpeg
 from auditor.model.frames import Frame
@@ -26,7 +26,7 @@ NOT_AGAIN = "its frame could not be attacked again as it was"
 
 
 @dataclass(frozen=True)
-class Missed:
+class MissedCase:
     """A missed case, and what makes it again; `parameters` decide the effect of its attack."""
 
     key: CaseKey
@@ -49,7 +49,7 @@ class PicturesTask:
 
     source: Source
     patterns: tuple[Path, ...]
-    cases: tuple[Missed, ...]
+    cases: tuple[MissedCase, ...]
 
     def __str__(self) -> str:
         return str(self.source)
@@ -70,7 +70,7 @@ def keep_missed(
     cases = [_missed(row) for row in rows_of(run_query(store, "evaluation_missed", {}))]
     earlier = missed_pictures(store)
     kept = {one.key: earlier[one.key] for one in cases if one.key in earlier and earlier[one.key].jpeg}
-    by_source: dict[Source, list[Missed]] = defaultdict(list)
+    by_source: dict[Source, list[MissedCase]] = defaultdict(list)
     for one in cases:
         if one.key not in kept and one.recording_id in sources:
             by_source[sources[one.recording_id]].append(one)
@@ -97,18 +97,18 @@ def take_pictures(task: PicturesTask, progress: Progress) -> dict[CaseKey, bytes
         return {key: jpeg for drive in drives for key, jpeg in _of_drive(drive, task.cases, experiments, progress)}
 
 
-def _missed(row: Mapping[str, object]) -> Missed:
+def _missed(row: Mapping[str, object]) -> MissedCase:
     names = ("recording_id", "rig_id", "experiment", "inputs", "seed", "parameters")
-    return Missed(case_key(row), **{name: row[name] for name in names})  # type: ignore[arg-type]  # as the query has them
+    return MissedCase(case_key(row), **{name: row[name] for name in names})  # type: ignore[arg-type]  # as the query has them
 
 
 def _of_drive(
-    drive: CleanDrive,
-    cases: Sequence[Missed],
+    drive: CleanFrameSource,
+    cases: Sequence[MissedCase],
     experiments: Mapping[tuple[str, str | None], Experiment],
     progress: Progress,
 ) -> Iterator[tuple[CaseKey, bytes]]:
-    wanted: dict[int, list[Missed]] = defaultdict(list)
+    wanted: dict[int, list[MissedCase]] = defaultdict(list)
     for one in cases:
         if (one.recording_id, one.rig_id) == (drive.recording_id, drive.rig.rig_id):
             wanted[one.frame].append(one)
@@ -126,7 +126,9 @@ def _of_drive(
             return
 
 
-def _again(one: Missed, frame: Frame, rig: Rig, past: Sequence[Frame], experiment: Experiment | None) -> Case | None:
+def _again(
+    one: MissedCase, frame: Frame, rig: Rig, past: Sequence[Frame], experiment: Experiment | None
+) -> AttackCase | None:
     """The case with the same attacks, drawn again; None where there is none any more."""
     draws = SeededDraws(one.seed or 0, int(one.recording_id[:8], 16), frame.number, one.key[2])
     cases = experiment.cases(rig, draws, past) if experiment else ()
@@ -134,7 +136,7 @@ def _again(one: Missed, frame: Frame, rig: Rig, past: Sequence[Frame], experimen
     return next(same, None)
 
 
-def _picture(case: Case, frame: Frame, rig: Rig) -> bytes:
+def _picture(case: AttackCase, frame: Frame, rig: Rig) -> bytes:
     """The attacked sensor's data, of a frame that holds them."""
     (sensor,) = case.attacked
     attack = case.attacks[sensor]

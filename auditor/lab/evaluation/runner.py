@@ -23,7 +23,7 @@ from auditor.lab.evaluation.experiments import (
     FURTHER,
     INTERVALS,
     LADDERS,
-    Case,
+    AttackCase,
     Experiment,
     SeededDraws,
     all_triples,
@@ -32,15 +32,22 @@ from auditor.lab.evaluation.experiments import (
     read_patterns,
 )
 from auditor.lab.evaluation.features import FeaturesOfCases
-from auditor.lab.evaluation.sources import CleanDrive, Source
+from auditor.lab.evaluation.sources import CleanFrameSource, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import Rig
 from auditor.pipeline.measured import procedure_by
 from auditor.resources import plug_ins
-from auditor.store.evaluation_tables import Case as KeptCase
-from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
+from auditor.store.evaluation_tables import (
+    CaseRow,
+    EvaluationPart,
+    ExperimentChunk,
+    MeasuredCase,
+    PartWriter,
+    finished_part,
+    part_writer,
+)
 from auditor.store.log.runs import logged
 from auditor.store.records import content_id
 from auditor.store.store import Store
@@ -52,12 +59,12 @@ CHUNK_FRAMES = 20
 class Chunks:
     """Chunks of frames by number. `past` holds the frames before the current one, the latest last."""
 
-    def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
+    def __init__(self, frames: Iterator[Frame | SkippedFrame]) -> None:
         self._frames = frames
-        self._ahead: deque[Frame | Skipped] = deque()
+        self._ahead: deque[Frame | SkippedFrame] = deque()
         self.past: deque[Frame] = deque(maxlen=max(DELAYS))
 
-    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
+    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | SkippedFrame]]]:
         for chunk in itertools.count():
             end = (chunk + 1) * CHUNK_FRAMES
             yield chunk, self._below(end)
@@ -84,12 +91,12 @@ class Chunks:
         return None
 
     @property
-    def _next(self) -> Frame | Skipped | None:
+    def _next(self) -> Frame | SkippedFrame | None:
         if not self._ahead:
             self._ahead.extend(itertools.islice(self._frames, 1))
         return self._ahead[0] if self._ahead else None
 
-    def _below(self, end: int) -> Iterator[Frame | Skipped]:
+    def _below(self, end: int) -> Iterator[Frame | SkippedFrame]:
         while (frame := self._next) is not None and frame.number < end:
             self._ahead.popleft()
             yield frame
@@ -138,7 +145,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class EvaluationWork:
     """The work done for a task: the numbers of frames and cases that were measured in this run, and of what."""
 
     frames: int
@@ -151,11 +158,11 @@ class Evaluated:
         return self.cases > 0
 
 
-class Run(ABC):
+class DriveEvaluation(ABC):
     """Goes through the frames of a drive for every experiment; finished chunks are not evaluated again."""
 
     def __init__(
-        self, task: Task, drive: CleanDrive, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
+        self, task: Task, drive: CleanFrameSource, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
     ) -> None:
         self._task = task
         self._drive = drive
@@ -167,11 +174,11 @@ class Run(ABC):
         self._cases = 0
 
     @abstractmethod
-    def part(self, experiment: Experiment, chunk: int) -> Part:
+    def part(self, experiment: Experiment, chunk: int) -> ExperimentChunk:
         """The part of the store that holds an experiment on a chunk."""
 
     @abstractmethod
-    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
+    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[AttackCase]) -> Iterator[CaseRow]:
         """The results of these cases of one frame, to be kept."""
 
     def versions(self) -> Mapping[str, str]:
@@ -179,11 +186,11 @@ class Run(ABC):
         named = {name: version(name) for name in _VERSIONED}
         return plug_ins() | {"auditor": __version__} | named | dict(libraries(self._matcher))
 
-    def go(self, progress: Progress) -> Evaluated:
+    def go(self, progress: Progress) -> EvaluationWork:
         """Evaluate the chunks that are not finished. Raises RecordingError, RigError and StoreError."""
         _check(self._drive.rig, self._task.source)
         if self._finished():
-            return Evaluated(0, 0, frozenset([self._drive.recording_id]))
+            return EvaluationWork(0, 0, frozenset([self._drive.recording_id]))
         with logged(self._store.folder) as entry:
             entry.used("recording", self._drive.recording_id, self._drive.name)
             self._store.write_rig(self._drive.rig)
@@ -191,7 +198,7 @@ class Run(ABC):
         for chunk, frames in chunks:
             if chunk % self._task.of == self._task.share:
                 self._evaluate_chunk(chunk, frames, chunks, progress)
-        return Evaluated(self._frames, self._cases, frozenset([self._drive.recording_id]))
+        return EvaluationWork(self._frames, self._cases, frozenset([self._drive.recording_id]))
 
     def shared_columns(self, experiment: Experiment, chunk: int) -> dict[str, Any]:
         """The columns that identify a part, whatever its kind."""
@@ -218,7 +225,7 @@ class Run(ABC):
         )
 
     def _evaluate_chunk(
-        self, chunk: int, frames: Iterator[Frame | Skipped], chunks: Chunks, progress: Progress
+        self, chunk: int, frames: Iterator[Frame | SkippedFrame], chunks: Chunks, progress: Progress
     ) -> None:
         todo = [e for e in self._experiments if finished_part(self._store, self.part(e, chunk)) is None]
         if not todo:
@@ -228,7 +235,7 @@ class Run(ABC):
             seconds, counts = [0.0] * len(todo), [0] * len(todo)
             skipped = 0
             for frame in frames:
-                if isinstance(frame, Skipped):
+                if isinstance(frame, SkippedFrame):
                     skipped += 1
                     continue
                 now = self._in_time(frame, chunks)
@@ -298,7 +305,7 @@ class EvaluateTask(Task):
     patterns: tuple[Path, ...] = ()
 
 
-def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
+def evaluate_source(task: EvaluateTask, progress: Progress) -> EvaluationWork:
     """Measure every case of every clean frame, by each rig of the source; finished chunks are not measured again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
@@ -311,14 +318,14 @@ def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
         return together(_Run(task, drive, matcher, store, experiments).go(progress) for drive in drives)
 
 
-def together(parts: Iterable[Evaluated]) -> Evaluated:
+def together(parts: Iterable[EvaluationWork]) -> EvaluationWork:
     """The work done for all rigs of a source."""
     done = list(parts)
     of = frozenset(recording for one in done for recording in one.recordings)
-    return Evaluated(sum(one.frames for one in done), sum(one.cases for one in done), of)
+    return EvaluationWork(sum(one.frames for one in done), sum(one.cases for one in done), of)
 
 
-class _Run(Run):
+class _Run(DriveEvaluation):
     @cached_property
     def _features(self) -> FeaturesOfCases:
         return FeaturesOfCases()
@@ -327,7 +334,9 @@ class _Run(Run):
         shared = self.shared_columns(experiment, chunk)
         return EvaluationPart(**shared, inputs=experiment.inputs, family=self._drive.family)
 
-    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
+    def results(
+        self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[AttackCase]
+    ) -> Iterator[MeasuredCase]:
         attacked_frame, triples = now.attacked_frame, experiment.triples(now.attacked_frame.rig)
         attacked_frame.match_together((case.attacks for case in cases), triples)
         for case in cases:

@@ -12,7 +12,7 @@ from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.rectification import shown_rectification
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.pipeline.geometry import rigs_through
@@ -40,7 +40,7 @@ def clean_recording(path: Path | Location, rig: Path | None, use: str) -> Iterat
 
 
 @dataclass(frozen=True, eq=False)
-class CleanDrive:
+class CleanFrameSource:
     """Clean frames of one rig, in order; `frames` can be read once.
 
     Drives of one `family` are alike in what can be learnt from them (docs/figures.md); None is a family of its own.
@@ -52,12 +52,12 @@ class CleanDrive:
     family: str | None
     synthetic: bool
     rig: Rig
-    frames: Iterator[Frame | Skipped]
+    frames: Iterator[Frame | SkippedFrame]
     street: SyntheticDrive | None = None
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordingSource:
     """A recording known to be clean, with each of its rigs, or that of a rig file.
 
     Images that are not rectified are rectified first, and attacks are made on the rectified images. Where pairs have
@@ -71,7 +71,7 @@ class Recorded:
         return str(self.path)
 
     @contextmanager
-    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanFrameSource, ...]]:
         """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
         with clean_recording(self.path, self.rig, "evaluate") as (recording, rigs):
             yield tuple(
@@ -84,12 +84,12 @@ class Recorded:
             )
 
 
-def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | Skipped]) -> CleanDrive:
+def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | SkippedFrame]) -> CleanFrameSource:
     seen = shown_rectification(rig)
     if not seen.pairs:
         rig, frames = seen.rig, seen.frames(frames)
     name = storable(recording.path.name)
-    return CleanDrive(recording.recording_id, name, family=None, synthetic=False, rig=rig, frames=frames)
+    return CleanFrameSource(recording.recording_id, name, family=None, synthetic=False, rig=rig, frames=frames)
 
 
 @dataclass(frozen=True)
@@ -139,12 +139,12 @@ class Street:
         )
 
     @contextmanager
-    def open(self) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self) -> Iterator[tuple[CleanFrameSource, ...]]:
         """Its frames, each made when it is read."""
         drive = self.drive
         given = (self.seed, self.frames, self.cameras, self.scale, self.family)
         yield (
-            CleanDrive(
+            CleanFrameSource(
                 recording_id=content_id("street", __version__, *given),
                 name=f"{self.family} {self.seed}",
                 family=self.family,
@@ -156,4 +156,4 @@ class Street:
         )
 
 
-Source = Recorded | Street
+Source = RecordingSource | Street

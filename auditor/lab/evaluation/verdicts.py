@@ -18,7 +18,7 @@ from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from auditor.store.case_arrays import Cases, Known, load_cases, too_old
+from auditor.store.case_arrays import CaseIdentity, Cases, load_cases, too_old
 from auditor.store.evaluation_tables import JUDGED_R, CaseVerdict, write_case_verdicts
 from auditor.store.store import Store
 
@@ -134,7 +134,7 @@ def _thresholds(
     return of_block
 
 
-def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
+def _is_judged(case: CaseIdentity, sensors: tuple[int, ...], rig: Rig) -> bool:
     """True for a case that tests a system: only its sensors are attacked, and no more than it can identify."""
     if not set(case.attacked) <= set(sensors):
         return False
@@ -148,7 +148,7 @@ def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
 
 
 def _kept(
-    case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str, learnt: RobustThresholds
+    case: CaseIdentity, verdict: Verdict, sensors: tuple[int, ...], left_out: str, learnt: RobustThresholds
 ) -> CaseVerdict:
     incident = verdict.finding if verdict.in_incident else None
     return CaseVerdict(

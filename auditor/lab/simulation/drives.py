@@ -20,8 +20,17 @@ from auditor.lab.simulation.responses import (
     kinds_of,
 )
 from auditor.lab.simulation.scene_objects import Vehicle3D, seen_share, vehicles_among
-from auditor.lab.simulation.shading import Day, Light, draw_day, emissions, overgrown, radiance, street_lamps, watered
-from auditor.lab.simulation.spectra import Channels, channels, reflectances, spectral_radiance
+from auditor.lab.simulation.shading import (
+    Day,
+    Illumination,
+    draw_day,
+    emissions,
+    overgrown,
+    radiance,
+    street_lamps,
+    watered,
+)
+from auditor.lab.simulation.spectra import SpectralResponse, channels, reflectances, spectral_radiance
 from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.streets import street, style_named, traffic
 from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
@@ -64,7 +73,7 @@ class Scenery:
     changes: tuple[ExposureChange, ...]
 
     @cached_property
-    def channels(self) -> tuple[Channels, ...]:
+    def channels(self) -> tuple[SpectralResponse, ...]:
         """Of S_1, S_2, ..."""
         return tuple(channels(one.bands, self.reflectance, self.emission, self.day) for one in self.responses)
 
@@ -164,7 +173,7 @@ class SyntheticDrive:
     start_ns: int
     speed_m_s: float
     lane_m: float
-    light: Light
+    light: Illumination
     atlas: Atlas = field(repr=False)
     surfaces: Surfaces = field(repr=False)
     vehicles: tuple[Vehicle3D, ...] = field(repr=False)
@@ -359,13 +368,13 @@ def _in_colour(
     return replace(drive, surfaces=surfaces, atlas=atlas, light=day.light, scenery=scenery)
 
 
-def _light(street: np.random.Generator, day: np.random.Generator) -> Light:
+def _light(street: np.random.Generator, day: np.random.Generator) -> Illumination:
     """A street's light, a little different every day."""
     sun = np.array([street.uniform(-1, 1), -street.uniform(0.6, 1.2), street.uniform(-1, 0.6)])
     sun += day.uniform(-0.2, 0.2, 3)
     x, y, z = (float(axis) for axis in sun / np.linalg.norm(sun))
     direct, ambient = street.uniform(1.15, 1.65), street.uniform(0.3, 0.4)
-    return Light((x, y, z), direct=float(direct * day.uniform(0.93, 1.07)), ambient=float(ambient))
+    return Illumination((x, y, z), direct=float(direct * day.uniform(0.93, 1.07)), ambient=float(ambient))
 
 
 __all__ = ["SyntheticDrive", "make_drive"]

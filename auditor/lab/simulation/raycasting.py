@@ -253,7 +253,7 @@ def _meet(
         np.copyto(grid[window], new, where=met)
 
 
-class _Met(NamedTuple):
+class _PieceHits(NamedTuple):
     """N rays that met a piece, each with the piece, the place on it, and the distance; `at` are flat places of rays."""
 
     at: Indices
@@ -262,10 +262,10 @@ class _Met(NamedTuple):
     t: Floats32
     distance: Floats32
 
-    def chosen(self, rows: Indices) -> "_Met":
+    def chosen(self, rows: Indices) -> "_PieceHits":
         """Some of them."""
         at, piece = self.at.take(rows), self.piece.take(rows)
-        return _Met(at, piece, self.s.take(rows), self.t.take(rows), self.distance.take(rows))
+        return _PieceHits(at, piece, self.s.take(rows), self.t.take(rows), self.distance.take(rows))
 
 
 def _meet_together(target: _Target, pieces: Indices, hits: Hits) -> None:
@@ -285,7 +285,7 @@ def _meet_together(target: _Target, pieces: Indices, hits: Hits) -> None:
     hits.t.ravel()[nearest.at] = nearest.t
 
 
-def _met(target: _Target, pieces: Indices, hits: Hits) -> _Met:
+def _met(target: _Target, pieces: Indices, hits: Hits) -> _PieceHits:
     """Meet the planes of pieces, each with the rays of its window, where none is met nearer."""
     rays = target.rays
     one, at = _pairs(target, pieces)
@@ -302,7 +302,7 @@ def _met(target: _Target, pieces: Indices, hits: Hits) -> _Met:
     one, at, distance, x, y = one.take(kept), at.take(kept), distance.take(kept), x.take(kept), y.take(kept)
     s = _towards(across, one, x, y) * distance + _dot(across, start).take(one)
     t = _towards(up, one, x, y) * distance + _dot(up, start).take(one)
-    return _Met(at, pieces.take(one), s, t, distance)
+    return _PieceHits(at, pieces.take(one), s, t, distance)
 
 
 def _pairs(target: _Target, pieces: Indices) -> tuple[Indices, Indices]:

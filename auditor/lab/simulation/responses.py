@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from auditor.lab.simulation.conditions import CAMERAS, EXPOSURE, KINDS, Range
-from auditor.lab.simulation.stray_light import Lens, SunSeen, draw_lens, with_stray_light
+from auditor.lab.simulation.stray_light import LensFlare, SunSeen, draw_lens, with_stray_light
 from auditor.lab.simulation.vehicles import CameraFlaws, blurred, vignette
 from auditor.model.arrays import Floats, Floats32, Image
 
@@ -41,7 +41,7 @@ class Response:
     drift: tuple[float, float]
     drift_s: float
     phase: float
-    lens: Lens
+    lens: LensFlare
 
     @cached_property
     def curve(self) -> Image:

@@ -31,7 +31,7 @@ Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class Light:
+class Illumination:
     """`sun` is the unit direction to the sun in the world frame; strengths are radiances of a white surface.
 
     `shade` is the share of the sun's light kept out where trees stand; `shade_m` the size of a shadow's tile.
@@ -49,7 +49,7 @@ class Light:
     grazing: float = 0.2
 
 
-class Met(NamedTuple):
+class RayHits(NamedTuple):
     """Rays that met a piece, (N,) each: direction (its z is 1), depth, piece, place on it, and n . direction."""
 
     x: Floats32
@@ -60,13 +60,15 @@ class Met(NamedTuple):
     t: Floats32
     facing: Floats32
 
-    def chosen(self, rows: Indices) -> "Met":
+    def chosen(self, rows: Indices) -> "RayHits":
         """Some of the rays."""
         x, y, depth, s, t, facing = (v.take(rows) for v in (self.x, self.y, self.depth, self.s, self.t, self.facing))
-        return Met(x, y, depth, self.piece.take(rows), s, t, facing)
+        return RayHits(x, y, depth, self.piece.take(rows), s, t, facing)
 
 
-def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats32:
+def radiance(
+    rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Illumination, world_SE3_rig: Matrix
+) -> Floats32:
     """(H, W) radiances that a camera sees; `surfaces` are those that were cast at, in the rig frame."""
     result = sky(rays, light)
     scene = Scene(rays, surfaces, atlas, light, world_SE3_rig)
@@ -75,7 +77,7 @@ def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Li
     return result
 
 
-def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[Indices, Met]]:
+def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[Indices, RayHits]]:
     """The rays that met a piece, some at a time, with their (flat) places in the grid."""
     at = np.flatnonzero(hits.piece >= 0)
     for first in range(0, at.size, _PART):
@@ -84,7 +86,7 @@ def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[Indices, Met
         depth, s, t = (grid.take(part) for grid in (hits.distance, hits.s, hits.t))
         x, y = rays.camera_directions(part)
         nx, ny, nz = (axis.take(piece) for axis in scene.normal)
-        yield part, Met(x, y, depth, piece, s, t, nx * x + ny * y + nz)
+        yield part, RayHits(x, y, depth, piece, s, t, nx * x + ny * y + nz)
 
 
 class Lit(NamedTuple):
@@ -108,7 +110,9 @@ class Lit(NamedTuple):
 class Scene:
     """The columns of a table of pieces as shading needs them, one after the other in memory."""
 
-    def __init__(self, rays: Rays, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> None:
+    def __init__(
+        self, rays: Rays, surfaces: Surfaces, atlas: Atlas, light: Illumination, world_SE3_rig: Matrix
+    ) -> None:
         self._atlas = atlas
         self._light = light
         self._surfaces = surfaces
@@ -123,7 +127,7 @@ class Scene:
         self._repeats = np.ascontiguousarray(surfaces.repeats.T)
         self._shift = np.ascontiguousarray(surfaces.shift.T)
 
-    def light_from(self, met: Met) -> Floats32:
+    def light_from(self, met: RayHits) -> Floats32:
         """(N,) radiances."""
         lit = self.lit(met)
         bright = lit.reflected
@@ -133,7 +137,7 @@ class Scene:
         bright += lit.haze * (_HAZE - bright)
         return np.asarray(bright)
 
-    def lit(self, met: Met) -> Lit:
+    def lit(self, met: RayHits) -> Lit:
         """What light there is, and what becomes of it."""
         length = np.sqrt(met.x * met.x + met.y * met.y + 1)
         slant = np.maximum(np.abs(met.facing) / length, _DULL)
@@ -155,7 +159,7 @@ class Scene:
             haze=1 - np.exp(met.depth / -_HAZE_M),
         )
 
-    def _texture(self, met: Met, slant: Floats32) -> tuple[Floats32, Ints]:
+    def _texture(self, met: RayHits, slant: Floats32) -> tuple[Floats32, Ints]:
         """(N,) texture values, stains included, and the nearest texels."""
         footprint = met.depth * self._footprint.take(met.piece) / np.sqrt(slant)
         level = level_of(np.asarray(footprint, dtype=np.float32))
@@ -168,13 +172,13 @@ class Scene:
         value *= 1 + self._surfaces.stains.take(met.piece) * (stain - 1)
         return np.maximum(value, _DULL), self._atlas.nearest(tile, across, up, level)
 
-    def _place(self, met: Met) -> tuple[Floats32, Floats32, Floats32]:
+    def _place(self, met: RayHits) -> tuple[Floats32, Floats32, Floats32]:
         """(N,) x, y and z in the world frame."""
         R, start = self._R, self._start
         x, y, z = (start[row] + (R[row, 0] * met.x + R[row, 1] * met.y + R[row, 2]) * met.depth for row in range(3))
         return x, y, z
 
-    def _sun(self, met: Met, place: tuple[Floats32, Floats32, Floats32]) -> Floats32:
+    def _sun(self, met: RayHits, place: tuple[Floats32, Floats32, Floats32]) -> Floats32:
         """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
         x, y, z = place
         sx, sy, sz = (np.float32(axis) for axis in self._light.sun)
@@ -187,7 +191,7 @@ class Scene:
         sun = np.where(self._surfaces.cut.take(met.piece), np.abs(to_sun), to_sun * -np.sign(met.facing))
         return np.asarray(np.maximum(sun, 0) * (1 - np.float32(self._light.shade) * (1 - open_)))
 
-    def _mirrored(self, met: Met) -> Floats32:
+    def _mirrored(self, met: RayHits) -> Floats32:
         """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
         nx, ny, nz = (axis.take(met.piece) for axis in self.normal)
         double = 2 * met.facing
@@ -199,7 +203,7 @@ class Scene:
         return self._atlas.bilinear(Tile.SURROUNDINGS, azimuth / np.float32(2 * np.pi), row, 0)
 
 
-def sky(rays: Rays, light: Light) -> Floats32:
+def sky(rays: Rays, light: Illumination) -> Floats32:
     """(H, W) sky, brightest near the horizon."""
     up = np.broadcast_to(-rays.y, rays.shape)
     return np.asarray(np.float32(light.sky) * (1 - np.float32(0.8) * np.clip(up, 0, 1)), dtype=np.float32)
@@ -215,7 +219,7 @@ _LAMP_TILE = Tile.STAINS  # no other piece shows it
 class Day:
     """The light of a day; spectra are (4,), 1 in green or 0. `light` has the strengths of sun, sky and surroundings."""
 
-    light: Light
+    light: Illumination
     sun: Bands
     ambient: Bands
     sky_low: Bands
@@ -235,7 +239,7 @@ def draw_day(condition: Condition, rng: np.random.Generator) -> Day:
     flat = float(np.cos(elevation))
     ambient, blue = float(rng.uniform(*condition.ambient)), float(rng.uniform(*condition.blue))
     wet = float(rng.uniform(*condition.wet))
-    light = Light(
+    light = Illumination(
         sun=(flat * float(np.sin(azimuth)), -float(np.sin(elevation)), flat * float(np.cos(azimuth))),
         direct=float(rng.uniform(*condition.direct)),
         ambient=ambient,
@@ -243,7 +247,7 @@ def draw_day(condition: Condition, rng: np.random.Generator) -> Day:
         shade=float(rng.uniform(*condition.shade)),
         shade_m=float(rng.uniform(*condition.shade_m)),
         one_sided=float(rng.choice([-1, 1]) * rng.uniform(*condition.one_sided)),
-        grazing=float(rng.uniform(*NIGHT_AND_RAIN.grazing)) if wet else Light.grazing,
+        grazing=float(rng.uniform(*NIGHT_AND_RAIN.grazing)) if wet else Illumination.grazing,
     )
     low = max(0.0, 1 - float(np.rad2deg(elevation)) / ILLUMINANTS.low_deg)
     lamps = float(rng.uniform(*condition.lamps))

@@ -21,7 +21,7 @@ _SURROUNDINGS_SKY = 1.2  # the value of their sky
 
 
 @dataclass(frozen=True, eq=False)
-class Channels:
+class SpectralResponse:
     """What a camera's K channels make of each kind of light; rows are pieces times layers.
 
     `sun`, `ambient` and `lamp` are (K, rows) reflectances times the light's spectrum, `emitted` radiances (None: none);
@@ -39,7 +39,7 @@ class Channels:
     air: Floats32
 
 
-def channels(weights: Floats, reflectance: Floats32, emission: Floats32 | None, day: Day) -> Channels:
+def channels(weights: Floats, reflectance: Floats32, emission: Floats32 | None, day: Day) -> SpectralResponse:
     """The channels of a camera: weights are (K, 4), reflectance and emission (N, LAYERS, 4)."""
     flat = reflectance.reshape(-1, 4).T
 
@@ -51,7 +51,7 @@ def channels(weights: Floats, reflectance: Floats32, emission: Floats32 | None, 
 
     light = day.light
     around = light.ambient * day.ambient + light.direct * (1 - light.shade / 2) / 2 * day.sun
-    return Channels(
+    return SpectralResponse(
         sun=table(day.sun),
         ambient=table(day.ambient),
         lamp=table(day.lamp),
@@ -71,7 +71,7 @@ def spectral_radiance(
     atlas: Atlas,
     day: Day,
     road_m: float,
-    seen: Channels,
+    seen: SpectralResponse,
     world_SE3_rig: Matrix,
 ) -> Floats32:
     """(K, H, W) radiances in a camera's channels; `surfaces` are those that were cast at, in the rig frame."""
@@ -87,7 +87,9 @@ def spectral_radiance(
     return result
 
 
-def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats32 | None, day: Day, seen: Channels, k: int) -> Floats32:
+def _channel(
+    lit: Lit, row: NDArray[np.int32], lamps: Floats32 | None, day: Day, seen: SpectralResponse, k: int
+) -> Floats32:
     """(N,) radiances in one channel."""
     bright = seen.ambient[k].take(row) * lit.ambient
     bright += seen.sun[k].take(row) * lit.sun
@@ -104,7 +106,7 @@ def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats32 | None, day: Day,
     return np.asarray(bright)
 
 
-def _sky(rays: Rays, day: Day, seen: Channels, world_SE3_rig: Matrix) -> Floats32:
+def _sky(rays: Rays, day: Day, seen: SpectralResponse, world_SE3_rig: Matrix) -> Floats32:
     """(K, H, W) sky: whiter near the horizon, brighter beside the sun."""
     level = sky(rays, day.light)
     blue = np.clip(np.broadcast_to(-rays.y, rays.shape) * np.float32(ILLUMINANTS.blue_up), 0, 1)

@@ -28,7 +28,7 @@ class Ghost:
 
 
 @dataclass(frozen=True)
-class Lens:
+class LensFlare:
     """The stray light of one lens: shares of all light, and levels (shares of white) while it sees the sun."""
 
     veil: float
@@ -47,7 +47,7 @@ class SunSeen:
     share: float
 
 
-def draw_lens(rng: np.random.Generator) -> Lens:
+def draw_lens(rng: np.random.Generator) -> LensFlare:
     """A lens with the flaws of its own."""
     ghosts = tuple(
         Ghost(
@@ -57,7 +57,7 @@ def draw_lens(rng: np.random.Generator) -> Lens:
         )
         for _ in range(int(rng.integers(*FLARE.ghosts)))
     )
-    return Lens(
+    return LensFlare(
         veil=float(rng.uniform(*CAMERAS.veil)),
         bloom=float(rng.uniform(*CAMERAS.bloom)),
         glare=float(rng.uniform(*FLARE.glare)),
@@ -66,7 +66,7 @@ def draw_lens(rng: np.random.Generator) -> Lens:
     )
 
 
-def with_stray_light(image: Floats32, lens: Lens, sun: SunSeen | None) -> Floats32:
+def with_stray_light(image: Floats32, lens: LensFlare, sun: SunSeen | None) -> Floats32:
     """(K, H, W) exposed light with what the lens does to it, 1 white; `image` is changed."""
     _, height, width = image.shape
     scale = width / _KITTI_WIDTH
@@ -124,7 +124,7 @@ def _between(values: Floats32, size: int) -> Floats32:
     return np.asarray(values[first] * (1 - share) + values[first + 1] * share)
 
 
-def _flare(lens: Lens, sun: SunSeen, shape: tuple[int, ...], scale: float) -> Floats32:
+def _flare(lens: LensFlare, sun: SunSeen, shape: tuple[int, ...], scale: float) -> Floats32:
     """(K, h, w) light of the sun in the lens."""
     channels, height, width = shape
     y = np.arange(_STEP / 2, height + _STEP / 2, _STEP, dtype=np.float32)[: -(-height // _STEP), None]

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from auditor.errors import SettingError
-from auditor.lab.training.samples import Made, SampleFiles, Score, score
+from auditor.lab.training.samples import SampleFiles, SampleSet, Score, score
 from auditor.measurement.disparity.matchers import SgbmMatcher, psmnet_module
 from auditor.measurement.disparity.matchers.psmnet.network import PUBLISHED_WIDTH, PSMNet
 from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import METADATA, load_safely
@@ -64,7 +64,7 @@ class TrainingRow:
 
 
 @dataclass(eq=False)
-class Run:
+class TrainingRun:
     """A training between two steps."""
 
     settings: TrainingSettings
@@ -74,7 +74,7 @@ class Run:
     rows: list[TrainingRow] = field(default_factory=list)
 
 
-def restore(run: Run, checkpoint: Path) -> None:
+def restore(run: TrainingRun, checkpoint: Path) -> None:
     """Bring a run that was just started to the state of a checkpoint.
 
     Raises SettingError where it cannot be read, or was made with settings that give another network.
@@ -95,7 +95,7 @@ def restore(run: Run, checkpoint: Path) -> None:
     run.rows = _rows(content)
 
 
-def write(run: Run, checkpoint: Path) -> None:
+def write(run: TrainingRun, checkpoint: Path) -> None:
     """Write a run beside the checkpoint, then put it in its place. Raises SettingError where that cannot be done."""
     settings = run.settings
     content = {
@@ -168,7 +168,7 @@ class TrainingSet:
 
 
 @dataclass(frozen=True)
-class Point:
+class CurvePoint:
     """A point of the curve for one kind of sample: the network's score, and SGBM's on the same pixels."""
 
     step: int
@@ -178,7 +178,7 @@ class Point:
     sgbm: Score
 
 
-def training_set(made: Sequence[Made], left_out: Sequence[Made]) -> TrainingSet:
+def training_set(made: Sequence[SampleSet], left_out: Sequence[SampleSet]) -> TrainingSet:
     """The training and the validation samples; no source is in both.
 
     Raises SettingError where a source is in both, or nothing is left.
@@ -203,7 +203,7 @@ def training_set(made: Sequence[Made], left_out: Sequence[Made]) -> TrainingSet:
     return TrainingSet(training, validation)
 
 
-def train_on(training_set: TrainingSet, settings: "TrainingSettings", folder: Path) -> Iterator[list[Point]]:
+def train_on(training_set: TrainingSet, settings: "TrainingSettings", folder: Path) -> Iterator[list[CurvePoint]]:
     """Train, or resume the training of the folder; yields the points of the curve as they come.
 
     After each the folder holds the checkpoint and the curve, at the end the weights. Points from before an
@@ -225,8 +225,8 @@ def train_on(training_set: TrainingSet, settings: "TrainingSettings", folder: Pa
     psmnet_module("weights").convert_weights(checkpoint, weights)
 
 
-def _points(row: "TrainingRow", sgbm: Mapping[str, Score]) -> list[Point]:
-    return [Point(row.step, row.loss, kind, score, sgbm[kind]) for kind, score in row.validation.items()]
+def _points(row: "TrainingRow", sgbm: Mapping[str, Score]) -> list[CurvePoint]:
+    return [CurvePoint(row.step, row.loss, kind, score, sgbm[kind]) for kind, score in row.validation.items()]
 
 
 def _spread(files: Sequence[Path]) -> tuple[Path, ...]:
@@ -235,7 +235,7 @@ def _spread(files: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(files[::stride])
 
 
-def _write_curve(points: Sequence[Point], path: Path) -> None:
+def _write_curve(points: Sequence[CurvePoint], path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file)
         out.writerow(

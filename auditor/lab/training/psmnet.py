@@ -16,15 +16,15 @@ from torch.nn import functional
 from auditor.errors import SettingError
 from auditor.lab.training.checkpoints import (
     CHECKPOINT,
-    Run,
     TrainingRow,
+    TrainingRun,
     TrainingSettings,
     restore,
     training_curve,
     write,
 )
 from auditor.lab.training.samples import Sample, score
-from auditor.measurement.disparity.matchers.psmnet.inference import Engine, Image, seen
+from auditor.measurement.disparity.matchers.psmnet.inference import Image, InferenceEngine, seen
 from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
 from auditor.measurement.frame import prefetch
 from auditor.model.arrays import Floats32
@@ -141,7 +141,7 @@ def train(
         while run.done < settings.steps:
             losses.append(_step(run, next(batches)))
             if run.done % settings.validate_every == 0 or run.done == settings.steps:
-                trained = _Trained(run.network, settings)
+                trained = _TrainedMatcher(run.network, settings)
                 scores = {name: score(trained, group) for name, group in validation.items()}
                 run.rows.append(TrainingRow(run.done, sum(losses) / len(losses), scores))
                 losses.clear()
@@ -161,7 +161,7 @@ def use_threads(count: int) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Trained:
+class _TrainedMatcher:
     """The network under training as a matcher."""
 
     network: PSMNet
@@ -180,7 +180,7 @@ class _Trained:
 
     def match(self, left: Image, right: Image) -> Floats32:
         self.network.eval()
-        engine = Engine(self.network, torch.device(self.training.device))
+        engine = InferenceEngine(self.network, torch.device(self.training.device))
         left, right = (seen(image, step=self.step, colour=False) for image in (left, right))
         features = engine.features([left, right])
         size = (left.shape[0], left.shape[1])
@@ -188,10 +188,10 @@ class _Trained:
         return disparity * np.float32(self.step)
 
 
-def _step(run: Run, crops: list[Sample]) -> float:
+def _step(run: TrainingRun, crops: list[Sample]) -> float:
     settings = run.settings
     device = torch.device(settings.device)
-    engine = Engine(run.network.train(), device)
+    engine = InferenceEngine(run.network.train(), device)
     left, right = engine.load([crop[0] for crop in crops]), engine.load([crop[1] for crop in crops])
     truth = torch.from_numpy(np.stack([crop[2] for crop in crops]).astype(np.float32)).to(device)
     for group in run.optimiser.param_groups:
@@ -228,7 +228,7 @@ def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Ten
     )
 
 
-def _started(settings: TrainingSettings) -> Run:
+def _started(settings: TrainingSettings) -> TrainingRun:
     with torch.random.fork_rng(devices=[]):  # the constructor draws numbers, which are drawn again below
         network = PSMNet(max_disparity=settings.range_px, align_corners=settings.align_corners, width=settings.width)
     generator = torch.Generator().manual_seed(settings.seed)
@@ -238,7 +238,7 @@ def _started(settings: TrainingSettings) -> Run:
             nn.init.normal_(layer.weight, 0.0, spread, generator=generator)
     _compare_from_the_start(network, settings.width)
     network.to(settings.device)
-    return Run(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
+    return TrainingRun(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
 
 
 def _compare_from_the_start(network: PSMNet, width: int) -> None:

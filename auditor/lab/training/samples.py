@@ -85,7 +85,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordingSamples:
     """A clean recording with a LiDAR, with its own rig or that of a rig.toml; of several rigs the first is taken."""
 
     path: Path | Location
@@ -113,7 +113,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Street:
+class StreetSamples:
     """A synthetic drive, `frames` of it spread over its length; `seed` determines all of it."""
 
     seed: int
@@ -133,7 +133,7 @@ class Street:
         yield Samples(known, "streets", ((number, dense_sample(drive, number)) for number in numbers))
 
 
-SampleSource = Recorded | Street
+SampleSource = RecordingSamples | StreetSamples
 
 
 def pair_of(number: int, rig: Rig) -> Pair:
@@ -198,7 +198,7 @@ class SampleTask:
 
 
 @dataclass(frozen=True)
-class Made:
+class SampleSet:
     """The samples of one source: files in the order of the frames, and whether they were made just now."""
 
     source_id: str
@@ -207,7 +207,7 @@ class Made:
     fresh: bool
 
 
-def make_samples(task: SampleTask, progress: Callable[[str, int], None]) -> Made:
+def make_samples(task: SampleTask, progress: Callable[[str, int], None]) -> SampleSet:
     """Write the samples of a source into a folder of their own; existing ones are not made again.
 
     Raises RecordingError, RigError, and SettingError where they cannot be written.
@@ -226,7 +226,7 @@ def make_samples(task: SampleTask, progress: Callable[[str, int], None]) -> Made
                 raise SettingError(
                     error.strerror or str(error), where=folder, remedy="choose another --out folder"
                 ) from error
-        return Made(samples.source_id, samples.kind, tuple(sorted(folder.glob(f"*{_SUFFIX}"))), fresh)
+        return SampleSet(samples.source_id, samples.kind, tuple(sorted(folder.glob(f"*{_SUFFIX}"))), fresh)
 
 
 def _write(numbered: Iterator[tuple[int, Sample]], folder: Path, at_most: int, progress: Callable[[int], None]) -> None:

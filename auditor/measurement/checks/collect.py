@@ -23,7 +23,7 @@ from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verifie
 from auditor.measurement.checks.light import LightDifference, difference_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
 from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
@@ -56,7 +56,7 @@ class PairCounts:
     coloured: PairCells | None = None
 
 
-class Disputed(NamedTuple):
+class DisputedPoints(NamedTuple):
     """Points (K, 3) of a LiDAR that cannot be there by another one, or by its own last scan, and how many it has."""
 
     points: Points
@@ -93,7 +93,7 @@ class FrameChecks:
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
     from_nowhere: Points | None = None
     of_lidars: Mapping[SensorCheck, float | None] = field(default_factory=dict)
-    disputed: Mapping[Pair, Disputed] = field(default_factory=dict)
+    disputed: Mapping[Pair, DisputedPoints] = field(default_factory=dict)
 
     @property
     def cells(self) -> dict[CountedPair, Cells]:
@@ -167,7 +167,7 @@ def collect_checks(
     `measure` makes them. `grid` is that of the cameras' images where they are not in this view, of which they see only
     their `valid_masks` (H, W) at full resolution.
     """
-    seen = Seen(half_res, colours, maps, views, rig, valid_masks or {})
+    seen = FrameViews(half_res, colours, maps, views, rig, valid_masks or {})
     near = {
         (i, k): out_of_range(views[k], seen.once(isolated_of, k), i, matchable(stereo.range_px), half_res[k].shape)
         for (i, k), stereo in maps.items()
@@ -207,7 +207,7 @@ def collect_checks(
     )
 
 
-def _of_each(check: Check, seen: Seen, subjects: Iterable[Subject]) -> dict[Subject, Any]:
+def _of_each(check: Check, seen: FrameViews, subjects: Iterable[Subject]) -> dict[Subject, Any]:
     """What a check measures of each of its subjects: pairs of cameras, or cameras."""
     return {subject: measuring(check)(seen, *subject) for subject in subjects}
 

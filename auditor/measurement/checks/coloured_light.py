@@ -42,7 +42,7 @@ _ZERO, _NO_LIMIT = np.float32(0), np.float32(np.inf)
 _PURITY = np.float32(NUMBERS.purity)
 
 
-class Channel(Protocol):
+class ColourChannel(Protocol):
     """One channel of two colour cameras, in the view of the reference."""
 
     @property
@@ -64,7 +64,7 @@ class Channel(Protocol):
         ...
 
 
-def coloured_light(channels: Sequence[Channel], seen: Mask) -> Floats32:
+def coloured_light(channels: Sequence[ColourChannel], seen: Mask) -> Floats32:
     """(h, w) -1 to 1, + where the reference has light of one colour that the source does not have, - the reverse.
 
     `channels` are blue, green and red, `seen` (h, w) is where both cameras see.

@@ -14,7 +14,7 @@ import numpy as np
 from auditor.measurement.checks.free_space_conflict import NUMBERS as FREE_SPACE
 from auditor.measurement.checks.free_space_conflict import (
     SIDE,
-    Scan,
+    ScanFromAbove,
     Shift,
     above_ground_m,
     around_thing,
@@ -61,7 +61,7 @@ NUMBERS = ContestedReturns()
 _STILL = Shift(0, 0)
 
 
-class Contested(NamedTuple):
+class ContestedPoints(NamedTuple):
     """What another LiDAR says of the points (M, 3) of a scan.
 
     Those that it contests and those that it looks at, both (M,), and how many things it contests, narrow ones as well.
@@ -71,7 +71,7 @@ class Contested(NamedTuple):
     looked_at: Mask
     things: int
 
-    def fits(self, other: "Contested") -> bool:
+    def fits(self, other: "ContestedPoints") -> bool:
         """Whether two LiDARs may be where they are said to be, by what each says of the other.
 
         Whoever attacks one of them makes things that the other contests. Where each contests several of the other the
@@ -80,7 +80,7 @@ class Contested(NamedTuple):
         return min(self.things, other.things) <= NUMBERS.most_things
 
 
-def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Contested:
+def contested(now: ScanFromAbove, other_m: Floats32, beside_m: Matrix, way: Shift) -> ContestedPoints:
     """What another LiDAR says of the points of a scan.
 
     `other_m` (3, N) are its points of the same frame, right, down and ahead of it, and `beside_m` (3,) is where it lies
@@ -89,7 +89,7 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     offset = beside_m.astype(np.float32)[:, None]
     asked = np.flatnonzero(now.clearly & (np.hypot(now.xyz_m[0], now.xyz_m[2]) > NUMBERS.nearest_m))
     if not asked.size or not other_m.size:
-        return Contested(_flags(now, asked[:0]), _flags(now, asked[:0]), 0)
+        return ContestedPoints(_flags(now, asked[:0]), _flags(now, asked[:0]), 0)
     range_m, ended_m, scanned = beams_around(now.xyz_m[:, asked] - offset, other_m)
     seen = asked[scanned & (ended_m > range_m - NUMBERS.behind_m)]
     passed = asked[scanned & (ended_m > range_m + NUMBERS.behind_m)]
@@ -97,10 +97,10 @@ def contested(now: Scan, other_m: Floats32, beside_m: Matrix, way: Shift) -> Con
     if alone.size:
         alone = alone[_passed_all_along(now.xyz_m[:, alone] - offset, other_m, way)]
     count, thing = now.objects(now.cells(_flags(now, alone)))
-    return Contested(_objects(now, seen, alone, thing, count), _flags(now, seen), count - 1)
+    return ContestedPoints(_objects(now, seen, alone, thing, count), _flags(now, seen), count - 1)
 
 
-def _alone(now: Scan, passed: Indices, there: Image, way: Shift) -> Indices:
+def _alone(now: ScanFromAbove, passed: Indices, there: Image, way: Shift) -> Indices:
     """Those of the points at some places that nothing of the other LiDAR's `there` can be.
 
     What stands still lies near. What moves lies farther away, where the first LiDAR sees nothing.
@@ -134,7 +134,7 @@ def measure_contested_returns(points: Points, rig: Rig) -> float:
     return statistic_in_view(points[~scattered(points, rig)], rig)
 
 
-def _things(now: Scan, xyz_m: Floats32) -> Image:
+def _things(now: ScanFromAbove, xyz_m: Floats32) -> Image:
     """(SIDE, SIDE) 1 where another LiDAR's points (3, M), seen from the first, stand above the ground of both."""
     xyz_m = xyz_m.take(within_reach(xyz_m), axis=1)
     row, column = cells_from_above(np.concatenate([xyz_m, now.xyz_m], axis=1))
@@ -143,7 +143,7 @@ def _things(now: Scan, xyz_m: Floats32) -> Image:
     return grid_of(row[standing] * SIDE + column[standing])
 
 
-def _objects(now: Scan, seen: Indices, alone: Indices, thing: Indices, count: int) -> Mask:
+def _objects(now: ScanFromAbove, seen: Indices, alone: Indices, thing: Indices, count: int) -> Mask:
     """(M,) the points that stand alone of things most of whose points do, and that are wide and tall.
 
     `thing` (M,) is the number of each point's thing, of `count`; 0 is none.
@@ -155,7 +155,7 @@ def _objects(now: Scan, seen: Indices, alone: Indices, thing: Indices, count: in
     return _flags(now, alone[found[thing[alone]]])
 
 
-def _flags(now: Scan, places: Indices) -> Mask:
+def _flags(now: ScanFromAbove, places: Indices) -> Mask:
     """(M,) the points of a scan at some places."""
     flags = np.zeros(now.cell.size, dtype=np.bool_)
     flags[places] = True

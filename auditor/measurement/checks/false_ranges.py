@@ -24,7 +24,7 @@ from auditor.measurement.checks.lidar_conflict import PointVotes
 from auditor.measurement.checks.lost_returns import scanned
 from auditor.measurement.checks.scattered_returns import NUMBERS as SCATTERED_RETURNS
 from auditor.measurement.checks.scattered_returns import scatter
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
@@ -91,7 +91,7 @@ def directed_points(view: LidarView, road_m: float) -> DirectedPoints:
     )
 
 
-def directed(seen: Seen, k: int) -> DirectedPoints:
+def directed(seen: FrameViews, k: int) -> DirectedPoints:
     """The points of a view by their directions."""
     return directed_points(seen.views[k], seen.once(scanned, k).road_m)
 

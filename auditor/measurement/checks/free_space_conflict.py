@@ -85,7 +85,7 @@ class Shift(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class ScanFromAbove:
     """One scan, its points within reach, seen from above.
 
     `cloud_m` (N, 3) are all its points, `within` (M,) those within reach. `ended_m` (3, N) is where all its beams
@@ -105,7 +105,7 @@ class Scan:
     from_nowhere: Mask
 
     @classmethod
-    def of(cls, cloud: PointCloud, rig: Rig) -> "Scan":
+    def of(cls, cloud: PointCloud, rig: Rig) -> "ScanFromAbove":
         """The scan of a cloud, upright as the rig is."""
         ended = _upright(cloud.xyz_m, rig)
         within = within_reach(ended)
@@ -132,7 +132,7 @@ class Scan:
         """(SIDE, SIDE) 1 where a cell holds some (M,) of its points."""
         return grid_of(self.cell.take(np.flatnonzero(some)))
 
-    def turned(self, angle: float) -> "Scan":
+    def turned(self, angle: float) -> "ScanFromAbove":
         """The scan as a vehicle sees it that has turned to the right by an angle, in radians."""
         ended = _turned_to(self.ended_m, angle)
         kept = within_reach(ended.take(self.within, axis=1))
@@ -151,11 +151,11 @@ class Scan:
         count, numbers = cv2.connectedComponents(grid)
         return count, np.asarray(numbers, dtype=np.intp).take(self.cell)
 
-    def after_s(self, before: "Scan") -> float:
+    def after_s(self, before: "ScanFromAbove") -> float:
         """The seconds from another scan to this one."""
         return (self.stamp_ns - before.stamp_ns) / NANOSECONDS
 
-    def follows(self, before: "Scan") -> bool:
+    def follows(self, before: "ScanFromAbove") -> bool:
         """Whether the other scan is the one of a moment ago."""
         return 0 < self.after_s(before) <= NUMBERS.most_s
 
@@ -180,12 +180,12 @@ class OwnScans:
     """
 
     def __init__(self) -> None:
-        self._last: Scan | None = None
+        self._last: ScanFromAbove | None = None
         self._way: Shift | None = None
         self.asked_share = 0.0
 
     @property
-    def now(self) -> Scan | None:
+    def now(self) -> ScanFromAbove | None:
         """The last scan, None where there was none."""
         return self._last
 
@@ -200,7 +200,7 @@ class OwnScans:
         self.asked_share = 0.0
         if cloud is None or rig.lidar is None:
             return None
-        now = Scan.of(cloud, rig)
+        now = ScanFromAbove.of(cloud, rig)
         found = None
         if before is not None and now.follows(before):
             self._way, found = _compared(now, before)
@@ -258,7 +258,7 @@ def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
     return np.asarray(np.maximum(lowest, around - _LOWER_M).take(ground) - down_m)
 
 
-def _compared(now: Scan, before: Scan) -> tuple[Shift, Mask | None]:
+def _compared(now: ScanFromAbove, before: ScanFromAbove) -> tuple[Shift, Mask | None]:
     """How what stands still moved, and what came from nowhere; unless nothing did, whether the vehicle has turned."""
     _, shift = _match(now.things, before.things)
     found = _from_nowhere(now, before, shift)
@@ -284,7 +284,7 @@ def _turned_to(xyz: Floats32 | Floats, angle: float) -> Floats32:
     return np.asarray([cos * right - sin * ahead, down, sin * right + cos * ahead], dtype=np.float32)
 
 
-def _from_nowhere(now: Scan, before: Scan, shift: Shift) -> Mask | None:
+def _from_nowhere(now: ScanFromAbove, before: ScanFromAbove, shift: Shift) -> Mask | None:
     """(M,) the points of objects that came from nowhere, or that did earlier and are still alone.
 
     None where too much did: a recording that was cut or put together goes on at another place.

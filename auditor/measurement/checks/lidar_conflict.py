@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.disparity_error import inconsistent
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
@@ -108,13 +108,13 @@ def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
     return cells_of_directions(row.take(valid), column.take(valid), conflicts.lidar_conflicts.take(valid))
 
 
-def verified(seen: Seen, j: int, k: int) -> VerifiedConflicts:
+def verified(seen: FrameViews, j: int, k: int) -> VerifiedConflicts:
     """The verified conflicts of a pair."""
     consistency = seen.once(consistency_of, j, k)
     return verify_conflicts(seen.views[k], seen.maps[j, k], consistency, seen.rig, j, seen.halves(j, k))
 
 
-def measure_lidar_conflict(seen: Seen, j: int, k: int) -> Cells:
+def measure_lidar_conflict(seen: FrameViews, j: int, k: int) -> Cells:
     """The points of k's view, and those with which a pair disagrees."""
     return cells_of_points(seen.once(verified, j, k), seen.views[k])
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.photometric_consistency import consistency_of
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.parameters import LIGHT
 from auditor.measurement.tone_curve import Classes, chroma_classes, predict, saturation_level
@@ -29,7 +29,7 @@ UNITS = np.float32(LIGHT.level) + np.float32(LIGHT.share) * np.arange(256, dtype
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CameraLevels:
     """One camera at half resolution: (h, w) grey, and where it has colours (h, w, 3) BGR."""
 
     grey: Image
@@ -74,7 +74,7 @@ class LightDifference:
     coloured: Floats32 | None = None
 
 
-def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
+def light_difference(reference: CameraLevels, source: CameraLevels, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
     warped = column * seen
     *others, levels = _warped([*(source.channels if reference.channels else ()), source.levels], warped)
@@ -83,23 +83,23 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
         channels = _channels(reference, source, others)
         residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
-        grey = Channel(levels, reference.levels, source.saturation, reference.saturation)
+        grey = LevelPair(levels, reference.levels, source.saturation, reference.saturation)
         residual = -_of_levels(grey, seen, reference.classes)
     else:
         classes = warp(source.classes, warped, cv2.INTER_NEAREST) if source.channels else None
-        grey = Channel(reference.levels, levels, reference.saturation, source.saturation)
+        grey = LevelPair(reference.levels, levels, reference.saturation, source.saturation)
         residual = _of_levels(grey, seen, classes)
     comparable = seen & ~((reference.levels >= reference.saturation) & (levels >= source.saturation))
     residual = np.clip(residual, -1, 1) * comparable
     return LightDifference(residual, comparable, None if coloured is None else coloured * comparable)
 
 
-def view_of(seen: Seen, camera: int) -> View:
+def view_of(seen: FrameViews, camera: int) -> CameraLevels:
     """One camera's half-resolution images, grey and where it has them colours."""
-    return View(seen.half_res[camera], seen.colours.get(camera))
+    return CameraLevels(seen.half_res[camera], seen.colours.get(camera))
 
 
-def difference_of(seen: Seen, i: int, k: int) -> LightDifference:
+def difference_of(seen: FrameViews, i: int, k: int) -> LightDifference:
     """The light differences of a pair."""
     matches = seen.once(consistency_of, i, k).matches
     return light_difference(seen.once(view_of, k), seen.once(view_of, i), matches.column, matches.seen)
@@ -111,7 +111,7 @@ def _warped(images: Sequence[Image], column: Floats32) -> tuple[Image, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class LevelPair:
     """Levels (h, w) of two cameras, in the reference's view, and from which level on each saturates."""
 
     value: Image
@@ -153,13 +153,13 @@ class Channel:
         return residual
 
 
-def _channels(reference: View, source: View, others: Sequence[Image]) -> list[Channel]:
+def _channels(reference: CameraLevels, source: CameraLevels, others: Sequence[Image]) -> list[LevelPair]:
     """The channels of two cameras; `others` are the source's in the reference's view."""
     saturations = reference.channel_saturations, source.channel_saturations
-    return [Channel(*channel) for channel in zip(reference.channels, others, *saturations, strict=True)]
+    return [LevelPair(*channel) for channel in zip(reference.channels, others, *saturations, strict=True)]
 
 
-def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
+def _of_colours(channels: Sequence[LevelPair], seen: Mask) -> Floats32:
     """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
     mean, *others = (np.clip(_of_levels(channel, seen), -1, 1) for channel in channels)
     for residual in others:  # in place: `np.mean` copies all of them first
@@ -168,7 +168,7 @@ def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
     return mean
 
 
-def _of_levels(channel: Channel, seen: Mask, classes: Classes | None = None) -> Floats32:
+def _of_levels(channel: LevelPair, seen: Mask, classes: Classes | None = None) -> Floats32:
     """The residual of levels; grey ones are predicted from a colour camera's by its classes (h, w) of chroma."""
     prediction = predict(*channel.sampled(seen), None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
     return channel.residual(prediction.saturated_from(channel.other_saturation).of(channel.other, classes))

@@ -23,7 +23,7 @@ import numpy as np
 from auditor.measurement.checks.count_grid import cells_of_directions
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.point_distribution import thinned
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
@@ -146,12 +146,12 @@ def count_lost_returns(
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
 
 
-def scanned(seen: Seen, k: int) -> ScannedView:
+def scanned(seen: FrameViews, k: int) -> ScannedView:
     """Where the LiDAR of a view scans."""
     return scanned_view(seen.views[k])
 
 
-def measure_lost_returns(seen: Seen, j: int, k: int) -> Cells:
+def measure_lost_returns(seen: FrameViews, j: int, k: int) -> Cells:
     """The surface samples that a pair sees, and those whose returns are lost; none where the cloud is thinned."""
     if seen.once(thinned, k):
         none = np.zeros(0, dtype=np.intp)

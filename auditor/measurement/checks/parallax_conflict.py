@@ -142,7 +142,7 @@ class _Sought:
         return replace(self, pixel=pixel, predicted=predicted, parallax_px=self.parallax_px / scale)
 
 
-class Compared(NamedTuple):
+class ParallaxComparison(NamedTuple):
     """The points, compared with a picture of a moment ago, and how the camera moved since.
 
     `moved_m` is how far; NaN where that is not known.
@@ -153,7 +153,7 @@ class Compared(NamedTuple):
     motion: Motion | None = None
 
 
-def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | None = None) -> Compared:
+def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | None = None) -> ParallaxComparison:
     """Compare the LiDAR's points in a camera's view with that camera's picture of a moment ago.
 
     `expected` is how the camera should have moved since, by how it moved before.
@@ -178,7 +178,7 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
                 K, before.nearest_m, FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
             )
             conflicts[things.point[~moves]] = True
-    return Compared(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
+    return ParallaxComparison(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
@@ -118,17 +118,17 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(inconsistent), matches)
 
 
-def matched_samples(seen: Seen, i: int, k: int, step: int) -> tuple[Indices, Indices, Indices]:
+def matched_samples(seen: FrameViews, i: int, k: int, step: int) -> tuple[Indices, Indices, Indices]:
     """(M,) the samples of a pair's matches."""
     return seen.once(consistency_of, i, k).matches.samples(step)
 
 
-def patches_of(seen: Seen, k: int) -> Patches:
+def patches_of(seen: FrameViews, k: int) -> Patches:
     """The patches of a camera's image."""
     return Patches.of(seen.half_res[k])
 
 
-def consistency_of(seen: Seen, i: int, k: int) -> PairConsistency:
+def consistency_of(seen: FrameViews, i: int, k: int) -> PairConsistency:
     """A pair's images compared."""
     return photometric_consistency(seen.once(patches_of, k), seen.half_res[i], seen.maps[i, k])
 

@@ -11,7 +11,7 @@ from math import isnan, sqrt, tau
 
 import numpy as np
 
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
 from auditor.model.arrays import Floats, Indices, Mask, Points, median_of, quantile_of
@@ -157,32 +157,32 @@ def is_thinned(view: LidarView) -> bool:
     )
 
 
-def thinned(seen: Seen, k: int) -> bool:
+def thinned(seen: FrameViews, k: int) -> bool:
     """Whether the cloud is thinned in the view of k."""
     return is_thinned(seen.views[k])
 
 
-def isolated_of(seen: Seen, k: int) -> Mask:
+def isolated_of(seen: FrameViews, k: int) -> Mask:
     """(M,) the isolated points of a view."""
     return isolated(seen.views[k], seen.rig.camera(k).focal_px)
 
 
-def shares_of_isolated(seen: Seen, k: int) -> IsolatedShares:
+def shares_of_isolated(seen: FrameViews, k: int) -> IsolatedShares:
     """How many points of a view are isolated."""
     return isolated_shares(seen.views[k], seen.once(isolated_of, k), seen.rig.camera(k).width_px)
 
 
-def measure_isolated_points(seen: Seen, k: int) -> float | None:
+def measure_isolated_points(seen: FrameViews, k: int) -> float | None:
     """The statistic of isolated points in the view of k; None where the cloud is rounded coarsely."""
     return None if is_rounded(seen.views[k]) else isolated_ratio(seen.once(shares_of_isolated, k))
 
 
-def measure_point_dropout(seen: Seen, k: int) -> float:
+def measure_point_dropout(seen: FrameViews, k: int) -> float:
     """The share of its points that a strip of the view of k lacks."""
     return point_dropout(seen.views[k], seen.rig.camera(k).width_px)
 
 
-def measure_rough_ranges(seen: Seen, k: int) -> float | None:
+def measure_rough_ranges(seen: FrameViews, k: int) -> float | None:
     """How rough the ranges of a sector of the view of k are; None where the cloud is thinned, or rounded coarsely."""
     if seen.once(thinned, k) or is_rounded(seen.views[k]):
         return None

@@ -14,7 +14,7 @@ Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class FrameViews:
     """One frame, as checks see it.
 
     `half_res` are the half-resolution grey images (h, w) of the cameras present, `colours` (h, w, 3) those of colour

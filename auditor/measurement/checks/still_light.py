@@ -133,7 +133,7 @@ class OfThePast(NamedTuple):
     lights: Floats
 
 
-class _Seen(NamedTuple):
+class _ShownCells(NamedTuple):
     """Cells of the picture now, by what their points show: weights (C,), residuals (C,) and where they lie (C, 2).
 
     They have so many `points` (C,), of which so many are `saturated` (C,) now, and so many of these `fading` (C,), and
@@ -200,7 +200,7 @@ def _rows_apart(row: Indices, column: Indices) -> int:
     return min(int(np.median(steps)), STILL_LIGHT.most_apart_px) if steps.size else 1
 
 
-def _compared(now: Glimpse, before: Glimpse, point_m: Matrix, here: Floats) -> _Seen | None:
+def _compared(now: Glimpse, before: Glimpse, point_m: Matrix, here: Floats) -> _ShownCells | None:
     """What points (M, 3), `here` (2, M) in the picture now, show in two pictures, by cells of the one now.
 
     None where too few of them are seen in both.
@@ -255,7 +255,7 @@ def _residual(now: Glimpse, before: Glimpse, here: Indices, there: Indices) -> t
 
 def _by_cells(
     now: Glimpse, here: Floats, there: Floats, residual: Floats32, saturated: Mask, were_saturated: Mask, fading: Mask
-) -> _Seen:
+) -> _ShownCells:
     cell_px = _cell_px(now)
     columns = -(-now.levels.shape[1] // cell_px)
     column, row = (here / cell_px).astype(np.intp)
@@ -274,7 +274,7 @@ def _by_cells(
 
     points = count[held].astype(np.float64)
     where, was = (np.stack([total(axis) for axis in one], axis=1) / points[:, None] for one in (here, there))
-    return _Seen(
+    return _ShownCells(
         _weight(points),
         total(residual) / points,
         points,
@@ -293,7 +293,7 @@ def _weight(points: Floats | Indices) -> Floats:
     return np.asarray(np.minimum(points / STILL_LIGHT.full_points, 1.0))
 
 
-def _shown(now: Glimpse, seen: Sequence[_Seen]) -> tuple[Floats, Floats]:
+def _shown(now: Glimpse, seen: Sequence[_ShownCells]) -> tuple[Floats, Floats]:
     """(L,) for each round light the mean of what its two sides show, 0 to 1, and less where too few points saturate.
 
     Beside it (L,) the share of the points in it that saturate now which are of patches that fade.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.parameters import BY_HAND, parameter
@@ -48,7 +48,7 @@ _LEAST = np.float32(np.finfo(np.float32).tiny)
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class RowExcess:
     """The rows of an image by blocks of columns, (h, blocks): by how much each exceeds those above and those below it.
 
     `excess` is of the mean logarithm of levels, where `known`: where enough of the block neither saturates nor is
@@ -59,7 +59,7 @@ class Rows:
     known: Mask
 
     @classmethod
-    def of(cls, grey: Image) -> "Rows":
+    def of(cls, grey: Image) -> "RowExcess":
         """The rows of a half-resolution grey image (h, w)."""
         usable = np.zeros(_LEVELS.size, dtype=np.float32)
         usable[1 : saturation_level(grey)] = 1
@@ -71,7 +71,7 @@ class Rows:
         sides = [_sums(level, side) / np.maximum(_sums(counts, side), _LEAST) for side in (_ABOVE, _BELOW)]
         return cls(np.asarray(level - np.maximum(*sides), dtype=np.float32), known)
 
-    def above(self, other: "Rows") -> float | None:
+    def above(self, other: "RowExcess") -> float | None:
         """By how much the most striking row exceeds all rows of the other camera nearby, 0 to 1: in most blocks.
 
         None where no row has enough blocks that both know.
@@ -88,12 +88,12 @@ class Rows:
         return min(max(shown, 0.0), 1.0)
 
 
-def rows_of(seen: Seen, camera: int) -> Rows:
+def rows_of(seen: FrameViews, camera: int) -> RowExcess:
     """The rows of a camera's image."""
-    return Rows.of(seen.half_res[camera])
+    return RowExcess.of(seen.half_res[camera])
 
 
-def measure_striped_light(seen: Seen, i: int, k: int) -> tuple[float | None, float | None]:
+def measure_striped_light(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
     """What the source, and what the reference, has of light in rows that the other has not."""
     of_source, of_reference = seen.once(rows_of, i), seen.once(rows_of, k)
     return of_source.above(of_reference), of_reference.above(of_source)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.light import UNITS, WHITE, View, view_of
+from auditor.measurement.checks.light import UNITS, WHITE, CameraLevels, view_of
 from auditor.measurement.checks.photometric_consistency import matched_samples
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.parameters import HALF
 from auditor.measurement.tone_curve import Classes, Prediction, predict
 from auditor.model.arrays import Image, Indices, Mask
@@ -40,7 +40,7 @@ _PATCH = (NUMBERS.patch_px // _STEP, NUMBERS.patch_px // _STEP)
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledLevels:
     """One camera at every `step_px`-th pixel, (h, w): its `level`, and the `highest` one nearby.
 
     `known`: it sees all of what is nearby. `saturated`: something there saturates.
@@ -52,7 +52,7 @@ class Sampled:
     saturated: Mask
 
 
-def measure_unmatched_light(seen: Seen, i: int, k: int) -> tuple[float | None, float | None]:
+def measure_unmatched_light(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
     """How much of a patch, 0 to 1, of the source, and of the reference, is brighter than all that the other one shows.
 
     None where they see too little together.
@@ -73,23 +73,23 @@ def measure_unmatched_light(seen: Seen, i: int, k: int) -> tuple[float | None, f
     )
 
 
-def sampled(seen: Seen, camera: int) -> Sampled:
+def sampled(seen: FrameViews, camera: int) -> SampledLevels:
     """The samples of a camera's levels."""
     view, whole = seen.once(view_of, camera), seen.valid_masks.get(camera)
     highest = np.asarray(cv2.dilate(view.levels, _NEARBY)[::_STEP, ::_STEP], dtype=np.uint8)
     known = np.ones(highest.shape, dtype=np.bool_)
     if whole is not None:
         known = cv2.erode(whole[::HALF, ::HALF].astype(np.uint8), _NEARBY)[::_STEP, ::_STEP] > 0
-    return Sampled(view.levels[::_STEP, ::_STEP], highest, known, np.asarray(highest >= view.saturation))
+    return SampledLevels(view.levels[::_STEP, ::_STEP], highest, known, np.asarray(highest >= view.saturation))
 
 
-def _reach(seen: Seen, i: int, k: int) -> int:
+def _reach(seen: FrameViews, i: int, k: int) -> int:
     """How many samples a match lies beside its pixel at most."""
     focal_px = seen.rig.camera(k).projection[0, 0] / HALF
     return int(np.ceil(focal_px * seen.rig.baseline_m(i, k) / NUMBERS.nearest_m / _STEP))
 
 
-def _hues(view: View, other: View) -> Classes | None:
+def _hues(view: CameraLevels, other: CameraLevels) -> Classes | None:
     """The classes of chroma of a camera by which the levels of another are predicted: of a grey one from colours."""
     return view.classes if view.channels and not other.channels else None
 
@@ -98,7 +98,7 @@ def _at(classes: Classes | None, row: Indices, column: Indices) -> Classes | Non
     return None if classes is None else classes[row, column]
 
 
-def _predicted(other: Sampled, prediction: Prediction, classes: Classes | None) -> Image:
+def _predicted(other: SampledLevels, prediction: Prediction, classes: Classes | None) -> Image:
     """The level (h, w) that each sample of the other camera predicts.
 
     What it does not see is unknown, and what saturates may be brighter.
@@ -120,7 +120,7 @@ def _highest_along(predicted: Image, reach: int) -> Image:
     return np.asarray(highest, dtype=np.uint8)
 
 
-def _standing_out(own: Sampled, highest: Image) -> float:
+def _standing_out(own: SampledLevels, highest: Image) -> float:
     """How much of a patch that saturates lies above the highest level that is predicted."""
     excess = (own.level.astype(np.float32) - highest) / cv2.LUT(highest, UNITS)
     shown = np.clip(excess - np.float32(NUMBERS.usual), 0, 1) * own.known

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import matched_samples
-from auditor.measurement.checks.seen import Seen
+from auditor.measurement.checks.seen import FrameViews
 from auditor.model.arrays import Image, quantile_of
 from auditor.model.parameters import BY_HAND, parameter
 
@@ -30,7 +30,7 @@ class VeilingLight:
 NUMBERS = VeilingLight()
 
 
-def measure_veiling_light(seen: Seen, i: int, k: int) -> tuple[float | None, float | None]:
+def measure_veiling_light(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
     """By how much the darkest that both see is lighter in the source, and in the reference, 0 to 1: a logarithm.
 
     None where they see too little together.

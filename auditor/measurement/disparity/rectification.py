@@ -19,8 +19,8 @@ from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import RECTIFICATION
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
-from auditor.model.frames import CameraImage, Frame, Skipped
-from auditor.model.optics.common_view import CommonView, common_view, measured_view, recorded_pixels, sees
+from auditor.model.frames import CameraImage, Frame, SkippedFrame
+from auditor.model.optics.common_view import IdealView, common_view, measured_view, recorded_pixels, sees
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
@@ -39,7 +39,7 @@ class _Remap:
 
 
 @dataclass(frozen=True, eq=False)
-class Rectification:
+class RigRectification:
     """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
     Where they are so already it is the rig itself, there are no remaps, and frames stay what they are. Only where
@@ -57,7 +57,7 @@ class Rectification:
         measured = self.rig.measured_triples
         return tuple(one for one in measured if not self.pairs or one != self.rig.fallback or one[1:] in self.pairs)
 
-    def frames(self, frames: Iterable[Frame | Skipped]) -> Iterator[Frame | Skipped]:
+    def frames(self, frames: Iterable[Frame | SkippedFrame]) -> Iterator[Frame | SkippedFrame]:
         """Frames as `frame` gives them, and those that were skipped."""
         return (self.frame(item) if isinstance(item, Frame) else item for item in frames)
 
@@ -86,7 +86,7 @@ class PairView:
     """The own view of cameras i < k: `seen` rectifies the rig of these two, in which they are S_1 and S_2."""
 
     cameras: Pair
-    seen: Rectification
+    seen: RigRectification
     to_shared: PairToSharedView
 
     @property
@@ -111,7 +111,7 @@ class PairView:
 
 
 @lru_cache(maxsize=8)
-def rectification(rig: Rig) -> Rectification:
+def rectification(rig: Rig) -> RigRectification:
     """The rectification of a rig's frames, computed once a rig.
 
     Raises RigError where the cameras, or two of them that have to be matched in a view of their own, see nothing in
@@ -119,20 +119,20 @@ def rectification(rig: Rig) -> Rectification:
     """
     view = measured_view(rig)
     if view is None:
-        return Rectification(rig, {})
+        return RigRectification(rig, {})
     pairs = {} if rig.shares_view else _pair_views(rig, view)
-    return Rectification(view.rig, _remaps(rig, view), pairs)
+    return RigRectification(view.rig, _remaps(rig, view), pairs)
 
 
-def shown_rectification(rig: Rig) -> Rectification:
+def shown_rectification(rig: Rig) -> RigRectification:
     """How a rig's frames become those that people are shown: rectified ones stay as they are recorded.
 
     Raises RigError as `rectification` does.
     """
-    return Rectification(rig, {}) if rig.is_rectified else rectification(rig)
+    return RigRectification(rig, {}) if rig.is_rectified else rectification(rig)
 
 
-def _pair_views(rig: Rig, whole: CommonView) -> dict[Pair, PairView]:
+def _pair_views(rig: Rig, whole: IdealView) -> dict[Pair, PairView]:
     views = {pair: _pair_view(rig, pair, whole) for pair in rig.required_pairs}
     if rig.fallback is not None:
         pair = rig.fallback[1:]
@@ -141,18 +141,18 @@ def _pair_views(rig: Rig, whole: CommonView) -> dict[Pair, PairView]:
     return views
 
 
-def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:
+def _pair_view(rig: Rig, pair: Pair, whole: IdealView) -> PairView:
     of_two = rig.pair(*pair)
     view = common_view(of_two, widest=True)
     to_shared = PairToSharedView(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
-    return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), to_shared)
+    return PairView(pair, RigRectification(view.rig, _remaps(of_two, view)), to_shared)
 
 
-def _remaps(rig: Rig, view: CommonView) -> dict[int, _Remap]:
+def _remaps(rig: Rig, view: IdealView) -> dict[int, _Remap]:
     return {camera.number: _remap(camera, view) for camera in rig.cameras}
 
 
-def _remap(camera: Camera, view: CommonView) -> _Remap:
+def _remap(camera: Camera, view: IdealView) -> _Remap:
     scale = (
         view.focal_px / camera.focal_px if camera.focal_px > RECTIFICATION.shrunk_first_from * view.focal_px else 1.0
     )

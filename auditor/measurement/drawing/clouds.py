@@ -33,7 +33,7 @@ _ELEVATIONS_SHARE = (0.001, 0.999)
 _LEGEND_PX = 22
 
 
-class Framed(NamedTuple):
+class ThingInFrame(NamedTuple):
     """The points (N, 3), at least one, of a thing of another LiDAR, in the frame of the one whose picture is drawn."""
 
     sensor: int
@@ -151,7 +151,7 @@ def _write(drawn: Image, text: str, at: tuple[int, int], colour: tuple[int, int,
     cv2.putText(drawn, text, at, _FONT, size, colour, 1, cv2.LINE_AA)
 
 
-def range_image(points: Points, damaged: Mask, rig_SE3_lidar: Matrix, framed: Sequence[Framed] = ()) -> Image:
+def range_image(points: Points, damaged: Mask, rig_SE3_lidar: Matrix, framed: Sequence[ThingInFrame] = ()) -> Image:
     """(H, W, 3) BGR: columns are azimuths, rows elevations; colour is range, near is red, damaged points are white.
 
     Azimuths are those of the cloud, straight ahead in their middle where it looks all around. `framed` are things of
@@ -186,7 +186,7 @@ def range_image(points: Points, damaged: Mask, rig_SE3_lidar: Matrix, framed: Se
     return drawn
 
 
-def _frame(drawn: Image, thing: Framed, rig_SE3_lidar: Matrix, limits_deg: Sequence[float]) -> None:
+def _frame(drawn: Image, thing: ThingInFrame, rig_SE3_lidar: Matrix, limits_deg: Sequence[float]) -> None:
     """Draw a frame where the points of a thing would be in a range image of such azimuths and elevations."""
     width, height = _RANGE_PX
     least, most, highest, lowest = limits_deg

@@ -8,7 +8,7 @@ import numpy as np
 
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.rectification import shown_rectification
-from auditor.measurement.drawing.clouds import Framed, range_image, seen_from_above, seen_together
+from auditor.measurement.drawing.clouds import ThingInFrame, range_image, seen_from_above, seen_together
 from auditor.measurement.localisation.points import among
 from auditor.model.arrays import Image, Mask, Points
 from auditor.model.frames import Frame, PointCloud
@@ -96,7 +96,7 @@ def _clouds(frame: Frame, rig: Rig, regions: Sequence[Region]) -> Iterator[tuple
         yield (sensor, Content.RANGE), range_image(own, damaged[sensor], place, framed)
 
 
-def _went_through(frame: Frame, rig: Rig, regions: Sequence[Region], by: int) -> Iterator[Framed]:
+def _went_through(frame: Frame, rig: Rig, regions: Sequence[Region], by: int) -> Iterator[ThingInFrame]:
     """What the beams of a LiDAR went through, as it would see it."""
     lidar_SE3_rig = invert(rig.lidars[by].rig_SE3_lidar)
     for region in regions:
@@ -105,7 +105,7 @@ def _went_through(frame: Frame, rig: Rig, regions: Sequence[Region], by: int) ->
             points = cloud.xyz_m[damaged_cloud(cloud, rig, [region], region.sensor)]
             place = lidar_SE3_rig @ rig.lidars[region.sensor].rig_SE3_lidar
             if len(points):
-                yield Framed(region.sensor, (points @ place[:3, :3].T + place[:3, 3]).astype(np.float32))
+                yield ThingInFrame(region.sensor, (points @ place[:3, :3].T + place[:3, 3]).astype(np.float32))
 
 
 def draw_overlays(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:

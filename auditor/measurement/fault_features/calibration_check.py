@@ -16,7 +16,7 @@ import numpy as np
 from auditor.measurement.checks.point_distribution import is_rounded
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.fault_features.geometry_fit import (
-    GeometryFit,
+    FrameFit,
     better_quarter,
     fit_of_sides,
     geometry_fit,
@@ -53,7 +53,7 @@ _MOST_FRAMES = 200  # frames that are used: it bounds the work
 _SUCCESSIVE = 20  # first frames, each of which is held against the cloud before: it bounds the work
 
 
-class CalibrationCheck:
+class CalibrationMonitor:
     """Collects some frames of one recording, and warns of what does not fit even in the better ones.
 
     In every tried clean frame of KITTI's drives at least 63 % of the points followed lie on the same row, and at least
@@ -66,7 +66,7 @@ class CalibrationCheck:
         self._rig: Rig | None = None
         self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
-        self._fits: list[GeometryFit] = []
+        self._fits: list[FrameFit] = []
         self._thinned: list[bool] = []
         self._rounded: list[bool] = []
         self._cropped: list[bool] = []

@@ -19,7 +19,7 @@ from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Floats32, Image, Points
 from auditor.model.checks import Pair, resolves_depth
-from auditor.model.fault_features import Agreement, IsolatedShares, PairFaultFeatures, Rows
+from auditor.model.fault_features import Agreement, IsolatedShares, PairFaultFeatures, RowMatches
 from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT
 
@@ -100,7 +100,7 @@ def fault_features_of(now: FeatureInputs, before: FeatureInputs | None) -> dict[
     agreements = {pair: agreement(comparison, earlier.get(pair)) for pair, comparison in now.comparisons.items()}
     return {
         pair: PairFaultFeatures(
-            rows.get(pair, Rows()),
+            rows.get(pair, RowMatches()),
             agreements.get(pair, Agreement()),
             now.isolated_shares[pair[1]] if pair in now.comparisons else IsolatedShares(),
         )

@@ -38,7 +38,7 @@ _OTHER_AXES = {
 """Other axes of points that show a road as the right ones do, and nothing else: left-handed, turned or upside down."""
 
 
-class GeometryFit(NamedTuple):
+class FrameFit(NamedTuple):
     """The fit of one frame: shares of the better regions, NaN where too few regions could be compared.
 
     `points`: the LiDAR's points agree with stereo, by the best pair. `pictures`: the two images of a pair are
@@ -54,7 +54,7 @@ class GeometryFit(NamedTuple):
     other_axes: Mapping[str, float]
 
 
-def geometry_fit(arrays: FrameArrays) -> GeometryFit:
+def geometry_fit(arrays: FrameArrays) -> FrameFit:
     """The fit of a measured frame, by its wide pairs: others hardly depend on where the cameras stand."""
     of_pairs = _by_pair(arrays)
     fits = {pair: _of_pictures(own.frame_checks.consistencies[i, k]) for pair, (own, i, k) in of_pairs.items()}
@@ -66,7 +66,7 @@ def geometry_fit(arrays: FrameArrays) -> GeometryFit:
     others = (
         {} if points >= GEOMETRY_FIT.in_doubt else {name: _of_axes(seen, axes) for name, axes in _OTHER_AXES.items()}
     )
-    return GeometryFit(
+    return FrameFit(
         points,
         float(np.mean(pictures)) if pictures else nan,
         {camera: _best(fit for pair, fit in fits.items() if camera in pair) for camera in chain(*fits)},

@@ -14,7 +14,7 @@ import numpy as np
 from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
 from auditor.model.arrays import Floats32, Image, Mask, Points, median_of, quantile_of
 from auditor.model.checks import Pair
-from auditor.model.fault_features import Rows
+from auditor.model.fault_features import RowMatches
 
 _LEVELS = 3  # of the pyramid: beyond these no corner is found again
 _ITERATIONS = 10  # at most: it bounds the work
@@ -56,7 +56,7 @@ def register(
     now: Mapping[int, Image],
     before: Mapping[int, Image],
     disparities_px: Mapping[Pair, Floats32],
-) -> dict[Pair, Rows]:
+) -> dict[Pair, RowMatches]:
     """Follow the points (P, 2) of each reference k to each of its source cameras, and both to the frame before.
 
     `now` and `before` are half-resolution grey images. `disparities_px` holds DM_{i,k} at the points, (P,)
@@ -82,9 +82,9 @@ def register(
     return found
 
 
-def _features(apart: Points, tracked: Mask, lagged_i: float, lagged_k: float) -> Rows:
+def _features(apart: Points, tracked: Mask, lagged_i: float, lagged_k: float) -> RowMatches:
     offset = median_of(np.sort(apart[tracked]))
-    return Rows(
+    return RowMatches(
         tracked=float(np.count_nonzero(tracked)),
         row_aligned=_share(apart, tracked),
         offset_px=float(HALF * offset),

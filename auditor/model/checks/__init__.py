@@ -5,7 +5,7 @@ from functools import cache, lru_cache
 from itertools import combinations, groupby
 from typing import NamedTuple
 
-from auditor.model.checks.kind import Counted, Of
+from auditor.model.checks.kind import CellUnit, Of
 from auditor.model.checks.kinds import Check as Check
 from auditor.model.parameters import PAIR_DEPTH
 from auditor.model.rig import LIDAR, Rig
@@ -16,10 +16,10 @@ LIDAR_CHECKS = frozenset(one for one in Check if one.kind.of is Of.VIEW)
 _BY_VIEW = frozenset(one for one in Check if one.kind.of in (Of.VIEW, Of.OWN_SCANS))
 """Those that are measured in every view by itself: no view stands for the others."""
 
-DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (Counted.POINTS, Counted.SURFACES))
+DIRECTION_CHECKS = frozenset(one for one in Check if one.kind.counted in (CellUnit.POINTS, CellUnit.SURFACES))
 """The checks of the LiDAR by pairs of cameras, or of a camera and its own past, counted by its directions."""
 
-IMAGE_CHECKS = tuple(one for one in Check if one.kind.counted in (Counted.PIXELS, Counted.LIGHT))
+IMAGE_CHECKS = tuple(one for one in Check if one.kind.counted in (CellUnit.PIXELS, CellUnit.LIGHT))
 """All checks that are counted in the images of camera pairs."""
 
 CAMERA_CHECKS = tuple(one for one in IMAGE_CHECKS if not one.kind.of_colours)
@@ -28,10 +28,10 @@ CAMERA_CHECKS = tuple(one for one in IMAGE_CHECKS if not one.kind.of_colours)
 ADDED_LATER = tuple(Check)[tuple(Check).index(Check.COLOURED_LIGHT) :]
 """Those at the end of every list of sensor checks, in their order: measurements of earlier versions lack the last."""
 
-SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.NOTHING)
+SHARE_CHECKS = frozenset(one for one in Check if one.kind.counted is CellUnit.NOTHING)
 """Those that are not counted on grids: what is measured is the statistic itself, of a camera by each other one."""
 
-SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is Counted.LIGHT and one is one.counted_as)
+SIGNED_CHECKS = frozenset(one for one in Check if one.kind.counted is CellUnit.LIGHT and one is one.counted_as)
 """Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
 OF_ALIKE = frozenset({Of.CAMERAS, Of.OTHER_SCANS})

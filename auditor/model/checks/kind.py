@@ -28,7 +28,7 @@ class Of(Enum):
         return self.value[1]
 
 
-class Counted(Enum):
+class CellUnit(Enum):
     """What is measured of a pair: counts in cells of its grids, or the statistic itself."""
 
     POINTS = "LiDAR points by its directions"
@@ -75,7 +75,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Kind:
+class CheckKind:
     """A check as it is declared.
 
     `priors` are those of one other sensor, of two, and of more; of any number where there is one. `where` is the module
@@ -90,7 +90,7 @@ class Kind:
     of: Of
     words: Words
     priors: tuple[PriorOf, ...]
-    counted: Counted = Counted.NOTHING
+    counted: CellUnit = CellUnit.NOTHING
     vote: Vote = Vote.NONE
     where: str = ""
     of_colours: bool = False

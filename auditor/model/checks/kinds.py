@@ -7,7 +7,7 @@ prior, how its voters decide together, its rows in documents, and what queries a
 
 from enum import StrEnum
 
-from auditor.model.checks.kind import Counted, Kind, Of, PriorOf, Vote, Words
+from auditor.model.checks.kind import CellUnit, CheckKind, Of, PriorOf, Vote, Words
 
 _PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
 _LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
@@ -28,7 +28,7 @@ class Check(StrEnum):
 
     LIDAR_CONFLICT = (
         "lidar_conflict",
-        Kind(
+        CheckKind(
             Of.PAIRS,
             Words(
                 "LiDAR conflict",
@@ -38,14 +38,14 @@ class Check(StrEnum):
                 evidence_by_two="S_{i} and S_{k} both disagree with the LiDAR",
             ),
             (PriorOf("conflict", (-1.4, 0.45, 0.29, 1.0), _PRIOR),),
-            Counted.POINTS,
+            CellUnit.POINTS,
             Vote.MEAN,
             common=True,
         ),
     )
     ADDED_LIGHT = (
         "added_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "added light",
@@ -60,7 +60,7 @@ class Check(StrEnum):
                 PriorOf("light_of_two", (-2.2, 0.33, 0.33, 1.3), _REAL),
                 PriorOf("light", (-2.92, 0.3, 0.29, 1.9), _LIGHT),
             ),
-            Counted.LIGHT,
+            CellUnit.LIGHT,
             Vote.LIGHT,
             where="light",
             of_light=True,
@@ -69,7 +69,7 @@ class Check(StrEnum):
     )
     REMOVED_LIGHT = (
         "removed_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "removed light",
@@ -84,7 +84,7 @@ class Check(StrEnum):
                 PriorOf("darkness_of_two", (-2.75, 0.33, 0.35, 2.0), _PRIOR),
                 PriorOf("darkness", (-3.15, 0.26, 0.24, 2.0), _LIGHT),
             ),
-            Counted.LIGHT,
+            CellUnit.LIGHT,
             Vote.SMALLEST,
             where="light",
             of_light=True,
@@ -95,7 +95,7 @@ class Check(StrEnum):
     )
     PHOTOMETRIC_INCONSISTENCY = (
         "photometric_inconsistency",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "photometric inconsistency",
@@ -110,7 +110,7 @@ class Check(StrEnum):
                 PriorOf("inconsistency_of_two", (-3.3, 0.46, 0.31, 1.7), _TAILS),
                 PriorOf("inconsistency", (-3.3, 0.52, 0.3, 1.95), _TAILS),
             ),
-            Counted.PIXELS,
+            CellUnit.PIXELS,
             Vote.SMALLEST,
             where="photometric_consistency",
             common=True,
@@ -118,7 +118,7 @@ class Check(StrEnum):
     )
     POINT_DROPOUT = (
         "point_dropout",
-        Kind(
+        CheckKind(
             Of.VIEW,
             Words(
                 "point dropout",
@@ -134,7 +134,7 @@ class Check(StrEnum):
     )
     ISOLATED_POINTS = (
         "isolated_points",
-        Kind(
+        CheckKind(
             Of.VIEW,
             Words(
                 "isolated points",
@@ -150,7 +150,7 @@ class Check(StrEnum):
     )
     COLOURED_LIGHT = (
         "coloured_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "coloured light",
@@ -159,7 +159,7 @@ class Check(StrEnum):
                 "S_{i} sees light of one colour that others do not",
             ),
             (PriorOf("coloured_light", (-3.1, 0.36, 0.25, 1.9), _TAILS),),
-            Counted.LIGHT,
+            CellUnit.LIGHT,
             Vote.MEAN,
             of_colours=True,
             of_light=True,
@@ -167,7 +167,7 @@ class Check(StrEnum):
     )
     LOST_RETURNS = (
         "lost_returns",
-        Kind(
+        CheckKind(
             Of.SEVERAL_PAIRS,
             Words(
                 "lost returns",
@@ -175,13 +175,13 @@ class Check(StrEnum):
                 "has no return from what the cameras see",
             ),
             (PriorOf("lost_returns", (-3.78, 0.56, 0.1, 1.4), _LOST),),
-            Counted.SURFACES,
+            CellUnit.SURFACES,
             Vote.SMALLEST,
         ),
     )
     STRIPED_LIGHT = (
         "striped_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "striped light",
@@ -198,7 +198,7 @@ class Check(StrEnum):
     )
     FALSE_RANGES = (
         "false_ranges",
-        Kind(
+        CheckKind(
             Of.SEVERAL_PAIRS,
             Words(
                 "false ranges",
@@ -211,7 +211,7 @@ class Check(StrEnum):
     )
     ROUGH_RANGES = (
         "rough_ranges",
-        Kind(
+        CheckKind(
             Of.VIEW,
             Words(
                 "rough ranges",
@@ -226,7 +226,7 @@ class Check(StrEnum):
     )
     PARALLAX_CONFLICT = (
         "parallax_conflict",
-        Kind(
+        CheckKind(
             Of.LONE_CAMERA,
             Words(
                 "parallax conflict",
@@ -235,13 +235,13 @@ class Check(StrEnum):
                 "the camera and its own past disagree with the LiDAR",
             ),
             (PriorOf("parallax_conflict", (-3.6, 0.6, 0.2, 1.5), _IN_TIME),),
-            Counted.POINTS,
+            CellUnit.POINTS,
             Vote.MEAN,
         ),
     )
     STILL_LIGHT = (
         "still_light",
-        Kind(
+        CheckKind(
             Of.LIDAR,
             Words(
                 "still light",
@@ -255,7 +255,7 @@ class Check(StrEnum):
     )
     FREE_SPACE_CONFLICT = (
         "free_space_conflict",
-        Kind(
+        CheckKind(
             Of.OWN_SCANS,
             Words(
                 "free-space conflict",
@@ -267,7 +267,7 @@ class Check(StrEnum):
     )
     SCATTERED_RANGES = (
         "scattered_ranges",
-        Kind(
+        CheckKind(
             Of.SEVERAL_PAIRS,
             Words(
                 "scattered ranges",
@@ -282,7 +282,7 @@ class Check(StrEnum):
     )
     SCATTERED_RETURNS = (
         "scattered_returns",
-        Kind(
+        CheckKind(
             Of.OWN_SCANS,
             Words(
                 "scattered returns",
@@ -296,7 +296,7 @@ class Check(StrEnum):
 
     CONTESTED_RETURNS = (
         "contested_returns",
-        Kind(
+        CheckKind(
             Of.OTHER_SCANS,
             Words(
                 "contested returns",
@@ -312,7 +312,7 @@ class Check(StrEnum):
     )
     VEILING_LIGHT = (
         "veiling_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "veiling light",
@@ -329,7 +329,7 @@ class Check(StrEnum):
     )
     UNMATCHED_LIGHT = (
         "unmatched_light",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words(
                 "unmatched light",
@@ -348,7 +348,7 @@ class Check(StrEnum):
     )
     SURROUNDING_CONFLICT = (
         "surrounding_conflict",
-        Kind(
+        CheckKind(
             Of.SURROUNDINGS,
             Words(
                 "surrounding conflict",
@@ -361,9 +361,9 @@ class Check(StrEnum):
     )
 
     _value_: str
-    kind: Kind
+    kind: CheckKind
 
-    def __new__(cls, name: str, *declared: Kind) -> "Check":
+    def __new__(cls, name: str, *declared: CheckKind) -> "Check":
         """A check of a name, as it is declared."""
         made = str.__new__(cls, name)
         made._value_, [made.kind] = name, declared

@@ -38,7 +38,7 @@ _LOOKED_PX = 32
 
 
 @dataclass(frozen=True, eq=False)
-class CommonView:
+class IdealView:
     """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
     They are rectified if they stand on one line. `view_SO3_rig` (3, 3) rotates the recorded rig's frame to its frame.
@@ -55,7 +55,7 @@ class CommonView:
     scale: float
 
 
-SharedView = tuple[CommonView, tuple[Camera, ...]]
+SharedView = tuple[IdealView, tuple[Camera, ...]]
 """A view, and the cameras of a rig that are compared in it."""
 
 
@@ -72,7 +72,7 @@ def view_scale(rig: Rig) -> float:
 
 
 @cache
-def measured_view(rig: Rig) -> CommonView | None:
+def measured_view(rig: Rig) -> IdealView | None:
     """The view in which a rig is measured; None where that is of the pictures as they are recorded.
 
     Raises RigError where its cameras have none in common.
@@ -83,13 +83,13 @@ def measured_view(rig: Rig) -> CommonView | None:
     return None if scale == 1 else _enlarged(rig, scale)
 
 
-def _enlarged(rig: Rig, scale: float) -> CommonView:
+def _enlarged(rig: Rig, scale: float) -> IdealView:
     """The view of a rectified rig whose pictures are enlarged."""
     ideal = resized(rig, scale)
     first = ideal.cameras[0]
     K = first.intrinsics
     x, y = (np.arange(first.width_px) - K[0, 2]) / K[0, 0], (np.arange(first.height_px) - K[1, 2]) / K[1, 1]
-    return CommonView(ideal, np.eye(3), K[0, 0], x, y, first.width_px * first.height_px, scale)
+    return IdealView(ideal, np.eye(3), K[0, 0], x, y, first.width_px * first.height_px, scale)
 
 
 def resized(rig: Rig, scale: float) -> Rig:
@@ -105,7 +105,7 @@ def _resized(camera: Camera, scale: float) -> Camera:
     return replace(camera, width_px=width, height_px=height, projection=pixels @ camera.projection)
 
 
-def common_view(rig: Rig, *, widest: bool = False, cell_px: int = CELL_PX) -> CommonView:
+def common_view(rig: Rig, *, widest: bool = False, cell_px: int = CELL_PX) -> IdealView:
     """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
 
     Rays `cell_px` apart are tried. Raises RigError where they have none in common.
@@ -130,7 +130,7 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = CELL_PX) -> Co
     if lidar is not None:
         rotated = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
         lidar = replace(lidar, rig_SE3_lidar=rotated)
-    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px, scale)
+    return IdealView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px, scale)
 
 
 @cache

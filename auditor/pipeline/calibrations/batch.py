@@ -26,7 +26,7 @@ from auditor.pipeline.judge import (
     prior_for,
     rigs_in_turn,
 )
-from auditor.pipeline.judged import Judged, JudgeSettings, judge_all
+from auditor.pipeline.judged import JudgeResult, JudgeSettings, judge_all
 from auditor.pipeline.measured import FEW
 from auditor.pipeline.reading import frames_not_audited
 from auditor.pipeline.remarks import conflicts_of
@@ -58,7 +58,7 @@ _EARLIER = "earlier recordings of its rig kind were judged by the prior alone: a
 
 def judge_batch(
     store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int | None = 1
-) -> Iterator[Judged]:
+) -> Iterator[JudgeResult]:
     """Judge measurements of a store, in the order given; those that no calibration fits judge each other if enough.
 
     A named calibration, the paper's method and `strict` leave each measurement judged on its own. `jobs` are processes
@@ -164,7 +164,7 @@ def _judge_by_each_other(
     settings: JudgeSettings,
     kinds: Sequence[Sequence[str]],
     jobs: int | None,
-) -> Iterator[Judged]:
+) -> Iterator[JudgeResult]:
     """Judge all by what is learnt or the prior, then those of some kinds by each other until none more is found."""
     with logged(store.folder):
         distinct = list(dict.fromkeys(measurements))
@@ -275,7 +275,7 @@ class _Part:
 
 def judge_side_by_side(
     store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int | None = None
-) -> Iterator[Judged]:
+) -> Iterator[JudgeResult]:
     """As `judge_all`, in so many processes at a time; None stands for as many as there are cores.
 
     Few measurements are judged in this process. Raises, too, what a process could not even begin with.
@@ -286,7 +286,7 @@ def judge_side_by_side(
     return _judged(store, measurements, settings, jobs)
 
 
-def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int) -> Iterator[Judged]:
+def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, jobs: int) -> Iterator[JudgeResult]:
     with logged(store.folder):
         named = None
         if settings.calibration is not None:
@@ -298,7 +298,7 @@ def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, 
         yield from (found[one] for one in measurements)
 
 
-def _judge_part(part: _Part, _: Progress) -> list[Judged]:
+def _judge_part(part: _Part, _: Progress) -> list[JudgeResult]:
     store = Store.open(part.folder)
     named = store.calibration(part.calibration_id) if part.calibration_id is not None else None
     return list(judge_all(store, part.measurements, replace(part.settings, calibration=named)))

@@ -35,7 +35,7 @@ from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.clean_frames import clean_frames_of
 from auditor.pipeline.judge import refuse_earlier_counting, refuse_withheld, system_of
 from auditor.pipeline.workers import Progress, in_order
-from auditor.store.calibrations import Content, content_of, make_calibration
+from auditor.store.calibrations import RecordingContent, content_of, make_calibration
 from auditor.store.store import Store
 
 MOST_GIVEN_BACK = 25_000
@@ -58,7 +58,7 @@ class JudgedByOthers:
 
 
 @dataclass(frozen=True)
-class Asked:
+class SummaryRequest:
     """What is asked of each recording: of fault scores and of E so many of the largest are kept, over all recordings.
 
     `frames` are the numbers of the frames that count, all where it is None.
@@ -77,7 +77,7 @@ class _Part:
     """Some measurements, each with the folder of its store; with what they are judged by, where they are."""
 
     measurements: tuple[tuple[Path, str], ...]
-    asked: Asked
+    asked: SummaryRequest
     by_others: tuple[ByOthers, ...] = ()
 
     def __str__(self) -> str:
@@ -98,8 +98,8 @@ class _Part:
 class _Sums:
     """What the id and all thresholds of a calibration need of some recordings."""
 
-    def __init__(self, asked: Asked) -> None:
-        self.contents: list[Content] = []
+    def __init__(self, asked: SummaryRequest) -> None:
+        self.contents: list[RecordingContent] = []
         self.samples = Counter[tuple[Statistic, Triple]]()
         self.drives = DriveSums(asked.system.sensor_checks, asked.most_scores, asked.system.fitted_on)
         self.errors = CleanErrors(Statistic.GATED, asked.most_errors)
@@ -128,7 +128,7 @@ class MadeCalibration:
 
     calibration: Calibration
     clean: CleanMeasurements
-    asked: Asked
+    asked: SummaryRequest
     samples: Mapping[tuple[Statistic, Triple], int]
     drives: CleanDrives
     errors: CleanErrors
@@ -276,14 +276,16 @@ def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
             raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
 
 
-def _asked_of(measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool) -> Asked:
+def _asked_of(
+    measurements: Sequence[tuple[Store, str]], r: Decimal, frames: range | None, *, recount: bool
+) -> SummaryRequest:
     stored = [store.measurement(known) for store, known in measurements]
     groups = groups_of(one.recording_id for one in stored)
     of_groups, of_recordings = Counter[str | int](), Counter[str]()
     for one in stored:
         of_groups[groups[one.recording_id]] += one.frames
         of_recordings[one.recording_id] += one.frames
-    return Asked(
+    return SummaryRequest(
         system_of(measurements[0][0].rig(stored[0].rig_id), fitted_on(stored[0].procedure)),
         r,
         largest_asked_for(of_groups),

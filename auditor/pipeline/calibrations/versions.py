@@ -23,16 +23,23 @@ from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.calibrations.clean import CleanMeasurements
 from auditor.pipeline.calibrations.making import MadeCalibration
 from auditor.pipeline.clean_frames import clean_frames_of
-from auditor.pipeline.judged import Judge, Judged, JudgeSettings
+from auditor.pipeline.judged import Judge, JudgeResult, JudgeSettings
 from auditor.store.calibrations import make_calibration, writing_calibration
 from auditor.store.log.runs import logged
 from auditor.store.records import RecordingRecord, StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
-from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
+from auditor.store.versions.history import (
+    EntryIntoForce,
+    History,
+    histories,
+    history_of,
+    put_first_in_force,
+    put_in_force,
+)
 from auditor.store.versions.records import (
     CalibrationVersion,
-    Outcome,
     UsedRecording,
+    VersionOutcome,
     read_version,
     write_version,
 )
@@ -42,7 +49,7 @@ GIVEN = "given as clean"
 
 
 @dataclass(frozen=True)
-class Kept:
+class CalibrationEntry:
     """A calibration that a store keeps, how it was made, and whether it is in force.
 
     `left_out` is each of its clean recordings judged by the others, `left_out_by_paper` the same by the paper's method.
@@ -71,7 +78,7 @@ def extent_of(calibration: Calibration) -> Extent:
     return Extent(sum(one.frames for one in calibration.clean), clean_hours(calibration), _resolves(samples))
 
 
-def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "calibrate") -> Kept:
+def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "calibrate") -> CalibrationEntry:
     """Keep a calibration that a person made, and put it in force where none is for its rig kind. Raises StoreError."""
     calibration, judged = made.calibration, list[tuple[LeftOut, LeftOut]]()
     seen, used = _looked_at(made.clean), list[UsedRecording]()
@@ -95,13 +102,13 @@ def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "cali
         made.asked.r,
         made_by=made_by,
         parent=None if first else before,
-        outcome=Outcome.PROMOTED if first else Outcome.CANDIDATE,
+        outcome=VersionOutcome.PROMOTED if first else VersionOutcome.CANDIDATE,
         frames=made.asked.frames,
         recounted=made.asked.recount,
     )
     if read_version(store, calibration.calibration_id) is None:
         write_version(store, version)
-    return Kept(
+    return CalibrationEntry(
         version, robust, paper if len(calibration.recordings) > 1 else (), put_first_in_force(store, calibration)
     )
 
@@ -159,7 +166,7 @@ def version_of(
     *,
     made_by: str,
     parent: str | None,
-    outcome: Outcome,
+    outcome: VersionOutcome,
     reasons: Sequence[str] = (),
     provisional: bool = False,
     frames: range | None = None,
@@ -200,7 +207,7 @@ def version_of(
 def promote(store: Store, calibration: Calibration, reason: str = "") -> History:
     """Put a calibration in force because a person says so; returns the history of before. Raises StoreError."""
     before = history_of(histories(store), calibration)
-    put_in_force(store, calibration, How.PROMOTED, reason)
+    put_in_force(store, calibration, EntryIntoForce.PROMOTED, reason)
     return before
 
 
@@ -218,7 +225,7 @@ def history_called(store: Store, name: str | None) -> History:
     raise SettingError(what, where=name or "calibration", remedy=f"name one that is in force: {ids or 'there is none'}")
 
 
-def roll_back(store: Store, history: History, reason: str = "") -> tuple[Calibration, list[Judged]]:
+def roll_back(store: Store, history: History, reason: str = "") -> tuple[Calibration, list[JudgeResult]]:
     """Return to the version of before, and judge again, by the same criteria, what the withdrawn one had judged.
 
     Judgements that were reached by the version of before come back byte for byte: they follow from what was measured.
@@ -231,12 +238,12 @@ def roll_back(store: Store, history: History, reason: str = "") -> tuple[Calibra
             remedy="promote another: auditor calibration list shows them",
         )
     withdrawn, restored = history.in_force, store.calibration(history.previous)
-    put_in_force(store, restored, How.ROLLED_BACK, reason, after=withdrawn)
+    put_in_force(store, restored, EntryIntoForce.ROLLED_BACK, reason, after=withdrawn)
     again = [one for one in store.current_judgements().values() if one.calibration_id == withdrawn]
     return restored, [_again(store, one) for one in again]
 
 
-def _again(store: Store, judgement: StoredJudgement) -> Judged:
+def _again(store: Store, judgement: StoredJudgement) -> JudgeResult:
     criteria = Criteria(
         judgement.r,
         Method(judgement.method),

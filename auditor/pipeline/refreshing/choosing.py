@@ -6,14 +6,14 @@ from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
-from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
+from auditor.identification.refreshing.drives import Drive, DriveScores, DriveSource, shown_by, shown_by_others
 from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.pipeline.calibrations.versions import GIVEN, taken
-from auditor.pipeline.refreshing.pool import Group, Log
-from auditor.store.versions.decisions import Quarantined
+from auditor.pipeline.refreshing.pool import Log, LogGroup
+from auditor.store.versions.decisions import QuarantineEntry
 from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"
@@ -27,7 +27,7 @@ _NOT_NAMED = "the first version is made of what was named clean"
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class RigKindState:
     """What is known of a rig kind before a refresh.
 
     `parent` is the version in force, `before` what it was made of, `confirmed` the version that a person confirmed
@@ -40,7 +40,7 @@ class Known:
     before: tuple[UsedRecording, ...] = ()
     withdrawn: frozenset[str] = frozenset()
     lost: tuple[str, ...] = ()
-    waiting: Mapping[str, Quarantined] = field(default_factory=dict)
+    waiting: Mapping[str, QuarantineEntry] = field(default_factory=dict)
 
     @property
     def clean(self) -> Sequence[CleanFrames]:
@@ -59,7 +59,7 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class LearntRecording:
     """A recording that is learnt from, its frames, and what it shows when others judge it.
 
     `at_first` is what it showed by the version in force; None where it was not judged by that.
@@ -67,8 +67,8 @@ class Chosen:
 
     used: UsedRecording
     drive: Drive
-    shown: Shown | None = None
-    at_first: Shown | None = None
+    shown: DriveScores | None = None
+    at_first: DriveScores | None = None
 
     @property
     def named(self) -> bool:
@@ -102,13 +102,13 @@ class Choice:
     `raised` of the `judged` logs that are new did not seem clean.
     """
 
-    chosen: tuple[Chosen, ...]
+    chosen: tuple[LearntRecording, ...]
     out: tuple[UsedRecording, ...]
     judged: int
     raised: int
 
     @property
-    def judged_twice(self) -> tuple[list[Shown], list[Shown]]:
+    def judged_twice(self) -> tuple[list[DriveScores], list[DriveScores]]:
         """What the new logs that are learnt from show by the version in force, and by the others."""
         both = [(one.at_first, one.shown) for one in self.chosen if one.at_first is not None and one.shown is not None]
         return [before for before, _ in both], [after for _, after in both]
@@ -152,14 +152,14 @@ class Choice:
         )
 
 
-def with_shown(used: UsedRecording, shown: Shown | None) -> UsedRecording:
+def with_shown(used: UsedRecording, shown: DriveScores | None) -> UsedRecording:
     """The recording with what it shows; as it is where it was not judged."""
     if shown is None:
         return used
     return replace(used, findings_by_others=shown.findings, incidents_by_others=shown.incidents)
 
 
-def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
+def choose(group: LogGroup, known: RigKindState, system: System, r: Decimal) -> Choice:
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
     named, others, barred = _eligible(group, known)
     others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, known)])
@@ -193,13 +193,13 @@ def _within_limits(logs: Sequence[Log], waiting: Sequence[Log]) -> tuple[list[Lo
     return [log for place, log in enumerate(left) if place not in same_road], out
 
 
-def _waits(log: Log, known: Known) -> bool:
+def _waits(log: Log, known: RigKindState) -> bool:
     """Whether a log was raised before, and nobody has looked at it since."""
     waiting = known.waiting.get(log.used.recording_id)
     return waiting is not None and waiting.judged and not log.named
 
 
-def _eligible(group: Group, known: Known) -> tuple[list[Log], list[Log], list[UsedRecording]]:
+def _eligible(group: LogGroup, known: RigKindState) -> tuple[list[Log], list[Log], list[UsedRecording]]:
     """The logs that a person named, others that may be learnt from, and those that may not."""
     vouched = {one.recording_id for one in known.before if one.reason in _BY_PERSON}
     named_only = known.parent is None and any(log.named and not log.barred for log in group.logs)
@@ -248,25 +248,27 @@ def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
         choice = choice.without(reasons)
 
 
-def _gone(known: Known, group: Group) -> list[Chosen]:
+def _gone(known: RigKindState, group: LogGroup) -> list[LearntRecording]:
     """The recordings of the version in force that no store has any more: their frames are in its calibration."""
     there = {log.used.recording_id for log in group.logs}
     used = {one.recording_id: one for one in known.before}
     return [
-        Chosen(used[one.recording_id], Drive(Source(one.recording_id, *used[one.recording_id].origin), one))
+        LearntRecording(
+            used[one.recording_id], Drive(DriveSource(one.recording_id, *used[one.recording_id].origin), one)
+        )
         for one in known.clean
         if one.recording_id not in there and one.recording_id in used
     ]
 
 
-def _chosen(log: Log, known: Known, reason: str) -> Chosen:
+def _chosen(log: Log, known: RigKindState, reason: str) -> LearntRecording:
     drive = Drive(log.source, _kept_frames(log, known) or log.frames())
     hour = log.circumstances().time_of_day
     used = replace(taken(log.used, drive.clean), reason=reason, time_of_day=hour.value if hour else None)
-    return Chosen(used, drive)
+    return LearntRecording(used, drive)
 
 
-def _kept_frames(log: Log, known: Known) -> CleanFrames | None:
+def _kept_frames(log: Log, known: RigKindState) -> CleanFrames | None:
     """The frames of a log that the version in force keeps; None where it has none, or those of several rigs."""
     of_log = [one for one in known.clean if one.recording_id == log.used.recording_id]
     return of_log[0] if len(of_log) == 1 else None

@@ -8,7 +8,7 @@ from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.parameters import fitted_on, has_prior
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
-from auditor.identification.refreshing.drives import Shown
+from auditor.identification.refreshing.drives import DriveScores
 from auditor.identification.refreshing.gate import (
     Step,
     compared,
@@ -24,11 +24,11 @@ from auditor.identification.systems import System
 from auditor.identification.transfer import closeness
 from auditor.model.calibration import Calibration
 from auditor.pipeline.judge import system_of
-from auditor.pipeline.refreshing.choosing import Choice, Chosen, Known, choose, considered
-from auditor.pipeline.refreshing.pool import Group
+from auditor.pipeline.refreshing.choosing import Choice, LearntRecording, RigKindState, choose, considered
+from auditor.pipeline.refreshing.pool import LogGroup
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration
 from auditor.store.store import Store
-from auditor.store.versions.decisions import Decided, Decision, Interval, Rise, read_quarantine
+from auditor.store.versions.decisions import Decision, Interval, RefreshOutcome, Rise, read_quarantine
 from auditor.store.versions.history import History, histories
 from auditor.store.versions.records import UsedRecording, lost_line, lost_versions, read_version
 
@@ -41,11 +41,11 @@ class Learnt:
     calibration: Calibration | None = None
 
 
-def known_of(store: Store, group: Group) -> Known:
+def known_of(store: Store, group: LogGroup) -> RigKindState:
     """What a store knows of a rig kind. Raises StoreError, and ThresholdsError where its version cannot be read."""
     history = group.history
     parent = store.calibration(history.in_force) if history.in_force is not None else None
-    return Known(
+    return RigKindState(
         parent,
         _confirmed(store, group, parent),
         _used_before(store, parent),
@@ -55,7 +55,7 @@ def known_of(store: Store, group: Group) -> Known:
     )
 
 
-def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decimal) -> Learnt:
+def learn(group: LogGroup, known: RigKindState, in_force: Sequence[Calibration], r: Decimal) -> Learnt:
     """Choose logs of a rig kind, fit, compare with the version in force, and decide. Raises StoreError.
 
     `in_force` are the calibrations in force for all rig kinds.
@@ -65,11 +65,11 @@ def learn(group: Group, known: Known, in_force: Sequence[Calibration], r: Decima
     choice = choose(group, known, system, r)
     waiting = _too_few(choice, group, parent)
     if waiting:
-        return Learnt(_decision(group, known, choice, Decided.WAITING, [waiting]))
+        return Learnt(_decision(group, known, choice, RefreshOutcome.WAITING, [waiting]))
     calibration = make_calibration(history.rig_kind, history.procedure, [one.drive.clean for one in choice.chosen])
     if parent is not None and calibration.calibration_id == parent.calibration_id:
         refused = list(_too_many_raised(choice)) if choice.judged else []
-        decided = Decided.REFUSED if refused else Decided.NOTHING_NEW
+        decided = RefreshOutcome.REFUSED if refused else RefreshOutcome.NOTHING_NEW
         return Learnt(_decision(group, known, choice, decided, [*refused, *_raised_line(choice)]))
     return Learnt(_decide(group, known, calibration, choice, system, r, in_force), calibration)
 
@@ -82,7 +82,7 @@ def _lost(store: Store, history: History) -> Iterator[str]:
                 yield lost_line(one)
 
 
-def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
+def _too_few(choice: Choice, group: LogGroup, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
     procedure = group.history.procedure
     if parent is None and not choice.some_named and not has_prior(procedure):
@@ -97,8 +97,8 @@ def _too_few(choice: Choice, group: Group, parent: Calibration | None) -> str:
 
 
 def _decide(
-    group: Group,
-    known: Known,
+    group: LogGroup,
+    known: RigKindState,
     calibration: Calibration,
     choice: Choice,
     system: System,
@@ -121,13 +121,13 @@ def _decide(
         *doubtful(rates, r),
         *_for_a_person(group, known, calibration, choice, in_force),
     ]
-    decided = Decided.REFUSED if refused else Decided.HELD if held else Decided.PROMOTED
+    decided = RefreshOutcome.REFUSED if refused else RefreshOutcome.HELD if held else RefreshOutcome.PROMOTED
     reasons = [*refused, *held, *_raised_line(choice), *_few_line(group, choice, shown)]
     first = known.parent is None
     return replace(
         _decision(group, known, choice, decided, reasons),
         calibration_id=calibration.calibration_id,
-        in_force=calibration.calibration_id if decided is Decided.PROMOTED else group.history.in_force,
+        in_force=calibration.calibration_id if decided is RefreshOutcome.PROMOTED else group.history.in_force,
         by_others=Interval(*false_alarms(shown)) if shown else None,
         new_by_others=Interval(*false_alarms(again)) if at_first else None,
         new_before=Interval(*false_alarms(at_first)) if at_first else None,
@@ -145,7 +145,7 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
     return {"vehicle": used.vehicle, "weather": used.weather, "time of day": used.time_of_day}
 
 
-def _raised_named(choice: Choice, known: Known, r: Decimal) -> Iterator[str]:
+def _raised_named(choice: Choice, known: RigKindState, r: Decimal) -> Iterator[str]:
     """The recordings that are named clean now; those in force already make nothing worse, and are listed alone."""
     in_force = known.in_force
     for one in choice.chosen:
@@ -166,8 +166,8 @@ def _too_many_raised(choice: Choice) -> Iterator[str]:
 
 
 def _for_a_person(
-    group: Group,
-    known: Known,
+    group: LogGroup,
+    known: RigKindState,
     calibration: Calibration,
     choice: Choice,
     in_force: Sequence[Calibration],
@@ -188,7 +188,7 @@ def _raised_line(choice: Choice) -> list[str]:
     return [f"{choice.raised} raised or unlike the others, and left out"] if choice.raised else []
 
 
-def _few_line(group: Group, choice: Choice, shown: Sequence[Shown]) -> list[str]:
+def _few_line(group: LogGroup, choice: Choice, shown: Sequence[DriveScores]) -> list[str]:
     """That a version is provisional since it is of too few recordings, and how little is known of its false alarms."""
     if group.history.vouched or not choice.too_few:
         return []
@@ -199,7 +199,7 @@ def _few_line(group: Group, choice: Choice, shown: Sequence[Shown]) -> list[str]
     ]
 
 
-def _confirmed(store: Store, group: Group, parent: Calibration | None) -> Calibration | None:
+def _confirmed(store: Store, group: LogGroup, parent: Calibration | None) -> Calibration | None:
     confirmed = group.history.confirmed
     try:
         return parent if parent is None or confirmed is None else store.calibration(confirmed)
@@ -207,7 +207,7 @@ def _confirmed(store: Store, group: Group, parent: Calibration | None) -> Calibr
         return parent
 
 
-def _new_in_withdrawn(store: Store, group: Group) -> set[str]:
+def _new_in_withdrawn(store: Store, group: LogGroup) -> set[str]:
     """The recordings of versions that were rolled back, but for those that are in force."""
     known = store.calibration_recordings() if group.history.withdrawn else {}
     gone = {recording for one in group.history.withdrawn for recording in known.get(one, ())}
@@ -220,7 +220,9 @@ def _used_before(store: Store, parent: Calibration | None) -> tuple[UsedRecordin
     return version.included if version is not None else ()
 
 
-def _decision(group: Group, known: Known, choice: Choice, decided: Decided, reasons: Sequence[str]) -> Decision:
+def _decision(
+    group: LogGroup, known: RigKindState, choice: Choice, decided: RefreshOutcome, reasons: Sequence[str]
+) -> Decision:
     in_force = known.in_force
     doubted = {one.used.recording_id for one in choice.chosen if _doubted(one)}
     used = [replace(one, look_at=one.look_at or one.recording_id in doubted) for one in considered(choice)]
@@ -232,18 +234,18 @@ def _decision(group: Group, known: Known, choice: Choice, decided: Decided, reas
         calibration_id=None,
         before=group.history.in_force,
         in_force=group.history.in_force,
-        provisional=decided is not Decided.WAITING and _is_provisional(group, choice),
+        provisional=decided is not RefreshOutcome.WAITING and _is_provisional(group, choice),
         recordings=tuple(used),
         new=sum(one.used.recording_id not in in_force for one in choice.chosen),
     )
 
 
-def _is_provisional(group: Group, choice: Choice) -> bool:
+def _is_provisional(group: LogGroup, choice: Choice) -> bool:
     """Whether a person should confirm a version: none has so far, and its recordings do not speak for themselves."""
     return not group.history.vouched and (choice.too_few or not choice.some_named)
 
 
-def _doubted(one: Chosen) -> bool:
+def _doubted(one: LearntRecording) -> bool:
     """Whether others find an incident in what a person named clean."""
     return one.doubtful and one.shown is not None and bool(one.shown.strong)
 

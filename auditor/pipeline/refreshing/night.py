@@ -20,42 +20,44 @@ from auditor.recordings import Location, open_recording, survey
 from auditor.store.reviews import false_alarms
 from auditor.store.store import Store
 from auditor.store.versions.decisions import (
-    Decided,
     Decision,
     Failure,
-    Finding,
-    Planned,
-    Quarantined,
+    PlannedRecording,
+    QuarantineEntry,
+    RecordingToReview,
     Refresh,
+    RefreshOutcome,
     write_quarantine,
 )
-from auditor.store.versions.history import How, calibrations_in_force, put_in_force
-from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
+from auditor.store.versions.history import EntryIntoForce, calibrations_in_force, put_in_force
+from auditor.store.versions.records import CalibrationVersion, VersionOutcome, read_version, write_version
 
 
-def plan(recordings: Sequence[Path | Address], store: Store, rig_file: Path | None = None) -> Iterator[Planned]:
+def plan(
+    recordings: Sequence[Path | Address], store: Store, rig_file: Path | None = None
+) -> Iterator[PlannedRecording]:
     """The recordings at some places, each with its rig kinds, and whether the store has measured it."""
     found, spool = find_all(recordings), Spool()
     for error in found.errors:
-        yield Planned(str(error.where), (), measured=False, error=str(error))
+        yield PlannedRecording(str(error.where), (), measured=False, error=str(error))
     measured = {one.recording_id for one in store.measurements()}
     for location in found.recordings:
         try:
             with spool.copied(location) as copies:
                 yield from (_planned(one, measured, rig_file) for one in copies)
         except AuditorError as error:
-            yield Planned(str(location), (), measured=False, error=str(error))
+            yield PlannedRecording(str(location), (), measured=False, error=str(error))
     spool.close()
 
 
-def _planned(location: Location, measured: set[str], rig_file: Path | None) -> Planned:
+def _planned(location: Location, measured: set[str], rig_file: Path | None) -> PlannedRecording:
     try:
         with open_recording(location) as recording:
             rigs = rigs_through(recording, survey(recording), rig_file).rigs
             kinds = dict.fromkeys(str(one.rig.kind) for one in rigs)
-            return Planned(str(location), tuple(kinds), measured=recording.recording_id in measured)
+            return PlannedRecording(str(location), tuple(kinds), measured=recording.recording_id in measured)
     except AuditorError as error:
-        return Planned(str(location), (), measured=False, error=str(named_as_given(error, location)))
+        return PlannedRecording(str(location), (), measured=False, error=str(named_as_given(error, location)))
 
 
 def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tuple[JudgeSettings, list[str]]:
@@ -102,7 +104,7 @@ def refresh(
     return Refresh(store.folder, now, r, dry_run, tuple(measured), tuple(failures), tuple(decisions), found)
 
 
-def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[Finding]:
+def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[RecordingToReview]:
     """The new measurements that a person should look at, and those in whose incidents nobody has looked yet."""
     current, reviewed = store.current_judgements(), false_alarms(store)
     why = {one.measurement_id: one.reason for decision in decisions for one in decision.look_at}
@@ -112,9 +114,9 @@ def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collectio
             continue
         told = current[known].found if known in current else 0
         if known in why:
-            yield Finding(used.name, why[known])
+            yield RecordingToReview(used.name, why[known])
         elif told and known not in reviewed and not store.given_labels(used.recording_id):
-            yield Finding(used.name, f"{told} frames of it are in incidents or alerts")
+            yield RecordingToReview(used.name, f"{told} frames of it are in incidents or alerts")
 
 
 def _as_it_is(decision: Decision) -> Decision:
@@ -135,25 +137,25 @@ def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
         r,
         made_by="refresh",
         parent=decision.before,
-        outcome=Outcome(decision.decided.value),
+        outcome=VersionOutcome(decision.decided.value),
         reasons=decision.reasons,
         provisional=decision.provisional,
         conditions=decision.conditions,
     )
     if _says_more(read_version(store, calibration.calibration_id), version):
         write_version(store, version)
-    if decision.decided is Decided.PROMOTED:
-        put_in_force(store, calibration, How.REFRESHED, "; ".join(decision.reasons), after=decision.before)
+    if decision.decided is RefreshOutcome.PROMOTED:
+        put_in_force(store, calibration, EntryIntoForce.REFRESHED, "; ".join(decision.reasons), after=decision.before)
 
 
-def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: datetime) -> list[Quarantined]:
+def waiting_after(decision: Decision, before: Mapping[str, QuarantineEntry], now: datetime) -> list[QuarantineEntry]:
     """The recordings that wait for a person after a decision, by name; what waited before keeps its time, and where it
     was named clean since, its reason.
 
     One that was judged, and that no store has just now, waits on.
     """
     found = [
-        Quarantined(
+        QuarantineEntry(
             one.recording_id,
             one.measurement_id,
             one.name,
@@ -176,7 +178,7 @@ def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) ->
     """Whether a version is new, or another was decided of it; that one came into force is never forgotten."""
     if known is None:
         return True
-    if known.outcome is Outcome.PROMOTED is not version.outcome:
+    if known.outcome is VersionOutcome.PROMOTED is not version.outcome:
         return False
     return (known.outcome, known.reasons) != (version.outcome, version.reasons)
 

@@ -8,7 +8,7 @@ from functools import cache, partial
 from math import asin, cos, degrees, pi, radians, sin
 
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
-from auditor.identification.refreshing.drives import Source
+from auditor.identification.refreshing.drives import DriveSource
 from auditor.identification.refreshing.influence import Cell
 from auditor.model.calibration import CleanFrames
 from auditor.model.measurement import Procedure
@@ -115,13 +115,13 @@ class Log:
     look_at: bool = False
 
     @property
-    def source(self) -> Source:
+    def source(self) -> DriveSource:
         """Where it comes from."""
-        return Source(self.used.recording_id, self.used.vehicle, self.used.day)
+        return DriveSource(self.used.recording_id, self.used.vehicle, self.used.day)
 
 
 @dataclass(frozen=True)
-class Group:
+class LogGroup:
     """The logs of one rig kind and procedure, with the history of its versions, and the rig of one of them."""
 
     history: History
@@ -129,14 +129,14 @@ class Group:
     logs: list[Log] = field(default_factory=list)
 
 
-def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Collection[str] = ()) -> list[Group]:
+def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Collection[str] = ()) -> list[LogGroup]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
     `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
     false alarms. Measurements of an earlier way of counting are left out. `no_sensors` are topics that a person
     declares to be neither cameras nor LiDARs.
     """
-    known, groups = histories(stores[0]), list[Group]()
+    known, groups = histories(stores[0]), list[LogGroup]()
     seen: set[str] = set()
     for store in stores:
         reviewed, judged = false_alarms(store), store.current_judgements()
@@ -160,12 +160,12 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
     return groups
 
 
-def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: Procedure) -> Group:
+def _group(groups: list[LogGroup], known: Sequence[History], rig: Rig, procedure: Procedure) -> LogGroup:
     """The group of a rig and procedure, which is added where there is none yet."""
     history = history_for([*known, *(one.history for one in groups)], rig.kind, procedure)
     found = next((one for one in groups if one.history is history), None)
     if found is None:
-        found = Group(history, rig)
+        found = LogGroup(history, rig)
         groups.append(found)
     return found
 

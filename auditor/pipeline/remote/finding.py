@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from auditor.errors import RecordingError, SettingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
-from auditor.recordings import Found, find_recordings
+from auditor.recordings import LocatedRecordings, find_recordings
 from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.recordings.opening import unknown_kind
@@ -26,14 +26,14 @@ _JOURNAL = re.compile(r"-(wal|journal|shm)$")
 KINDS = "an .mcap, .bag or .db3 object, a rosbag2 folder, or a folder or pattern of them"
 
 
-def find_all(given: Sequence[Path | Address]) -> Found:
+def find_all(given: Sequence[Path | Address]) -> LocatedRecordings:
     """The recordings at some paths, as `find_recordings`, and then those at addresses."""
     found = find_recordings([one for one in given if isinstance(one, Path)])
     remote = find_remote([one for one in given if isinstance(one, Address)])
-    return Found((*found.recordings, *remote.recordings), (*found.errors, *remote.errors), found.notes)
+    return LocatedRecordings((*found.recordings, *remote.recordings), (*found.errors, *remote.errors), found.notes)
 
 
-def find_remote(addresses: Sequence[Address]) -> Found:
+def find_remote(addresses: Sequence[Address]) -> LocatedRecordings:
     """Find the recordings at some addresses, in their order; of a folder or a pattern in order of keys.
 
     They are not copied yet. Parts of a drive, by their names, are copied together, and then put together as files on
@@ -48,7 +48,7 @@ def find_remote(addresses: Sequence[Address]) -> Found:
             errors.append(error)
             continue
         found.update((str(one), one) for one in here)
-    return Found(tuple(found.values()), tuple(errors))
+    return LocatedRecordings(tuple(found.values()), tuple(errors))
 
 
 def remote_of(record: RecordingRecord) -> Location:

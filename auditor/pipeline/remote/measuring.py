@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 from auditor.errors import AuditorError
 from auditor.model.settings import Engine, MeasureSettings
 from auditor.pipeline.measure import measure_recording
-from auditor.pipeline.measured import Measured, MeasureTask
+from auditor.pipeline.measured import MeasureResult, MeasureTask
 from auditor.pipeline.remote.addresses import Address
 from auditor.pipeline.remote.mirror import as_folder, place_of, synchronised
 from auditor.pipeline.remote.ray_cluster import Needs, connected
@@ -113,7 +113,7 @@ def measure_here(
     limits_of: LimitsOf,
     spool: Spool,
     on_progress: Callable[[object, str, int], None],
-) -> Iterator[Outcome[MeasureTask, Measured]]:
+) -> Iterator[Outcome[MeasureTask, MeasureResult]]:
     """Measure some recordings, each in a process of its own; those of object stores while the next ones are copied.
 
     Every error names its recording.
@@ -134,7 +134,7 @@ def measure_here(
 
 def measure_on_cluster(
     tasks: Sequence[MeasureTask], settings: MeasureSettings, limits_of: LimitsOf
-) -> Iterator[Outcome[MeasureTask, Measured]]:
+) -> Iterator[Outcome[MeasureTask, MeasureResult]]:
     """Measure some recordings on the machines of a cluster, which write into the one store themselves.
 
     Every error names its recording. Raises SettingError where there is no such cluster.
@@ -155,7 +155,7 @@ def _measure_there(
     command: Sequence[str],
     working: str,
     tasks: Sequence[MeasureTask],
-) -> list[Outcome[int, Measured]]:
+) -> list[Outcome[int, MeasureResult]]:
     """What a machine does with a group: it measures one recording after the other, each within its budgets."""
     with chdir(working) if Path(working).is_dir() else nullcontext(), as_folder(place) as folder, run(folder, command):
         here = [replace(one, store=folder, network=replace(one.network, threads=1)) for one in tasks]

@@ -25,7 +25,7 @@ from auditor.pipeline.remote.snapshots import (
     USED,
     File,
     Files,
-    Merged,
+    PlaceMerge,
     Snapshot,
     free_slot,
     merged,
@@ -183,7 +183,7 @@ class Mirror:
         half.chmod(_OWNERS)
         half.replace(into)
 
-    def _take(self, found: Merged, theirs: Files) -> None:
+    def _take(self, found: PlaceMerge, theirs: Files) -> None:
         """Put theirs in its place; of what both changed mine is kept aside for `_settle`."""
         going = self._slot / _GOING
         shutil.rmtree(going, ignore_errors=True)
@@ -205,7 +205,7 @@ class Mirror:
         self._base = dict(theirs)
         write_whole(self._slot / BASE, json.dumps(self._base).encode())
 
-    def _whole(self, mine: Files, found: Merged, theirs: Files) -> dict[str, File]:
+    def _whole(self, mine: Files, found: PlaceMerge, theirs: Files) -> dict[str, File]:
         """What the mirror holds once theirs is in its place."""
         whole = dict(mine)
         for place in (*found.taken, *found.both):
@@ -216,7 +216,7 @@ class Mirror:
                 whole[place] = file
         return whole
 
-    def _settle(self, found: Merged, base: Files, mine: Files, theirs: Files) -> bool:
+    def _settle(self, found: PlaceMerge, base: Files, mine: Files, theirs: Files) -> bool:
         """Let what both wrote stand beside one another; True where that wrote something."""
         own, others = (
             [place for place in files if place.startswith("recordings/") and place not in base]

@@ -93,7 +93,7 @@ def _place(address: Address) -> Address:
 
 
 @dataclass(frozen=True)
-class Merged:
+class PlaceMerge:
     """What becomes of places: those that are taken as `theirs` (None: removed), and those that both changed."""
 
     taken: Mapping[str, File | None]
@@ -101,7 +101,7 @@ class Merged:
     refused: str = ""
 
 
-def merged(base: Files, mine: Files, theirs: Files) -> Merged:
+def merged(base: Files, mine: Files, theirs: Files) -> PlaceMerge:
     """Put the changes of two writers together; `refused` says what of both cannot stand beside one another."""
     taken: dict[str, File | None] = {}
     both: list[str] = []
@@ -114,7 +114,7 @@ def merged(base: Files, mine: Files, theirs: Files) -> Merged:
             taken[place] = there
         elif there != before or made_once:
             both.append(place)
-    return Merged(taken, tuple(sorted(both)), _refused(base, mine, theirs, both))
+    return PlaceMerge(taken, tuple(sorted(both)), _refused(base, mine, theirs, both))
 
 
 def _refused(base: Files, mine: Files, theirs: Files, both: list[str]) -> str:

@@ -28,7 +28,7 @@ MAX_POINT_BYTES = 4096
 _AXES = "xyz"
 
 
-class Rows(NamedTuple):
+class PointRows(NamedTuple):
     """So many rows of so many points; `row_step` is the distance of two rows in bytes, `point_step` of two points."""
 
     height: int
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 class Layout(NamedTuple):
     """The rows of a cloud, the type of one of its points, and what of its header had to be put right."""
 
-    rows: Rows
+    rows: PointRows
     dtype: np.dtype[np.void]
     repairs: tuple[str, ...]
 
@@ -107,12 +107,12 @@ def _one_behind_the_other(cloud: Any, axes: Sequence[_Coordinate]) -> list[_Coor
     return [one._replace(offset=int(offsets[axis])) for axis, one in zip(_AXES, axes, strict=True)]
 
 
-def _rows(cloud: Any, extent: int) -> tuple[Rows, str]:  # noqa: ANN401
+def _rows(cloud: Any, extent: int) -> tuple[PointRows, str]:  # noqa: ANN401
     """The rows, and what of them had to be put right; `extent` bytes of a point hold the coordinates."""
     held, height, width, point_step = len(cloud.data), cloud.height, cloud.width, cloud.point_step
     # An unorganised cloud may leave the length of its only row empty.
     row_step = cloud.row_step if height > 1 else max(cloud.row_step, width * point_step)
-    declared = Rows(height, width, point_step, row_step)
+    declared = PointRows(height, width, point_step, row_step)
     fits = extent <= point_step <= MAX_POINT_BYTES
     if fits and row_step >= width * point_step and held == height * row_step and bool(held) == bool(width * height):
         return _accepted(declared), ""
@@ -128,7 +128,7 @@ def _rows(cloud: Any, extent: int) -> tuple[Rows, str]:  # noqa: ANN401
     return _accepted(rows), repair
 
 
-def _readings(declared: Rows, held: int, extent: int) -> Iterator[tuple[Rows, str]]:
+def _readings(declared: PointRows, held: int, extent: int) -> Iterator[tuple[PointRows, str]]:
     """What `held` bytes may be if one number of the header is wrong."""
     height, width, point_step, row_step = declared
     whole_rows = height > 0 and row_step > 0 and held == height * row_step
@@ -147,11 +147,11 @@ def _readings(declared: Rows, held: int, extent: int) -> Iterator[tuple[Rows, st
     if held and points and held % points == 0 and (whole_rows or derived):
         step = held // points
         if extent <= step <= MAX_POINT_BYTES and step != point_step:
-            rows = Rows(height, width, step, step * width)
+            rows = PointRows(height, width, step, step * width)
             yield rows, "its point_step does not fit the data: points of the size that fills them were taken"
 
 
-def _accepted(rows: Rows) -> Rows:
+def _accepted(rows: PointRows) -> PointRows:
     if rows.width * rows.height > MAX_POINTS:
         raise DecodingError(f"a cloud of {rows.width} x {rows.height} points is not accepted")
     return rows

@@ -32,7 +32,7 @@ MAX_PARTS = 100_000
 _TIMES = {"seconds": "sec", "nanos": "nsec"}
 
 
-class Kind(IntEnum):
+class FieldType(IntEnum):
     """Types of fields; the numbers are those of google.protobuf.FieldDescriptorProto.Type."""
 
     DOUBLE = 1
@@ -49,42 +49,42 @@ class Field(NamedTuple):
     """One field; `message` names the layout of a MESSAGE."""
 
     name: str
-    kind: Kind
+    kind: FieldType
     message: str = ""
     repeated: bool = False
 
 
-_STAMP = Field("timestamp", Kind.MESSAGE, TIMESTAMP)
-_FRAME_ID = Field("frame_id", Kind.STRING)
-_WIDTH = Field("width", Kind.FIXED32)
-_HEIGHT = Field("height", Kind.FIXED32)
-_DATA = Field("data", Kind.BYTES)
-_FORMAT = Field("format", Kind.STRING)
+_STAMP = Field("timestamp", FieldType.MESSAGE, TIMESTAMP)
+_FRAME_ID = Field("frame_id", FieldType.STRING)
+_WIDTH = Field("width", FieldType.FIXED32)
+_HEIGHT = Field("height", FieldType.FIXED32)
+_DATA = Field("data", FieldType.BYTES)
+_FORMAT = Field("format", FieldType.STRING)
 
 
 def _doubles(*names: str, first: int = 1, repeated: bool = False) -> dict[int, Field]:
-    return {number: Field(name, Kind.DOUBLE, repeated=repeated) for number, name in enumerate(names, first)}
+    return {number: Field(name, FieldType.DOUBLE, repeated=repeated) for number, name in enumerate(names, first)}
 
 
 LAYOUTS: dict[str, dict[int, Field]] = {
-    TIMESTAMP: {1: Field("seconds", Kind.INT64), 2: Field("nanos", Kind.INT32)},
+    TIMESTAMP: {1: Field("seconds", FieldType.INT64), 2: Field("nanos", FieldType.INT32)},
     "foxglove.Vector3": _doubles("x", "y", "z"),
     "foxglove.Quaternion": _doubles("x", "y", "z", "w"),
     "foxglove.Pose": {
-        1: Field("position", Kind.MESSAGE, "foxglove.Vector3"),
-        2: Field("orientation", Kind.MESSAGE, "foxglove.Quaternion"),
+        1: Field("position", FieldType.MESSAGE, "foxglove.Vector3"),
+        2: Field("orientation", FieldType.MESSAGE, "foxglove.Quaternion"),
     },
     "foxglove.PackedElementField": {
-        1: Field("name", Kind.STRING),
-        2: Field("offset", Kind.FIXED32),
-        3: Field("type", Kind.ENUM),
+        1: Field("name", FieldType.STRING),
+        2: Field("offset", FieldType.FIXED32),
+        3: Field("type", FieldType.ENUM),
     },
     RAW_IMAGE: {
         1: _STAMP,
         2: _WIDTH,
         3: _HEIGHT,
-        4: Field("encoding", Kind.STRING),
-        5: Field("step", Kind.FIXED32),
+        4: Field("encoding", FieldType.STRING),
+        5: Field("step", FieldType.FIXED32),
         6: _DATA,
         7: _FRAME_ID,
     },
@@ -94,58 +94,58 @@ LAYOUTS: dict[str, dict[int, Field]] = {
         1: _STAMP,
         2: _WIDTH,
         3: _HEIGHT,
-        4: Field("distortion_model", Kind.STRING),
+        4: Field("distortion_model", FieldType.STRING),
         **_doubles("D", "K", "R", "P", first=5, repeated=True),
         9: _FRAME_ID,
     },
     POINT_CLOUD: {
         1: _STAMP,
         2: _FRAME_ID,
-        3: Field("pose", Kind.MESSAGE, "foxglove.Pose"),
-        4: Field("point_stride", Kind.FIXED32),
-        5: Field("fields", Kind.MESSAGE, "foxglove.PackedElementField", repeated=True),
+        3: Field("pose", FieldType.MESSAGE, "foxglove.Pose"),
+        4: Field("point_stride", FieldType.FIXED32),
+        5: Field("fields", FieldType.MESSAGE, "foxglove.PackedElementField", repeated=True),
         6: _DATA,
     },
     FRAME_TRANSFORM: {
         1: _STAMP,
-        2: Field("parent_frame_id", Kind.STRING),
-        3: Field("child_frame_id", Kind.STRING),
-        4: Field("translation", Kind.MESSAGE, "foxglove.Vector3"),
-        5: Field("rotation", Kind.MESSAGE, "foxglove.Quaternion"),
+        2: Field("parent_frame_id", FieldType.STRING),
+        3: Field("child_frame_id", FieldType.STRING),
+        4: Field("translation", FieldType.MESSAGE, "foxglove.Vector3"),
+        5: Field("rotation", FieldType.MESSAGE, "foxglove.Quaternion"),
     },
-    FRAME_TRANSFORMS: {1: Field("transforms", Kind.MESSAGE, FRAME_TRANSFORM, repeated=True)},
+    FRAME_TRANSFORMS: {1: Field("transforms", FieldType.MESSAGE, FRAME_TRANSFORM, repeated=True)},
     LOCATION_FIX: {  # what is read of it; older schemas lack some of the rest
         **_doubles("latitude", "longitude", "altitude"),
         6: _STAMP,
         7: _FRAME_ID,
     },
-    POSE_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("pose", Kind.MESSAGE, "foxglove.Pose")},
-    POSES_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("poses", Kind.MESSAGE, "foxglove.Pose", repeated=True)},
+    POSE_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("pose", FieldType.MESSAGE, "foxglove.Pose")},
+    POSES_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("poses", FieldType.MESSAGE, "foxglove.Pose", repeated=True)},
 }
 
 
 DESCRIPTORS: dict[str, dict[int, Field]] = {
-    "FileDescriptorSet": {1: Field("file", Kind.MESSAGE, "FileDescriptorProto", repeated=True)},
+    "FileDescriptorSet": {1: Field("file", FieldType.MESSAGE, "FileDescriptorProto", repeated=True)},
     "FileDescriptorProto": {
-        2: Field("package", Kind.STRING),
-        4: Field("message_type", Kind.MESSAGE, "DescriptorProto", repeated=True),
+        2: Field("package", FieldType.STRING),
+        4: Field("message_type", FieldType.MESSAGE, "DescriptorProto", repeated=True),
     },
     "DescriptorProto": {
-        1: Field("name", Kind.STRING),
-        2: Field("field", Kind.MESSAGE, "FieldDescriptorProto", repeated=True),
+        1: Field("name", FieldType.STRING),
+        2: Field("field", FieldType.MESSAGE, "FieldDescriptorProto", repeated=True),
     },
     "FieldDescriptorProto": {
-        1: Field("name", Kind.STRING),
-        3: Field("number", Kind.INT32),
-        4: Field("label", Kind.ENUM),
-        5: Field("type", Kind.ENUM),
-        6: Field("type_name", Kind.STRING),
+        1: Field("name", FieldType.STRING),
+        3: Field("number", FieldType.INT32),
+        4: Field("label", FieldType.ENUM),
+        5: Field("type", FieldType.ENUM),
+        6: Field("type_name", FieldType.STRING),
     },
 }
 """The part of google.protobuf's descriptor.proto that is needed to compare an embedded schema with LAYOUTS."""
 
 
-_NUMBERS = {Kind.INT64, Kind.INT32, Kind.FIXED32, Kind.ENUM}
+_NUMBERS = {FieldType.INT64, FieldType.INT32, FieldType.FIXED32, FieldType.ENUM}
 
 
 def decode_json(name: str, data: bytes, without: Collection[str] = ()) -> dict[str, Any]:
@@ -180,19 +180,19 @@ def _message(name: str, parsed: object, without: Collection[str] = ()) -> dict[s
 
 
 def _value(field: Field, found: object) -> Any:  # noqa: ANN401  # what the field's kind holds
-    if field.kind is Kind.MESSAGE:
+    if field.kind is FieldType.MESSAGE:
         return None if found is None else _message(field.message, found)
-    if field.kind in {Kind.STRING, Kind.BYTES}:
+    if field.kind in {FieldType.STRING, FieldType.BYTES}:
         if not isinstance(found, str | None):
             raise DecodingError(f"the field {field.name!r} is not a text")
-        return found or "" if field.kind is Kind.STRING else _bytes(found or "")
+        return found or "" if field.kind is FieldType.STRING else _bytes(found or "")
     if not isinstance(found, int | float | None) or (field.kind in _NUMBERS and not isinstance(found, int | None)):
         raise DecodingError(f"the field {field.name!r} is not a number")
     try:
-        number = float(found or 0) if field.kind is Kind.DOUBLE else int(found or 0)
+        number = float(found or 0) if field.kind is FieldType.DOUBLE else int(found or 0)
     except OverflowError as error:
         raise DecodingError(f"the field {field.name!r} is too large") from error
-    if field.kind is Kind.FIXED32 and not 0 <= number < 2**32:
+    if field.kind is FieldType.FIXED32 and not 0 <= number < 2**32:
         raise DecodingError(f"the field {field.name!r} is out of range")
     return number
 

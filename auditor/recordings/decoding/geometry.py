@@ -8,7 +8,7 @@ import numpy as np
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.model.optics.geometry import Matrix, motion, rotation_from_quaternion
-from auditor.recordings.decoding.interface import CameraInfo, Header, Region, Transform
+from auditor.recordings.decoding.interface import CameraInfo, Header, ImageRegion, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
 
 ABSURD = 1e9
@@ -47,8 +47,8 @@ class RosCameraInfoDecoder:
         )
 
 
-def _region(roi: Any) -> Region:  # noqa: ANN401  # the class is generated
-    return Region() if roi is None else Region(roi.x_offset, roi.y_offset, roi.width, roi.height)
+def _region(roi: Any) -> ImageRegion:  # noqa: ANN401  # the class is generated
+    return ImageRegion() if roi is None else ImageRegion(roi.x_offset, roi.y_offset, roi.width, roi.height)
 
 
 def checked_matrix(values: Sequence[float] | Matrix, columns: int, topic: str) -> Matrix:

@@ -22,7 +22,7 @@ class Header:
 
 
 @dataclass(frozen=True)
-class Region:
+class ImageRegion:
     """The part of the sensor that pictures show, in pixels of the whole sensor; of no size: all of it."""
 
     left_px: int = 0
@@ -48,7 +48,7 @@ class CameraInfo:
     rotation: Matrix
     projection: Matrix
     distortion_model: str = ""
-    region: Region = Region()
+    region: ImageRegion = ImageRegion()
     binning: tuple[int, int] = (1, 1)
 
     @property

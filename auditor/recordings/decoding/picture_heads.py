@@ -125,7 +125,7 @@ _TIFF_MOST_STRIPS = 100_000
 _CODESTREAM_SIZE = struct.Struct(">4x2xIIII16xHB")
 
 
-class Picture(NamedTuple):
+class PictureHead(NamedTuple):
     """Size and colour as the header of a picture file declares them; `deep` are values of 16 bits."""
 
     form: str
@@ -135,7 +135,7 @@ class Picture(NamedTuple):
     most_pixels: int = MAX_PIXELS
 
 
-def inspect_picture(data: memoryview) -> Picture:
+def inspect_picture(data: memoryview) -> PictureHead:
     """Read size and colour from the header of a picture file. Raises DecodingError."""
     for magics, _, inspect, _ in _FORMS:
         if bytes(data[: len(magics[0])]) in magics:
@@ -160,18 +160,18 @@ def check_whole(data: memoryview, form: str) -> None:
                 raise DecodingError(f"the {form} is cut") from error
 
 
-def _checked(inspect: Callable[[memoryview], Picture], data: memoryview) -> Picture:
+def _checked(inspect: Callable[[memoryview], PictureHead], data: memoryview) -> PictureHead:
     try:
         return inspect(data)
     except (struct.error, IndexError) as error:
         raise DecodingError("the image is cut in its header") from error
 
 
-def _inspect_png(data: memoryview) -> Picture:
+def _inspect_png(data: memoryview) -> PictureHead:
     if len(data) < 33 or bytes(data[12:16]) != b"IHDR":
         raise DecodingError("the PNG is cut in its header")
     width, height, bits, colour_type = struct.unpack_from(">IIBB", data, 16)
-    return Picture("png", (width, height), grey=colour_type in _PNG_GREY, deep=bits == MOST_BITS)
+    return PictureHead("png", (width, height), grey=colour_type in _PNG_GREY, deep=bits == MOST_BITS)
 
 
 def _check_png(data: memoryview) -> None:
@@ -190,13 +190,13 @@ def _check_png(data: memoryview) -> None:
         position = end + 4
 
 
-def _inspect_jpeg(data: memoryview) -> Picture:
+def _inspect_jpeg(data: memoryview) -> PictureHead:
     for marker, position, _ in _jpeg_segments(data):
         if 0xC0 <= marker <= 0xCF and marker not in _JPEG_NO_SIZE:
             if position + 4 + _JPEG_SIZE.size > len(data):
                 break
             _, height, width, components = _JPEG_SIZE.unpack_from(data, position + 4)
-            return Picture("jpeg", (width, height), grey=components == 1)
+            return PictureHead("jpeg", (width, height), grey=components == 1)
     raise DecodingError("the JPEG is cut or damaged in its header")
 
 
@@ -232,19 +232,19 @@ def _jpeg_segments(data: memoryview) -> Iterator[tuple[int, int, int]]:
             position = found.start() if found else len(data)
 
 
-def _inspect_webp(data: memoryview) -> Picture:
+def _inspect_webp(data: memoryview) -> PictureHead:
     kind = bytes(data[12:16])
     if kind == b"VP8 " and bytes(data[23:26]) == b"\x9d\x01\x2a":
         width, height = struct.unpack_from("<HH", data, 26)
-        return Picture("webp", (width & 0x3FFF, height & 0x3FFF), grey=False)
+        return PictureHead("webp", (width & 0x3FFF, height & 0x3FFF), grey=False)
     if kind == b"VP8L" and data[20] == 0x2F:
         (packed,) = struct.unpack_from("<I", data, 21)
-        return Picture("webp", ((packed & 0x3FFF) + 1, (packed >> 14 & 0x3FFF) + 1), grey=False)
+        return PictureHead("webp", ((packed & 0x3FFF) + 1, (packed >> 14 & 0x3FFF) + 1), grey=False)
     if kind == b"VP8X" and bytes(data[8:12]) == b"WEBP":
         if data[20] & _WEBP_ANIMATED:
             raise DecodingError("the WebP has several pictures")
         width, height = (int.from_bytes(data[place : place + 3], "little") + 1 for place in (24, 27))
-        return Picture("webp", (width, height), grey=False)
+        return PictureHead("webp", (width, height), grey=False)
     raise DecodingError("the WebP is cut or damaged in its header")
 
 
@@ -253,11 +253,11 @@ def _check_webp(data: memoryview) -> None:
         raise DecodingError("the WebP is cut")
 
 
-def _inspect_bmp(data: memoryview) -> Picture:
+def _inspect_bmp(data: memoryview) -> PictureHead:
     _, _, header, width, height, _, bits, compression = _BMP.unpack_from(data, 2)
     if header < 40 or bits not in {8, 24, 32} or compression not in {0, 3}:
         raise DecodingError("the BMP is not of 8, 24 or 32 bits without compression")
-    return Picture("bmp", (width, abs(height)), grey=bits == 8)
+    return PictureHead("bmp", (width, abs(height)), grey=bits == 8)
 
 
 def _check_bmp(data: memoryview) -> None:
@@ -266,13 +266,13 @@ def _check_bmp(data: memoryview) -> None:
         raise DecodingError("the BMP is cut")
 
 
-def _inspect_tiff(data: memoryview) -> Picture:
+def _inspect_tiff(data: memoryview) -> PictureHead:
     fields = _tiff_fields(data)
     width, height, samples = (fields.get(tag, [absent])[0] for tag, absent in ((256, 0), (257, 0), (277, 1)))
     bits = set(fields.get(258, [1]))
     if bits not in ({8}, {MOST_BITS}) or samples not in {1, 3, 4}:
         raise DecodingError("the TIFF is not of one, three or four values of 8 or 16 bits")
-    return Picture("tiff", (width, height), grey=samples == 1, deep=bits == {MOST_BITS})
+    return PictureHead("tiff", (width, height), grey=samples == 1, deep=bits == {MOST_BITS})
 
 
 def _check_tiff(data: memoryview) -> None:
@@ -302,7 +302,7 @@ def _tiff_fields(data: memoryview) -> dict[int, list[int]]:
     return fields
 
 
-def _inspect_jpeg_2000(data: memoryview) -> Picture:
+def _inspect_jpeg_2000(data: memoryview) -> PictureHead:
     start = 0 if data[:4] == _CODESTREAM_MAGIC else bytes(data[:_JPEG_END_SEARCH_BYTES]).find(_CODESTREAM_MAGIC)
     if start < 0:
         raise DecodingError("the JPEG 2000 is damaged in its header")
@@ -311,7 +311,7 @@ def _inspect_jpeg_2000(data: memoryview) -> Picture:
     if components not in {1, 3, 4} or precision & 0x80 or bits > MOST_BITS:
         raise DecodingError("the JPEG 2000 is not of one, three or four values of up to 16 bits")
     size_px = (right - left, below - top)
-    return Picture("jp2", size_px, grey=components == 1, deep=bits > 8, most_pixels=MAX_WAVELET_PIXELS)
+    return PictureHead("jp2", size_px, grey=components == 1, deep=bits > 8, most_pixels=MAX_WAVELET_PIXELS)
 
 
 def _check_jpeg_2000(data: memoryview) -> None:
@@ -319,11 +319,11 @@ def _check_jpeg_2000(data: memoryview) -> None:
         raise DecodingError("the JPEG 2000 is cut: it has no end")
 
 
-def _inspect_avif(data: memoryview) -> Picture:
-    return Picture("avif", *avif_head(data))
+def _inspect_avif(data: memoryview) -> PictureHead:
+    return PictureHead("avif", *avif_head(data))
 
 
-_Form = tuple[tuple[bytes, ...], str, Callable[[memoryview], Picture], Callable[[memoryview], None]]
+_Form = tuple[tuple[bytes, ...], str, Callable[[memoryview], PictureHead], Callable[[memoryview], None]]
 
 _FORMS: tuple[_Form, ...] = (
     ((PNG_MAGIC,), "png", _inspect_png, _check_png),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.rig import MOST_BITS, PIXEL_BITS
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.decoding.picture_heads import Picture, check_whole, inspect_picture
+from auditor.recordings.decoding.picture_heads import PictureHead, check_whole, inspect_picture
 from auditor.recordings.parameters import ODD_PICTURES
 from auditor.safety.budget import MAX_PIXELS
 
@@ -54,7 +54,7 @@ def largest_picture_value(data: memoryview) -> int | None:
     return int(_decode(data, picture, in_colour=not picture.grey).max())
 
 
-def _decode(data: memoryview, picture: Picture, *, in_colour: bool) -> Values:
+def _decode(data: memoryview, picture: PictureHead, *, in_colour: bool) -> Values:
     """All values, (H, W) or (H, W, 3) BGR."""
     check_whole(data, picture.form)
     flag = cv2.IMREAD_COLOR if in_colour else cv2.IMREAD_GRAYSCALE

@@ -41,7 +41,7 @@ class PoseError(DecodingError):
     """A message gives no pose; `what` is the reason, one of few."""
 
 
-class Stamped(NamedTuple):
+class StampedPose(NamedTuple):
     """A pose with its stamp; 0: it has none."""
 
     stamp_ns: int
@@ -55,7 +55,7 @@ class PoseDecoder:
         self._types = types
         self._foxglove = FoxgloveMessages(types)
 
-    def poses(self, message: Message) -> Iterator[Stamped]:
+    def poses(self, message: Message) -> Iterator[StampedPose]:
         """The poses of a message, which of transforms may be none. Raises PoseError, whose `what` is the reason."""
         if len(message.data) > _MOST_MESSAGE_BYTES:
             raise PoseError(TOO_LARGE, where=message.topic)
@@ -66,7 +66,7 @@ class PoseDecoder:
         except (DecodingError, AttributeError, TypeError, ValueError, OverflowError) as error:
             raise PoseError(DAMAGED, where=message.topic) from error
 
-    def fix(self, message: Message) -> Iterator[Stamped]:
+    def fix(self, message: Message) -> Iterator[StampedPose]:
         """sensor_msgs/NavSatFix."""
         fix = self._types.decode(message)
         if fix.status.status < 0:
@@ -76,38 +76,38 @@ class PoseDecoder:
             int(stamp.sec) * 10**9 + int(stamp.nanosec), fix.header.frame_id, fix.latitude, fix.longitude, fix.altitude
         )
 
-    def odometry(self, message: Message) -> Iterator[Stamped]:
+    def odometry(self, message: Message) -> Iterator[StampedPose]:
         """nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped."""
         stamped = self._types.decode(message)
         yield _placed(stamped.header, stamped.pose.pose.position, stamped.pose.pose.orientation)
 
-    def pose(self, message: Message) -> Iterator[Stamped]:
+    def pose(self, message: Message) -> Iterator[StampedPose]:
         """geometry_msgs/PoseStamped."""
         stamped = self._types.decode(message)
         yield _placed(stamped.header, stamped.pose.position, stamped.pose.orientation)
 
-    def transform(self, message: Message) -> Iterator[Stamped]:
+    def transform(self, message: Message) -> Iterator[StampedPose]:
         """geometry_msgs/TransformStamped, whatever its frames."""
         stamped = self._types.decode(message)
         yield _placed(stamped.header, stamped.transform.translation, stamped.transform.rotation)
 
-    def transforms(self, message: Message) -> Iterator[Stamped]:
+    def transforms(self, message: Message) -> Iterator[StampedPose]:
         """tf2_msgs/TFMessage: where the vehicle is in the map or by odometry; mountings are left out."""
         for stamped in self._types.decode(message).transforms:
             if _is_of_vehicle(stamped.header.frame_id, stamped.child_frame_id):
                 yield _placed(stamped.header, stamped.transform.translation, stamped.transform.rotation)
 
-    def location_fix(self, message: Message) -> Iterator[Stamped]:
+    def location_fix(self, message: Message) -> Iterator[StampedPose]:
         """foxglove.LocationFix."""
         fix = self._foxglove.decode(message)
         yield _fix(stamp_ns(fix), fix["frame_id"], fix["latitude"], fix["longitude"], fix["altitude"])
 
-    def pose_in_frame(self, message: Message) -> Iterator[Stamped]:
+    def pose_in_frame(self, message: Message) -> Iterator[StampedPose]:
         """foxglove.PoseInFrame."""
         stamped = self._foxglove.decode(message)
         yield _in_frame(stamped, stamped["pose"])
 
-    def poses_in_frame(self, message: Message) -> Iterator[Stamped]:
+    def poses_in_frame(self, message: Message) -> Iterator[StampedPose]:
         """foxglove.PosesInFrame: one pose is a place, several are a path."""
         stamped = self._foxglove.decode(message)
         if len(stamped["poses"]) > 1:
@@ -115,15 +115,15 @@ class PoseDecoder:
         for pose in stamped["poses"]:
             yield _in_frame(stamped, pose)
 
-    def frame_transforms(self, message: Message) -> Iterator[Stamped]:
+    def frame_transforms(self, message: Message) -> Iterator[StampedPose]:
         """foxglove.FrameTransform and foxglove.FrameTransforms, as those of tf."""
         values = self._foxglove.decode(message)
         for entry in values["transforms"] if message.schema == FRAME_TRANSFORMS else [values]:
             if _is_of_vehicle(entry["parent_frame_id"], entry["child_frame_id"]):
                 place, turn = entry["translation"], entry["rotation"]
-                yield Stamped(stamp_ns(entry), _local(entry["parent_frame_id"], _vector(place), _turn(turn)))
+                yield StampedPose(stamp_ns(entry), _local(entry["parent_frame_id"], _vector(place), _turn(turn)))
 
-    def oxts(self, message: Message) -> Iterator[Stamped]:
+    def oxts(self, message: Message) -> Iterator[StampedPose]:
         """A file of KITTI's oxts folder."""
         latitude, longitude, altitude, _, _, yaw_rad = kitti.oxts_numbers(message)
         yield _fix(message.log_time_ns, "oxts", latitude, longitude, altitude, degrees(yaw_rad))
@@ -134,7 +134,7 @@ class _Kind(NamedTuple):
 
     rank: int
     encodings: frozenset[str]
-    read: Callable[[PoseDecoder, Message], Iterator[Stamped]]
+    read: Callable[[PoseDecoder, Message], Iterator[StampedPose]]
 
 
 _ROS = frozenset({"cdr", "ros1"})
@@ -169,29 +169,29 @@ def pose_rank(topic: Topic) -> int | None:
 
 def _fix(
     stamp_ns: int, frame_id: str, latitude: float, longitude: float, altitude: float, heading: float | None = None
-) -> Stamped:
+) -> StampedPose:
     """Raises PoseError where the coordinates are none; an altitude or heading that is none is unknown."""
     if not (abs(latitude) <= 90 and abs(longitude) <= 180):
         raise PoseError(OUT_OF_RANGE)
     height = float(altitude) if abs(altitude) < ABSURD else None
     turn = float(heading) if heading is not None and isfinite(heading) else None
     pose = Pose(_frame(frame_id), float(latitude), float(longitude), height, heading_deg=turn)
-    return Stamped(stamp_ns, pose)
+    return StampedPose(stamp_ns, pose)
 
 
-def _placed(header: Any, position: object, orientation: object) -> Stamped:  # noqa: ANN401  # classes are generated
+def _placed(header: Any, position: object, orientation: object) -> StampedPose:  # noqa: ANN401  # classes are generated
     place = _local(header.frame_id, numbers_of(position, "xyz"), numbers_of(orientation, "xyzw"))
-    return Stamped(_stamp_ns(header), place)
+    return StampedPose(_stamp_ns(header), place)
 
 
 def _stamp_ns(header: Any) -> int:  # noqa: ANN401  # the class is generated
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 
 
-def _in_frame(stamped: Mapping[str, Any], pose: Mapping[str, Any] | None) -> Stamped:
+def _in_frame(stamped: Mapping[str, Any], pose: Mapping[str, Any] | None) -> StampedPose:
     parts = pose or {}
     place = _local(stamped["frame_id"], _vector(parts.get("position")), _turn(parts.get("orientation")))
-    return Stamped(stamp_ns(dict(stamped)), place)
+    return StampedPose(stamp_ns(dict(stamped)), place)
 
 
 def _local(frame_id: str, place_m: tuple[float, ...], quaternion: tuple[float, ...]) -> Pose:

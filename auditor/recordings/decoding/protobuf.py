@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from auditor.errors import DecodingError
-from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, Field, Kind
+from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, Field, FieldType
 
 MAX_FIELDS = 100_000
 """More values than any supported message has: the bound on the work that a hostile message causes."""
@@ -28,14 +28,14 @@ _DOUBLE = struct.Struct("<d")
 _UINT32 = struct.Struct("<I")
 
 _WIRE_TYPES = {
-    Kind.DOUBLE: _FIXED64,
-    Kind.FIXED32: _FIXED32,
-    Kind.INT64: _VARINT,
-    Kind.INT32: _VARINT,
-    Kind.ENUM: _VARINT,
-    Kind.STRING: _BYTES,
-    Kind.BYTES: _BYTES,
-    Kind.MESSAGE: _BYTES,
+    FieldType.DOUBLE: _FIXED64,
+    FieldType.FIXED32: _FIXED32,
+    FieldType.INT64: _VARINT,
+    FieldType.INT32: _VARINT,
+    FieldType.ENUM: _VARINT,
+    FieldType.STRING: _BYTES,
+    FieldType.BYTES: _BYTES,
+    FieldType.MESSAGE: _BYTES,
 }
 
 _ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}
@@ -65,7 +65,7 @@ class _Reading:
             field = layout.get(number)
             if field is None:
                 continue
-            if field.repeated and field.kind is Kind.DOUBLE and wire_type == _BYTES:
+            if field.repeated and field.kind is FieldType.DOUBLE and wire_type == _BYTES:
                 values[field.name].extend(_doubles(value))
                 continue
             if wire_type != _WIRE_TYPES[field.kind]:
@@ -78,15 +78,15 @@ class _Reading:
         return values
 
     def _value(self, field: Field, value: Any) -> Any:  # noqa: ANN401  # what the wire type holds
-        if field.kind is Kind.MESSAGE:
+        if field.kind is FieldType.MESSAGE:
             return self.message(field.message, value)
-        if field.kind is Kind.STRING:
+        if field.kind is FieldType.STRING:
             return str(value, "utf-8", "replace")
-        if field.kind is Kind.DOUBLE:
+        if field.kind is FieldType.DOUBLE:
             return _DOUBLE.unpack(value)[0]
-        if field.kind is Kind.FIXED32:
+        if field.kind is FieldType.FIXED32:
             return _UINT32.unpack(value)[0]
-        if field.kind is Kind.BYTES:
+        if field.kind is FieldType.BYTES:
             return value
         return value - 2**64 if value >= 2**63 else value
 
@@ -118,9 +118,9 @@ class _Reading:
 def _absent(field: Field) -> Any:  # noqa: ANN401  # protobuf's defaults
     if field.repeated:
         return []
-    if field.kind is Kind.MESSAGE:
+    if field.kind is FieldType.MESSAGE:
         return None
-    return {Kind.STRING: "", Kind.BYTES: memoryview(b""), Kind.DOUBLE: 0.0}.get(field.kind, 0)
+    return {FieldType.STRING: "", FieldType.BYTES: memoryview(b""), FieldType.DOUBLE: 0.0}.get(field.kind, 0)
 
 
 def _doubles(packed: memoryview) -> list[float]:
@@ -166,4 +166,4 @@ def _agrees(found: Mapping[str, Any], number: int, known: Field) -> bool:
         number,
         known.kind,
         known.repeated,
-    ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is Kind.ENUM]}
+    ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is FieldType.ENUM]}

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.recordings import schemas
-from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO, DESCRIPTORS, Kind
+from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO, DESCRIPTORS, FieldType
 from auditor.recordings.decoding.images import DEPTH_PICTURE
 from auditor.recordings.decoding.points import ouster
 from auditor.recordings.decoding.protobuf import MAX_SCHEMA_BYTES, decode_protobuf
@@ -246,4 +246,4 @@ def _of_protobuf(data: bytes) -> str:
         return ""
     fields = [field for file in files for message in file["message_type"] for field in message["field"]]
     sensor = next((match.group() for field in fields if (match := _SENSOR.search(field["type_name"]))), "")
-    return sensor or ("raw bytes" if any(field["type"] == Kind.BYTES for field in fields) else "")
+    return sensor or ("raw bytes" if any(field["type"] == FieldType.BYTES for field in fields) else "")

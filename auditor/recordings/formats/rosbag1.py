@@ -48,7 +48,7 @@ class NoRecordError(Exception):
     """The bytes where a record should begin are not a record; caught by the reading loop."""
 
 
-class Head(NamedTuple):
+class RecordHead(NamedTuple):
     """A record's header, and the length of the data after it."""
 
     op: int
@@ -56,13 +56,13 @@ class Head(NamedTuple):
     length: int
 
 
-def read_head(stream: ForwardStream) -> Head:
+def read_head(stream: ForwardStream) -> RecordHead:
     """The header of the record that begins here. Raises NoRecordError and CutError."""
     (length,) = _UINT32.unpack(stream.read(4))
     if not 0 < length <= _MAX_HEADER_BYTES:
         raise NoRecordError(f"a header of {length} bytes")
     fields = parse_fields(stream.read(length))
-    return Head(op_of(fields), fields, _UINT32.unpack(stream.read(4))[0])
+    return RecordHead(op_of(fields), fields, _UINT32.unpack(stream.read(4))[0])
 
 
 def parse_fields(header: bytes | memoryview) -> Fields:
@@ -215,7 +215,7 @@ class BagRead(FileRead):
         elif stream.size <= self._index_offset:
             self._damage.add("the recording is cut before its index", stream.size)
 
-    def _is_open_chunk(self, head: Head) -> bool:
+    def _is_open_chunk(self, head: RecordHead) -> bool:
         """True for the last chunk of an active bag: its sizes are written when it is complete.
 
         Where it is not compressed, its records follow the header as if there were no chunk.
@@ -228,7 +228,7 @@ class BagRead(FileRead):
         place = bisect_right(self._chunk_offsets, offset)
         return self._chunk_offsets[place] if place < len(self._chunk_offsets) else None
 
-    def _record(self, stream: ForwardStream, head: Head, start: int) -> Iterator[Message]:
+    def _record(self, stream: ForwardStream, head: RecordHead, start: int) -> Iterator[Message]:
         if head.op not in {Op.CHUNK, Op.CONNECTION, Op.MESSAGE}:
             return
         if head.length > MAX_BYTES:
@@ -244,7 +244,7 @@ class BagRead(FileRead):
         except NoRecordError as error:
             self._damage.add(f"a record is left out ({error})", start)
 
-    def _chunk(self, head: Head, data: bytes, start: int) -> Iterator[Message]:
+    def _chunk(self, head: RecordHead, data: bytes, start: int) -> Iterator[Message]:
         try:
             size = number(head.fields, b"size")
             allow(self._spending, len(data), size)
@@ -259,7 +259,7 @@ class BagRead(FileRead):
         if end != len(inside):
             self._damage.add("a chunk ends inside a record", start)
 
-    def _cut_chunk(self, stream: ForwardStream, head: Head, size: int, start: int) -> Iterator[Message]:
+    def _cut_chunk(self, stream: ForwardStream, head: RecordHead, size: int, start: int) -> Iterator[Message]:
         """The messages that are left of the chunk that the file's end cuts."""
         recovered = 0
         packed = memoryview(stream.read(min(stream.size - stream.offset, MAX_BYTES)))
@@ -345,7 +345,7 @@ def _times(stream: ForwardStream) -> Iterator[int]:
             stream.skip_to(end)
 
 
-def _size(head: Head) -> int:
+def _size(head: RecordHead) -> int:
     try:
         return number(head.fields, b"size")
     except NoRecordError:

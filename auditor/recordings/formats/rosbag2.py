@@ -13,7 +13,7 @@ from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.found import DamageLog, Names, Span, span_over
-from auditor.recordings.formats.sqlite_pages import ENDING, LEAF, BadPageError, Pages, Row, read_journal
+from auditor.recordings.formats.sqlite_pages import ENDING, LEAF, BadPageError, Pages, TableRow, read_journal
 from auditor.recordings.formats.unpacking import BadChunkError, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
@@ -115,7 +115,7 @@ class Db3Read(FileRead):
                 if row.kinds.startswith(_MESSAGE_ROW):
                     yield from self._message(pages, row)
 
-    def _message(self, pages: Pages, row: Row) -> Iterator[Message]:
+    def _message(self, pages: Pages, row: TableRow) -> Iterator[Message]:
         try:
             channel_id, log_time_ns = pages.value(row, 1), pages.value(row, 2)
             assert isinstance(channel_id, int)
@@ -172,7 +172,7 @@ class Db3Read(FileRead):
             )
         return roots
 
-    def _learn(self, pages: Pages, row: Row) -> None:
+    def _learn(self, pages: Pages, row: TableRow) -> None:
         """Learn a topic or a definition: their columns have the same types, and only a definition has its encoding."""
         if not row.kinds.startswith(_NAMES_ROW):
             return
@@ -186,7 +186,7 @@ class Db3Read(FileRead):
         else:
             self.channels.learn(row.number, Topic(first, schema_name(second), third))
 
-    def _rows(self, pages: Pages, page: int) -> Iterator[Row]:
+    def _rows(self, pages: Pages, page: int) -> Iterator[TableRow]:
         try:
             for row in pages.rows(page):
                 if row is None:
@@ -196,7 +196,7 @@ class Db3Read(FileRead):
         except BadPageError as error:
             self._damage.add(f"page {page} is left out ({error})", pages.offset(page))
 
-    def _strays(self, pages: Pages, seen: Collection[int]) -> Iterator[Row]:
+    def _strays(self, pages: Pages, seen: Collection[int]) -> Iterator[TableRow]:
         """Rows of all leaf pages except those seen; pages that only resemble a leaf are skipped."""
         for page in range(1, pages.count + 1):
             try:

@@ -154,7 +154,7 @@ class BadPageError(Exception):
     """Why a page or row is left out; caught by the reading loop."""
 
 
-class Column(NamedTuple):
+class ValuePlace(NamedTuple):
     """Where a value lies in its row: serial type, first byte, length."""
 
     serial: int
@@ -162,11 +162,11 @@ class Column(NamedTuple):
     length: int
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """A row of a table: its number, its columns, the part that lies in the page, and where the rest begins."""
 
     number: int
-    columns: tuple[Column, ...]
+    columns: tuple[ValuePlace, ...]
     local: bytes
     overflow: int
 
@@ -263,7 +263,7 @@ class Pages:
         children = [_UINT32.unpack_from(page, pointer)[0] for pointer in pointers]
         return [*children, _UINT32.unpack_from(page, head + 8)[0]]
 
-    def rows(self, number: int) -> Iterator[Row | None]:
+    def rows(self, number: int) -> Iterator[TableRow | None]:
         """The rows of a leaf page, None for one that is ill-formed. Raises BadPageError where it is not a leaf."""
         page, head = self._page(number), _head_at(number)
         if page[head] != LEAF:
@@ -274,7 +274,7 @@ class Pages:
             except (BadPageError, IndexError):
                 yield None
 
-    def value(self, row: Row, column: int, most_bytes: int = MAX_TEXT_BYTES) -> Value:
+    def value(self, row: TableRow, column: int, most_bytes: int = MAX_TEXT_BYTES) -> Value:
         """One value of a row. Raises BadPageError where its bytes are not there, or are more than accepted."""
         serial, start, length = row.columns[column]
         if length > most_bytes:
@@ -314,7 +314,7 @@ class Pages:
             raise BadPageError("more cells than fit")
         return [p for (p,) in _UINT16.iter_unpack(page[start : start + 2 * count]) if p <= len(page) - 4]
 
-    def _row(self, page: bytes, pointer: int) -> Row:
+    def _row(self, page: bytes, pointer: int) -> TableRow:
         size, position = _varint(page, pointer)
         number, position = _varint(page, position)
         most = self._usable - 35
@@ -328,9 +328,9 @@ class Pages:
             raise BadPageError("a row beyond its page")
         overflow = _UINT32.unpack_from(page, end)[0] if local < size else 0
         inside = page[position:end]
-        return Row(number, _columns(inside, size), inside, overflow)
+        return TableRow(number, _columns(inside, size), inside, overflow)
 
-    def _overflowing(self, row: Row, start: int, end: int) -> bytes:
+    def _overflowing(self, row: TableRow, start: int, end: int) -> bytes:
         """The bytes of a row that do not fit into its page. Raises BadPageError where the chain of pages breaks off."""
         data = bytearray(row.local)
         following, inside = row.overflow, self._usable - 4
@@ -364,7 +364,7 @@ def _head_at(number: int) -> int:
     return _HEADER_BYTES if number == 1 else 0
 
 
-def _columns(local: bytes, size: int) -> tuple[Column, ...]:
+def _columns(local: bytes, size: int) -> tuple[ValuePlace, ...]:
     header_bytes, position = _varint(local, 0)
     if header_bytes > len(local) or header_bytes > 9 * _MAX_COLUMNS:
         raise BadPageError("a row whose header is cut")
@@ -375,7 +375,7 @@ def _columns(local: bytes, size: int) -> tuple[Column, ...]:
         length = (serial - 12) // 2 if serial >= 12 else _INTEGER_BYTES.get(serial, -1)
         if length < 0 or start + length > size:
             raise BadPageError("a row that holds more than its size")
-        columns.append(Column(serial, start, length))
+        columns.append(ValuePlace(serial, start, length))
         start += length
     return tuple(columns)
 

@@ -16,7 +16,7 @@ from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.decoding.geometry import ABSURD
-from auditor.recordings.decoding.interface import Region, SizePx
+from auditor.recordings.decoding.interface import ImageRegion, SizePx
 
 
 class Positions(StrEnum):
@@ -95,7 +95,7 @@ _WORST_CONDITION = 1e10  # condition number of K
 _TOLERANCE = 1e-2  # by which R R^T and K's last number may differ from 1
 _NOISE = 1e-6  # share of the largest number, that rounding makes
 
-_WHOLE = Region()
+_WHOLE = ImageRegion()
 _NUMBERS = (tuple, np.ndarray)
 
 
@@ -157,7 +157,7 @@ def _picture_of_sensor(info: CameraInfo, size_px: SizePx) -> Matrix | None:
     return np.array([[1 / across, 0, -region.left_px / across], [0, 1 / down, -region.top_px / down], [0, 0, 1]])
 
 
-def _region_of(info: CameraInfo) -> Region:
+def _region_of(info: CameraInfo) -> ImageRegion:
     return info.region if info.region.width_px and info.region.height_px else _WHOLE
 
 

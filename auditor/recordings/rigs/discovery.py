@@ -24,7 +24,7 @@ from auditor.recordings.rigs.lidars import best_lidar, lidar_of, lidars_alone, o
 from auditor.recordings.rigs.ordering import (
     MAX_SQUINT,
     MIN_BASELINE_M,
-    Placed,
+    PlacedViews,
     grouped,
     grouped_alike,
     place,
@@ -139,7 +139,7 @@ def _lone_rigs(views: Sequence[View], survey: Survey, frames: FrameTree) -> Iter
             yield Rig(lidar, (replace(camera, number=1),))
 
 
-def _within_reach(placed: Placed, lidar: Lidar) -> bool:
+def _within_reach(placed: PlacedViews, lidar: Lidar) -> bool:
     """Whether a lone camera and a LiDAR may be on one vehicle."""
     apart_m = float(np.linalg.norm(lidar.rig_SE3_lidar[:3, 3] - placed.centres_m[0]))
     return apart_m <= RIG_LIMITS.most_apart_m
@@ -305,7 +305,7 @@ def _times(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
 
 
-def _collinear(placed: Placed, reasons: list[Reason], beside: list[Reason]) -> list[int]:
+def _collinear(placed: PlacedViews, reasons: list[Reason], beside: list[Reason]) -> list[int]:
     """Indices of the cameras on one line, right to left; a camera at the place of another is left out.
 
     The reason is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
@@ -328,7 +328,7 @@ def _collinear(placed: Placed, reasons: list[Reason], beside: list[Reason]) -> l
     return order
 
 
-def _rectified_camera(placed: Placed, index: int) -> Camera:
+def _rectified_camera(placed: PlacedViews, index: int) -> Camera:
     """The camera of a rectified view where it was placed; its number is not known yet."""
     view, centre_m = placed.views[index], placed.centres_m[index]
     # A P that already has this centre is kept digit by digit.
@@ -338,7 +338,7 @@ def _rectified_camera(placed: Placed, index: int) -> Camera:
     )
 
 
-def _turned_camera(placed: Placed, index: int) -> Camera:
+def _turned_camera(placed: PlacedViews, index: int) -> Camera:
     view, centre_m = placed.views[index], placed.centres_m[index]
     seen_from = np.column_stack([np.eye(3), -centre_m])
     return _camera(view, view.K @ placed.rotations[index] @ seen_from, rectified=False)
@@ -350,7 +350,7 @@ def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
     return Camera(0, name, topic, width_px, height_px, projection, rectified, view.lens, depth_bits=depth_bits)
 
 
-def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[Reason]) -> Lidar | None:
+def _lidar(placed: PlacedViews, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[Reason]) -> Lidar | None:
     """The LiDAR that covers most of what the cameras see, among those that tf connects with them."""
     connected: list[tuple[CloudTopic, Matrix]] = []
     for cloud in sorted(clouds, key=lambda cloud: -cloud.points):

@@ -12,13 +12,13 @@ from auditor.recordings.parameters import LIDAR_CHOICE, LIDAR_OVERLAP, RIG_LIMIT
 from auditor.recordings.rigs.cameras import View, sensor_name
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.left_out import Reason
-from auditor.recordings.rigs.ordering import Placed
+from auditor.recordings.rigs.ordering import PlacedViews
 from auditor.recordings.synchronisation.clocks import usual_period_ns
 from auditor.recordings.synchronisation.sectors import sweep_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 
-def best_lidar(placed: Placed, clouds: Sequence[tuple[CloudTopic, Matrix]]) -> tuple[CloudTopic, Matrix] | None:
+def best_lidar(placed: PlacedViews, clouds: Sequence[tuple[CloudTopic, Matrix]]) -> tuple[CloudTopic, Matrix] | None:
     """Of LiDARs with their places rig_SE3_lidar (4, 4) the one with the most points that covers the cameras' pictures.
 
     It is passed over where it covers much less of them than another one does.
@@ -31,7 +31,7 @@ def best_lidar(placed: Placed, clouds: Sequence[tuple[CloudTopic, Matrix]]) -> t
     return next(one for one, share in zip(by_points, shares, strict=True) if share >= enough)
 
 
-def _covered(placed: Placed, some_m: Points | None, rig_SE3_lidar: Matrix) -> float:
+def _covered(placed: PlacedViews, some_m: Points | None, rig_SE3_lidar: Matrix) -> float:
     """The share of the cells of the cameras' pictures that some of a LiDAR's points fall into; 0 where not known."""
     if some_m is None:
         return 0.0

@@ -35,7 +35,7 @@ _SAME_PLACE_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedViews:
     """A group of views in one rig frame: `centres_m` (3,) and `rotations` (3, 3), rig frame to pictures, of each.
 
     `rig_SE3_anchor` is the place of the tf frame `anchor` in it.
@@ -99,7 +99,7 @@ def _distinguished(a: View, b: View) -> bool:
 
 def place(
     group: Sequence[View], frames: FrameTree, reasons: list[Reason], positions: Positions = Positions.P
-) -> Placed | None:
+) -> PlacedViews | None:
     """Put the views of a group into one rig frame; None, with the reason, where their positions are not known."""
     origin = _origin(group)
     offsets = [view.offset_m for view in group]
@@ -123,7 +123,7 @@ def place(
             reasons.append(_not_placed(group))
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
-    return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
+    return _near(PlacedViews(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
 
 
 def _not_placed(group: Sequence[View]) -> Reason:
@@ -213,7 +213,7 @@ def _has_offsets(offsets: Sequence[Matrix]) -> bool:
     return any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets)
 
 
-def _near(placed: Placed, reasons: list[Reason]) -> Placed:
+def _near(placed: PlacedViews, reasons: list[Reason]) -> PlacedViews:
     """The views within reach of the one that has most of them within its reach."""
     centres_m = np.array(placed.centres_m)
     apart_m = np.linalg.norm(centres_m[:, None] - centres_m, axis=2)

@@ -23,7 +23,7 @@ DUPLICATE = "duplicate"
 _REMEMBERED = 64  # messages among which a stamp is repeated: it bounds the memory
 
 
-class Placed(NamedTuple):
+class CaptureTime(NamedTuple):
     """When a message was captured, and why its stamp counts against the coverage; "" where it does not."""
 
     time_ns: int
@@ -141,7 +141,7 @@ class StampCheck:
         self._newest_log_ns = 0
         self._recent: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
 
-    def place(self, stamp_ns: int, log_time_ns: int, data: bytes | memoryview = b"") -> Placed:
+    def place(self, stamp_ns: int, log_time_ns: int, data: bytes | memoryview = b"") -> CaptureTime:
         """The time of a message and what is wrong with its stamp, which is 0 where the message has none.
 
         `against` is DUPLICATE where a message of late had the same stamp and the same bytes.
@@ -151,7 +151,7 @@ class StampCheck:
         # Python's hash of bytes has a secret key: nobody can make others with the same one, and it is fast.
         seen = stamp_ns, hash(bytes(data))
         if data and seen in self._recent:
-            return Placed(stamp_ns, DUPLICATE)
+            return CaptureTime(stamp_ns, DUPLICATE)
         repeated = any(stamp_ns == other for other, _ in self._recent)
         self._recent.append(seen)
         against = self._irregularity(stamp_ns, log_time_ns, repeated=repeated)
@@ -163,7 +163,7 @@ class StampCheck:
             behind_ns = self._behind_ns(stamp_ns, log_time_ns)
             if abs(behind_ns) <= STAMP_AGREEMENT.most_ns:
                 self._delay_ns += behind_ns // STAMP_AGREEMENT.follows
-        return Placed(placed, against)
+        return CaptureTime(placed, against)
 
     def of_recording(self, log_time_ns: int) -> int:
         """The time of a message whose stamp cannot be read."""

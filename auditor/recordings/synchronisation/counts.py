@@ -15,7 +15,7 @@ BETWEEN = "between frames"
 
 
 @dataclass
-class Counts:
+class MessageCounts:
     """The use of the messages of one sensor; several at a time where a LiDAR's sweep was recorded in parts.
 
     `regular` ones are used by their own stamp, `unused` ones belong to another rig; `against` counts the others by
@@ -79,10 +79,11 @@ class Counts:
         self.against[str(reason)] = self.against.get(str(reason), 0) + messages
 
 
-def counts_of(sensors: Collection[int], timing: Timing) -> dict[int, Counts]:
+def counts_of(sensors: Collection[int], timing: Timing) -> dict[int, MessageCounts]:
     """Counts of each sensor at the beginning of a read."""
     return {
-        sensor: Counts(most_surplus=_most_surplus(timing, sensor) if sensor in timing.fast else 0) for sensor in sensors
+        sensor: MessageCounts(most_surplus=_most_surplus(timing, sensor) if sensor in timing.fast else 0)
+        for sensor in sensors
     }
 
 

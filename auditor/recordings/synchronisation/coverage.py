@@ -12,7 +12,7 @@ from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.rigs.left_out import AtOnePlace, Reason
-from auditor.recordings.synchronisation.counts import Counts
+from auditor.recordings.synchronisation.counts import MessageCounts
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.recordings.synchronisation.vehicles import frame_of, sharing_frames, space_of
 
@@ -30,7 +30,7 @@ def topic_coverage(
     recording: Recording,
     rig: Rig,
     survey: Survey,
-    counts: Mapping[int, Counts],
+    counts: Mapping[int, MessageCounts],
     times: Mapping[int, TimeCoverage],
 ) -> tuple[TopicCoverage, ...]:
     """One entry a topic of camera pictures or LiDAR points, the rig's sensors first. The read must be exhausted."""
@@ -102,7 +102,7 @@ def _outside(
 
 
 def _of_sensor(
-    recording: Recording, rig: Rig, survey: Survey, sensor: int, counts: Counts, time: TimeCoverage
+    recording: Recording, rig: Rig, survey: Survey, sensor: int, counts: MessageCounts, time: TimeCoverage
 ) -> TopicCoverage:
     topic = rig.topic(sensor)
     found = next((one for one in survey.unreadable if one.topic.name == topic), None)

@@ -163,7 +163,7 @@ _MOST_CHARACTERS = 2**17
 """Of all texts of a recording: a parser of YAML takes 12 us for each."""
 
 
-class Pictures(Protocol):
+class PictureTopic(Protocol):
     """A topic of pictures; see survey.ImageTopic."""
 
     @property
@@ -177,7 +177,7 @@ class Pictures(Protocol):
 
 def completed_by_texts(
     recording: Recording,
-    images: Sequence[Pictures],
+    images: Sequence[PictureTopic],
     infos: dict[str, CameraInfo],
     transforms: tuple[Transform, ...],
 ) -> tuple[dict[str, CameraInfo], tuple[Transform, ...], list[str]]:
@@ -201,7 +201,7 @@ def completed_by_texts(
 
 def completed(
     found: Calibrations,
-    images: Iterable[Pictures],
+    images: Iterable[PictureTopic],
     infos: Mapping[str, CameraInfo],
     transforms: Sequence[Transform],
     *,

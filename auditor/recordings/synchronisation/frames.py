@@ -17,7 +17,16 @@ import numpy as np
 
 from auditor.errors import DecodingError
 from auditor.model.coverage import TopicCoverage
-from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
+from auditor.model.frames import (
+    CameraImage,
+    Frame,
+    Message,
+    PointCloud,
+    Presence,
+    SensorState,
+    SkippedFrame,
+    TopicBalance,
+)
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
 from auditor.recordings.decoding.pictures import check_received, grey_if_grey
@@ -25,10 +34,17 @@ from auditor.recordings.recording import Damage, Recording
 from auditor.recordings.rigs.changes import WHOLE, Stretch, stretch_at
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
 from auditor.recordings.synchronisation.clocks import DUPLICATE, StampCheck, learn_timing
-from auditor.recordings.synchronisation.counts import EDGE, TOO_FEW, Counts, TimeLedger, counts_of
+from auditor.recordings.synchronisation.counts import EDGE, TOO_FEW, MessageCounts, TimeLedger, counts_of
 from auditor.recordings.synchronisation.coverage import topic_coverage
 from auditor.recordings.synchronisation.survey import Survey
-from auditor.recordings.synchronisation.window import Assembled, Edges, Group, SweepAssembly, Waiting, Window
+from auditor.recordings.synchronisation.window import (
+    Edges,
+    FrameMessages,
+    MessageWindow,
+    SweepAssembly,
+    Waiting,
+    WholeSweep,
+)
 
 
 class FrameStream:
@@ -47,7 +63,7 @@ class FrameStream:
         self._colour = colour
         self._stretches = stretches
         self.timing = learn_timing(rig, survey)
-        self._counts: dict[int, Counts] = {}
+        self._counts: dict[int, MessageCounts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(recording.definition, rig.units_m, survey.metadata)
         self._shared: Iterator[Message] | None = None
@@ -63,7 +79,7 @@ class FrameStream:
         assert self._survey.interleaved
         self._shared = messages
 
-    def __iter__(self) -> Iterator[Frame | Skipped]:
+    def __iter__(self) -> Iterator[Frame | SkippedFrame]:
         maker = self._begun()
         for group in Edges(self.timing).groups(self._groups(maker.decoders)):
             place = stretch_at(self._stretches, group.time_ns)
@@ -72,7 +88,7 @@ class FrameStream:
             else:
                 yield maker.make(group, place, self._stretches[place].reason)
 
-    def chosen(self, frames: Collection[int]) -> Iterator[Frame | Skipped]:
+    def chosen(self, frames: Collection[int]) -> Iterator[Frame | SkippedFrame]:
         """Some frames alone, by their numbers, in their order: no others are decoded, and what is counted is theirs."""
         maker = self._begun()
         for group in self._chosen_groups(frames, maker.decoders):
@@ -97,7 +113,7 @@ class FrameStream:
             self._rig, self._decoders, self._counts, self._time, self._lidars_start_ns, colour=self._colour
         )
 
-    def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
+    def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[FrameMessages]:
         """The groups of some frames; the recording is not read behind the last one."""
         wanted = set(frames)
         groups = self._groups(decoders)
@@ -106,8 +122,8 @@ class FrameStream:
                 wanted.discard(group.number)
                 yield group
 
-    def _groups(self, decoders: Decoders) -> Iterator[Group]:
-        window = Window(self._rig, self.timing, self._counts)
+    def _groups(self, decoders: Decoders) -> Iterator[FrameMessages]:
+        window = MessageWindow(self._rig, self.timing, self._counts)
         by_topic = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         for sensor, waiting in self._arrivals(by_topic, decoders):
             window.add(sensor, waiting)
@@ -151,7 +167,7 @@ class FrameStream:
         period_ns = self.timing.own_period_ns.get(sensor, self.timing.period_ns)
         return SweepAssembly(sweep, period_ns, decoders) if sweep is not None else None
 
-    def _whole(self, sensor: int, sweeps: Iterator[Assembled]) -> Iterator[tuple[int, Waiting]]:
+    def _whole(self, sensor: int, sweeps: Iterator[WholeSweep]) -> Iterator[tuple[int, Waiting]]:
         for sweep in sweeps:
             if sweep.cut:
                 self._counts[sensor].skip(EDGE, messages=len(sweep.waiting.messages))
@@ -222,7 +238,7 @@ class FrameStream:
         for topic in self._recording.topics():
             sensor = sensors.get(topic.name)
             read = counted.get(topic.name, 0)
-            counts = self._counts[sensor] if sensor in self._counts else Counts(read=read, unused=read)
+            counts = self._counts[sensor] if sensor in self._counts else MessageCounts(read=read, unused=read)
             use = counts.read, counts.used, counts.unused, counts.damaged, dict(counts.skipped)
             balance.append(TopicBalance(topic.name, topic.schema, sensor, *use))
         return tuple(balance)
@@ -266,7 +282,7 @@ class _FrameMaker:
         self,
         rig: Rig,
         decoders: Decoders,
-        counts: Mapping[int, Counts],
+        counts: Mapping[int, MessageCounts],
         time: TimeLedger,
         lidars_start_ns: Mapping[int, int],
         *,
@@ -279,12 +295,12 @@ class _FrameMaker:
         self._lidars_start_ns = lidars_start_ns
         self._colour = colour
 
-    def leave(self, group: Group) -> None:
+    def leave(self, group: FrameMessages) -> None:
         """Count the messages of a frame that belongs to another rig."""
         for sensor, waiting in group.members.items():
             self._counts[sensor].unused += len(waiting.messages)
 
-    def make(self, group: Group, stretch: int = 0, reason: str = "") -> Frame | Skipped:
+    def make(self, group: FrameMessages, stretch: int = 0, reason: str = "") -> Frame | SkippedFrame:
         """The frame, or a Skipped with the reason why there is none, such as that of the stretch it lies in."""
         group = replace(group, chunk=group.chunk * _MOST_STRETCHES + stretch)
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
@@ -315,7 +331,7 @@ class _FrameMaker:
         presence = {sensor: self._presence(sensor, group, stamp_ns, problems) for sensor in self._rig.sensors}
         return Frame(group.number, stamp_ns, presence, clouds.pop(LIDAR, None), images, clouds)
 
-    def _presence(self, sensor: int, group: Group, stamp_ns: int, problems: Mapping[int, str]) -> Presence:
+    def _presence(self, sensor: int, group: FrameMessages, stamp_ns: int, problems: Mapping[int, str]) -> Presence:
         waiting = group.members.get(sensor)
         if waiting is None:
             return Presence(SensorState.MISSING)
@@ -327,12 +343,12 @@ class _FrameMaker:
     def _stamp_ns(self, members: Mapping[int, Waiting]) -> int:
         return members[max(members)].time_ns
 
-    def _skip(self, group: Group, stamp_ns: int, reason: str, members: Mapping[int, Waiting]) -> Skipped:
+    def _skip(self, group: FrameMessages, stamp_ns: int, reason: str, members: Mapping[int, Waiting]) -> SkippedFrame:
         """Count some members of a group that makes no frame."""
         for sensor, waiting in members.items():
             self._counts[sensor].leave_out(reason, waiting.problem, waiting.against, len(waiting.messages))
         self._time.add(group.chunk, group.time_ns, ())
-        return Skipped(group.number, stamp_ns, reason, self._culprit(members))
+        return SkippedFrame(group.number, stamp_ns, reason, self._culprit(members))
 
     def _culprit(self, there: Mapping[int, Waiting]) -> int | None:
         """The sensor that the frame lacks, where it is only one."""

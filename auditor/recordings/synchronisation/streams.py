@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Protocol, TypeVar
 
 from auditor.model.coverage import TopicCoverage
-from auditor.model.frames import Frame, Message, SensorState, Skipped, TopicBalance
+from auditor.model.frames import Frame, Message, SensorState, SkippedFrame, TopicBalance
 from auditor.model.rig import Rig
 from auditor.recordings.recording import Recording
 from auditor.recordings.synchronisation.frames import FrameStream
@@ -149,8 +149,8 @@ class _Check:
         self._seen: dict[int, list[int]] = {sensor: [] for sensor in rig.sensors}
         self._present: Counter[int] = Counter()
 
-    def take(self, item: Frame | Skipped) -> None:
-        if isinstance(item, Skipped):
+    def take(self, item: Frame | SkippedFrame) -> None:
+        if isinstance(item, SkippedFrame):
             self._skipped[item.reason] += 1
             return
         self._frames += 1

@@ -13,7 +13,7 @@ from auditor.model.rig import Rig, Sweep
 from auditor.recordings.decoding import Decoders, PartDecoder
 from auditor.recordings.parameters import FRAME_WINDOW, SWEEPS
 from auditor.recordings.synchronisation.clocks import Timing
-from auditor.recordings.synchronisation.counts import BETWEEN, LATE, Counts
+from auditor.recordings.synchronisation.counts import BETWEEN, LATE, MessageCounts
 from auditor.recordings.synchronisation.sectors import Sector, SweepStarts, sector_of, timed_part
 
 MOST_WAITING_BYTES = 96 * 2**20
@@ -48,7 +48,7 @@ class Waiting(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Group:
+class FrameMessages:
     """The messages of one frame.
 
     `last_ns` is the newest time seen when it was closed; `chunk` counts how often the clock had jumped back.
@@ -63,10 +63,10 @@ class Group:
     edge: bool = False
 
 
-class Window:
+class MessageWindow:
     """Messages that wait for their frame."""
 
-    def __init__(self, rig: Rig, timing: Timing, counts: Mapping[int, Counts]) -> None:
+    def __init__(self, rig: Rig, timing: Timing, counts: Mapping[int, MessageCounts]) -> None:
         self._rig = rig
         self._timing = timing
         self._counts = counts
@@ -137,7 +137,7 @@ class Window:
         else:
             self._newest[sensor] = time_ns
 
-    def closed(self) -> Iterator[Group]:
+    def closed(self) -> Iterator[FrameMessages]:
         """The frames that are complete, or can get no more messages."""
         if self._has_jumped:
             yield from self._rest()
@@ -145,12 +145,12 @@ class Window:
         while (opening := self._opening()) is not None and self._is_settled(opening):
             yield self._close(opening)
 
-    def rest(self) -> Iterator[Group]:
+    def rest(self) -> Iterator[FrameMessages]:
         """The frames that are left at the end."""
         self._refuse_from_before()
         yield from self._rest()
 
-    def _rest(self) -> Iterator[Group]:
+    def _rest(self) -> Iterator[FrameMessages]:
         while (opening := self._opening(at_end=True)) is not None:
             yield self._close(opening)
         for sensor, waiting in self._waiting.items():
@@ -207,7 +207,7 @@ class Window:
                 return False
         return True
 
-    def _close(self, opening: int) -> Group:
+    def _close(self, opening: int) -> FrameMessages:
         tolerance = self._timing.tolerance_ns
         time_ns = self._centre(opening)
         members: dict[int, Waiting] = {}
@@ -221,7 +221,7 @@ class Window:
             self._drop(sensor, gone, members.get(sensor))
         self._number += 1
         complete = len(members) == len(self._rig.sensors)
-        return Group(self._number - 1, time_ns, members, complete, max(self._newest.values()), self.jumps)
+        return FrameMessages(self._number - 1, time_ns, members, complete, max(self._newest.values()), self.jumps)
 
     def _centre(self, opening: int) -> int:
         """The time of the leftmost camera within the tolerance of the opening message."""
@@ -255,9 +255,9 @@ class Edges:
         # The neighbour of the first or last frame is not an edge, though jitter may bring it nearer than one period.
         self._period_ns = timing.period_ns - timing.tolerance_ns
 
-    def groups(self, groups: Iterator[Group]) -> Iterator[Group]:
+    def groups(self, groups: Iterator[FrameMessages]) -> Iterator[FrameMessages]:
         """The same groups; those within one period of the start or the end that are incomplete are marked."""
-        held: deque[Group] = deque()
+        held: deque[FrameMessages] = deque()
         start: int | None = None
         newest = 0
         chunk = 0
@@ -274,16 +274,16 @@ class Edges:
                 yield self._marked(held.popleft(), start, None)
         yield from self._last(held, start, newest)
 
-    def _is_full(self, held: deque[Group]) -> bool:
+    def _is_full(self, held: deque[FrameMessages]) -> bool:
         return len(held) > _MOST_HELD_GROUPS
 
-    def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
+    def _last(self, held: deque[FrameMessages], start: int | None, newest: int) -> Iterator[FrameMessages]:
         """The groups held at the end of a chunk."""
         end = max((group.time_ns for group in held), default=0)
         while held:
             yield self._marked(held.popleft(), start or 0, max(end, newest))
 
-    def _marked(self, group: Group, start: int, end: int | None) -> Group:
+    def _marked(self, group: FrameMessages, start: int, end: int | None) -> FrameMessages:
         near_start = group.time_ns < start + self._period_ns
         near_end = end is not None and group.time_ns > end - self._period_ns
         if group.complete or not (near_start or near_end):
@@ -291,7 +291,7 @@ class Edges:
         return replace(group, edge=True)
 
 
-class Assembled(NamedTuple):
+class WholeSweep(NamedTuple):
     """A sweep with all its messages; `cut` is true for one that the beginning or the end of the recording cut."""
 
     waiting: Waiting
@@ -313,7 +313,7 @@ class SweepAssembly:
         self._sectors: list[Sector | None] = []
         self._is_first = True
 
-    def add(self, part: Waiting) -> Iterator[Assembled]:
+    def add(self, part: Waiting) -> Iterator[WholeSweep]:
         """Take the next cloud; gives the sweep that ended before it, if one did."""
         sector = self._sector(part)
         begins = self._starts.begins(sector)
@@ -323,7 +323,7 @@ class SweepAssembly:
         self._parts.append(part)
         self._sectors.append(sector)
 
-    def rest(self) -> Iterator[Assembled]:
+    def rest(self) -> Iterator[WholeSweep]:
         """The last sweep."""
         if self._parts:
             yield self._whole(at_edge=True)
@@ -339,7 +339,7 @@ class SweepAssembly:
         except DecodingError:
             return None  # it is decoded again with its frame, and damaged there
 
-    def _whole(self, *, at_edge: bool) -> Assembled:
+    def _whole(self, *, at_edge: bool) -> WholeSweep:
         parts, self._parts = self._parts, []
         sectors, self._sectors = self._sectors, []
         lacks = self._sweep.parts - len(parts)
@@ -350,4 +350,4 @@ class SweepAssembly:
         middle = parts[timed_part(self._sweep, sectors)]
         messages = tuple(part.message for part in parts)
         whole = middle._replace(problem=problem, against=against, parts=messages)
-        return Assembled(whole, cut=at_edge and lacks > 0)
+        return WholeSweep(whole, cut=at_edge and lacks > 0)

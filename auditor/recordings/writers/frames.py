@@ -40,7 +40,7 @@ class _Outgoing(NamedTuple):
     data: bytes
 
 
-class How(TypedDict, total=False):
+class RecorderStyle(TypedDict, total=False):
     """What a recorder does: the vehicle's name, the form of its images (raw), and where it is.
 
     With a `place`, which gives the vehicle's pose in degrees at a stamp, a GPS fix is written with each frame.
@@ -58,7 +58,7 @@ def write_mcap(
     labels: Iterable[AttackLabel] = (),
     *,
     compression: Compression = "zstd",
-    **how: Unpack[How],
+    **how: Unpack[RecorderStyle],
 ) -> None:
     """Write an MCAP file of ROS 2 messages. `labels` is called after the last frame.
 
@@ -76,7 +76,7 @@ def write_mcap(
 
 
 def write_bag(
-    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[How]
+    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[RecorderStyle]
 ) -> None:
     """Write a ROS 1 .bag; ground truth and vehicle go to a topic, since it has no attachments. See write_mcap."""
     maker = MessageMaker("ros1")
@@ -85,7 +85,7 @@ def write_bag(
 
 
 def write_db3(
-    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[How]
+    path: Path, rig: Rig, frames: Iterable[Frame], labels: Iterable[AttackLabel] = (), **how: Unpack[RecorderStyle]
 ) -> None:
     """Write a rosbag2 folder with a .db3 file. Raises RecordingError where the folder exists. See write_bag."""
     maker = MessageMaker("cdr")
@@ -96,7 +96,7 @@ def write_db3(
         _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, how), labels, how))
 
 
-def _metadata(how: How) -> dict[str, str]:
+def _metadata(how: RecorderStyle) -> dict[str, str]:
     vehicle = how.get("vehicle")
     return {"vehicle": vehicle} if vehicle else {}
 
@@ -110,7 +110,7 @@ def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) 
 
 
 def _with_metadata(
-    maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], how: How
+    maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], how: RecorderStyle
 ) -> Iterator[_Outgoing]:
     last_ns = 0
     for message in messages:
@@ -120,7 +120,7 @@ def _with_metadata(
     yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(declared)))
 
 
-def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], how: How) -> Iterator[_Outgoing]:
+def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], how: RecorderStyle) -> Iterator[_Outgoing]:
     form, place = how.get("image", "raw"), how.get("place")
     frame_ids, info_topics = _frame_ids(rig), _info_topics(rig)
     placed = False

@@ -15,7 +15,7 @@ from auditor.model.optics.geometry import Matrix, quaternion_from_rotation
 from auditor.model.optics.sensors import NO_LENS, POLYNOMIAL, Lens
 from auditor.model.stamps import NANOSECONDS
 from auditor.recordings import schemas
-from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, TIMESTAMP, Field, Kind
+from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, TIMESTAMP, Field, FieldType
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.decoding.ros import known_types
 
@@ -186,20 +186,20 @@ FLOAT32 = _NUMERIC_TYPES.index("FLOAT32")
 _WRITTEN = {
     **DESCRIPTORS,
     "FileDescriptorProto": {
-        1: Field("name", Kind.STRING),
+        1: Field("name", FieldType.STRING),
         **DESCRIPTORS["FileDescriptorProto"],
-        3: Field("dependency", Kind.STRING, repeated=True),
-        12: Field("syntax", Kind.STRING),
+        3: Field("dependency", FieldType.STRING, repeated=True),
+        12: Field("syntax", FieldType.STRING),
     },
     "DescriptorProto": {
         **DESCRIPTORS["DescriptorProto"],
-        4: Field("enum_type", Kind.MESSAGE, "EnumDescriptorProto", repeated=True),
+        4: Field("enum_type", FieldType.MESSAGE, "EnumDescriptorProto", repeated=True),
     },
     "EnumDescriptorProto": {
-        1: Field("name", Kind.STRING),
-        2: Field("value", Kind.MESSAGE, "EnumValueDescriptorProto", repeated=True),
+        1: Field("name", FieldType.STRING),
+        2: Field("value", FieldType.MESSAGE, "EnumValueDescriptorProto", repeated=True),
     },
-    "EnumValueDescriptorProto": {1: Field("name", Kind.STRING), 2: Field("number", Kind.INT32)},
+    "EnumValueDescriptorProto": {1: Field("name", FieldType.STRING), 2: Field("number", FieldType.INT32)},
 }
 """What a descriptor needs beyond what is compared when one is read."""
 
@@ -227,13 +227,13 @@ def descriptors(name: str) -> bytes:
 
 def _field(number: int, field: Field, value: Any, layouts: Mapping[str, Mapping[int, Field]]) -> bytes:  # noqa: ANN401
     match field.kind:
-        case Kind.DOUBLE:
+        case FieldType.DOUBLE:
             return _varint(number << 3 | _FIXED64) + struct.pack("<d", value)
-        case Kind.FIXED32:
+        case FieldType.FIXED32:
             return _varint(number << 3 | _FIXED32) + struct.pack("<I", value)
-        case Kind.INT64 | Kind.INT32 | Kind.ENUM:
+        case FieldType.INT64 | FieldType.INT32 | FieldType.ENUM:
             return _varint(number << 3 | _VARINT) + _varint(value % 2**64)
-        case Kind.MESSAGE:
+        case FieldType.MESSAGE:
             data = protobuf(field.message, value, layouts)
         case _:
             data = value.encode() if isinstance(value, str) else bytes(value)
@@ -250,7 +250,7 @@ def _varint(value: int) -> bytes:
 
 def _inside(name: str) -> set[str]:
     """A message and all that its fields hold."""
-    parts = [field.message for field in LAYOUTS[name].values() if field.kind is Kind.MESSAGE]
+    parts = [field.message for field in LAYOUTS[name].values() if field.kind is FieldType.MESSAGE]
     return {name}.union(*map(_inside, parts))
 
 
@@ -271,7 +271,7 @@ def _described(name: str) -> dict[str, Any]:
             "number": number,
             "label": _REPEATED if field.repeated else _OPTIONAL,
             "type": field.kind,
-            "type_name": f".{field.message or _ENUM}" if field.kind in (Kind.MESSAGE, Kind.ENUM) else None,
+            "type_name": f".{field.message or _ENUM}" if field.kind in (FieldType.MESSAGE, FieldType.ENUM) else None,
         }
         for number, field in LAYOUTS[name].items()
     ]

@@ -19,8 +19,8 @@ from auditor.reporting.evaluation.answers import (
     size_of,
     subsets,
 )
-from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Rate, Row, Sheet
-from auditor.reporting.evaluation.plots import Axes, Panel, Point, histogram_panel, rate_panel
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, PageRow, Rate, Sheet
+from auditor.reporting.evaluation.plots import Panel, PlotAxes, RatePoint, histogram_panel, rate_panel
 from auditor.reporting.evaluation.tables import described
 
 _STRENGTH_LEGEND = (("line mild", "mild"), ("line strong", "strong"), ("line opaque", "opaque"))
@@ -37,12 +37,12 @@ def sheets(answers: Answers) -> dict[str, list[Sheet]]:
 
 
 def _curve(answers: Answers, title: str, key: Sensors, source: Mapping[Any, Rate], which: object) -> Panel:
-    axes = Axes(0.0, 1.0)
+    axes = PlotAxes(0.0, 1.0)
     lines = []
     for mode, dashes in (("nothing", ""), ("block", " dashed")):
         for s in answers.strengths:
             points = [
-                Point(float(r), rate.share, rate.low, rate.high)
+                RatePoint(float(r), rate.share, rate.low, rate.high)
                 for r in CURVE_RATES
                 if (rate := source.get((mode, which, s, key, float(r)))) is not None
             ]
@@ -99,16 +99,16 @@ def _sensitivity_curves(answers: Answers) -> Iterator[Sheet]:
     radii = [(radius, f"{radius:g}") for radius in (37.5, 112.5, 187.5)]
     panels = []
     for sensor, x_label, ticks, axes in (
-        ("lidar", "width of the wall / m", walls, Axes(0.3, 2.7)),
-        ("reference", "R / px", radii, Axes(20.0, 240.0)),
-        ("source", "R / px", radii, Axes(20.0, 240.0)),
+        ("lidar", "width of the wall / m", walls, PlotAxes(0.3, 2.7)),
+        ("reference", "R / px", radii, PlotAxes(20.0, 240.0)),
+        ("source", "R / px", radii, PlotAxes(20.0, 240.0)),
     ):
         lines = []
         for mode, dashes in (("nothing", ""), ("block", " dashed")):
             of_it = [row for row in rows if row["sensor"] == sensor and row["left_out"] == mode]
             for strength in dict.fromkeys(row["strength"] for row in of_it):
                 points = [
-                    Point(row["size"], row["rate"], row["low"], row["high"])
+                    RatePoint(row["size"], row["rate"], row["low"], row["high"])
                     for row in of_it
                     if row["strength"] == strength
                 ]
@@ -174,7 +174,7 @@ def _grid(title: str, rows: list[tuple[str, Lookup]], methods: tuple[Answers, An
         title=title,
         groups=tuple((LEFT_OUT[mode], len(methods)) for mode in modes),
         columns=("E", "robust") * len(modes),
-        rows=tuple(Row(label, tuple(look(one, mode) for mode in modes for one in methods)) for label, look in rows),
+        rows=tuple(PageRow(label, tuple(look(one, mode) for mode in modes for one in methods)) for label, look in rows),
     )
 
 

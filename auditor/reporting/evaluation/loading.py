@@ -26,12 +26,12 @@ from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, obj
 from auditor.reporting.evaluation.page import (
     LEFT_OUT,
     Cell,
-    Evaluated,
+    EvaluatedRecording,
     EvaluationPage,
     Grid,
     MissedAttack,
+    PageRow,
     Rate,
-    Row,
     Setup,
 )
 from auditor.reporting.evaluation.plots import BOTTOM_PX, HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, WIDTH_PX
@@ -73,7 +73,7 @@ def _false(shown: Mapping[str, Answers]) -> Grid:
         title="False incidents of clean driving, all sensors, r = 1 %",
         groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
         columns=("incidents", "an hour", "at most") * len(modes),
-        rows=tuple(Row(_METHODS[method], tuple(cells(answers))) for method, answers in shown.items()),
+        rows=tuple(PageRow(_METHODS[method], tuple(cells(answers))) for method, answers in shown.items()),
     )
 
 
@@ -95,7 +95,7 @@ def _intervals(method: str, answers: Answers) -> Grid:
         groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
         columns=("found", "named", "after") * len(modes),
         rows=tuple(
-            Row(f"{names(attacked)}, {variant}", tuple(cells((attacked, variant)))) for attacked, variant in kinds
+            PageRow(f"{names(attacked)}, {variant}", tuple(cells((attacked, variant)))) for attacked, variant in kinds
         ),
     )
 
@@ -200,13 +200,13 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
     )
 
 
-def _recordings(clean: Rows) -> Iterator[Evaluated]:
+def _recordings(clean: Rows) -> Iterator[EvaluatedRecording]:
     by_recording: dict[str, Rows] = defaultdict(list)
     for part in clean:
         by_recording[part["recording_id"]].append(part)
     for known, parts in by_recording.items():
         frames, skipped = (sum(part[name] for part in parts) for name in ("frames", "skipped"))
-        yield Evaluated(parts[0]["name"], known, frames, skipped)
+        yield EvaluatedRecording(parts[0]["name"], known, frames, skipped)
 
 
 def _unseen(answers: Answers) -> Iterator[str]:
@@ -262,10 +262,10 @@ def unseen_grids(rows: Rows) -> Iterator[Grid]:
         )
 
 
-def _unseen_row(row: Mapping[str, Any]) -> Row:
+def _unseen_row(row: Mapping[str, Any]) -> PageRow:
     sizes = f"{row['smallest']:g} to {row['largest']:g}"
     unseen = (_unseen_size(row, row[name]) for name in ("unseen_in_half", "unseen_at_best"))
-    return Row(f"{row['attack']}, {row['varied']}", (f"{row['tried']:,}", sizes, *unseen))
+    return PageRow(f"{row['attack']}, {row['varied']}", (f"{row['tried']:,}", sizes, *unseen))
 
 
 def _unseen_size(row: Mapping[str, Any], size: float) -> str:

@@ -6,8 +6,8 @@ from typing import Any
 from auditor.model.rig import Triple
 from auditor.reporting.evaluation import published
 from auditor.reporting.evaluation.answers import R_SHOWN, Answers, Rows, names, percent, rate_of, size_of, subsets
-from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Rate, Row, Sheet
-from auditor.reporting.evaluation.plots import Axes, Panel, Point, rate_panel
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, PageRow, Rate, Sheet
+from auditor.reporting.evaluation.plots import Panel, PlotAxes, RatePoint, rate_panel
 
 OBJECT_RATES = ("0.01", "0.05")
 """The designated false-alarm rates that the page shows of the baseline."""
@@ -75,7 +75,7 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
             groups=tuple((f"Scenario {n}: {names(t)}", width) for n, t in answers.scenarios.items()),
             columns=("paper", *answers.strengths, "clean") * len(answers.scenarios),
             rows=tuple(
-                Row(f"IoU {iou}" + ("" if r is None else f", r = {percent(str(r))}"), tuple(cells(iou, r)))
+                PageRow(f"IoU {iou}" + ("" if r is None else f", r = {percent(str(r))}"), tuple(cells(iou, r)))
                 for iou in published.BASELINE
                 for r in rates
             ),
@@ -107,7 +107,7 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
         groups=tuple((f"IoU {iou}", len(answers.strengths)) for iou in published.BASELINE),
         columns=tuple(answers.strengths) * len(published.BASELINE),
         rows=tuple(
-            Row(
+            PageRow(
                 names(attacked),
                 tuple(found.get((float(iou), s, attacked)) for iou in published.BASELINE for s in answers.strengths),
             )
@@ -141,15 +141,15 @@ def _precisions(title: str, rows: Rows) -> Grid:
         groups=(("average precision", max(len(strengths), 1)),),
         columns=tuple(strength or "wall" for strength in strengths) or ("clean",),
         rows=(
-            Row("clean", tuple(cell(None, None) for _ in strengths) or (cell(None, None),)),
-            *(Row(size_of(row), tuple(cell(size, s) for s in strengths)) for size, row in sorted(sizes.items())),
+            PageRow("clean", tuple(cell(None, None) for _ in strengths) or (cell(None, None),)),
+            *(PageRow(size_of(row), tuple(cell(size, s) for s in strengths)) for size, row in sorted(sizes.items())),
         ),
     )
 
 
 def _panel(title: str, rows: Rows) -> Panel:
     walls = rows[0]["sensor"] == "lidar"
-    axes = Axes(0.3, 2.7) if walls else Axes(20.0, 240.0)
+    axes = PlotAxes(0.3, 2.7) if walls else PlotAxes(20.0, 240.0)
     ends = (0.5, 2.5) if walls else (37.5, 225.0)
     lines = []
     for strength in dict.fromkeys(row["strength"] for row in rows if row["size"] is not None):
@@ -165,5 +165,5 @@ def _panel(title: str, rows: Rows) -> Panel:
     return rate_panel(title, "width of the wall / m" if walls else "R / px", ticks, lines, axes)
 
 
-def _point(x: float, y: float) -> Point:
-    return Point(x, y, y, y)
+def _point(x: float, y: float) -> RatePoint:
+    return RatePoint(x, y, y, y)

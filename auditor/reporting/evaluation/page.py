@@ -36,7 +36,7 @@ Cell = Rate | str | None
 
 
 @dataclass(frozen=True)
-class Row:
+class PageRow:
     """One row of a table."""
 
     label: str
@@ -50,7 +50,7 @@ class Grid:
     title: str
     groups: tuple[tuple[str, int], ...]
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PageRow, ...]
 
     @property
     def unresolved(self) -> bool:
@@ -73,7 +73,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class EvaluatedRecording:
     """One recording of a setup."""
 
     name: str
@@ -91,7 +91,7 @@ class Setup:
     matcher: str
     settings: str
     counting_version: int
-    recordings: tuple[Evaluated, ...]
+    recordings: tuple[EvaluatedRecording, ...]
     sensors: tuple[tuple[int, str], ...]
     cases: int
     seconds: float

@@ -43,7 +43,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Point:
+class RatePoint:
     """One rate with its interval, at x."""
 
     x: float
@@ -52,7 +52,7 @@ class Point:
     high: float
 
 
-class Axes:
+class PlotAxes:
     """x from `first` to `last` and shares from 0 to 1, in pixels."""
 
     def __init__(self, first: float, last: float) -> None:
@@ -67,7 +67,7 @@ class Axes:
         """Pixels from the top."""
         return round(BOTTOM_PX - share * (BOTTOM_PX - TOP_PX), 2)
 
-    def line(self, points: Sequence[Point], style: str, *, marked: bool = False) -> Line:
+    def line(self, points: Sequence[RatePoint], style: str, *, marked: bool = False) -> Line:
         """A curve through the points; `marked` with a dot and its interval at each."""
         path = "".join(f"{'L' if at else 'M'}{self.x(p.x)} {self.y(p.y)}" for at, p in enumerate(points))
         if not marked:
@@ -86,11 +86,11 @@ class Axes:
                 yield Bar(left, top, round(right - left, 2), round(BOTTOM_PX - top, 2), style)
 
 
-SHARES = tuple(Tick(Axes.y(share), f"{share:.0%}") for share in (0.0, 0.5, 1.0))
+SHARES = tuple(Tick(PlotAxes.y(share), f"{share:.0%}") for share in (0.0, 0.5, 1.0))
 
 
 def rate_panel(
-    title: str, x_label: str, ticks: Sequence[tuple[float, str]], lines: Iterable[Line], axes: Axes
+    title: str, x_label: str, ticks: Sequence[tuple[float, str]], lines: Iterable[Line], axes: PlotAxes
 ) -> Panel:
     """A panel of rates between 0 and 100 %."""
     return Panel(title, x_label, tuple(Tick(axes.x(at), text) for at, text in ticks), SHARES, tuple(lines))
@@ -98,9 +98,9 @@ def rate_panel(
 
 def histogram_panel(title: str, groups: Sequence[tuple[str, Sequence[int]]]) -> Panel:
     """Histograms of E between 0 and 1, drawn over each other; all reach as high as the highest bar needs."""
-    axes = Axes(0.0, 1.0)
+    axes = PlotAxes(0.0, 1.0)
     shares = [count / sum(counts) for _, counts in groups for count in counts if count]
     highest = max(shares, default=1.0)
     bars = tuple(bar for style, counts in groups for bar in axes.bars(counts, style, highest))
     ticks = tuple(Tick(axes.x(at), f"{at:g}") for at in (0.0, 0.25, 0.5, 0.75, 1.0))
-    return Panel(title, "E", ticks, (Tick(Axes.y(0.0), "0"), Tick(Axes.y(1.0), f"{highest:.0%}")), bars=bars)
+    return Panel(title, "E", ticks, (Tick(PlotAxes.y(0.0), "0"), Tick(PlotAxes.y(1.0), f"{highest:.0%}")), bars=bars)

@@ -17,7 +17,7 @@ from auditor.reporting.evaluation.answers import (
     size_of,
     subsets,
 )
-from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Row
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, PageRow
 
 _UNITS = {
     "hidden sector": "°",
@@ -54,7 +54,7 @@ def _detection(answers: Answers, mode: str) -> Grid:
         title=LEFT_OUT[mode],
         groups=tuple((f"Scenario {n}: {names(t)}", 1 + len(answers.strengths)) for n, t in answers.scenarios.items()),
         columns=("paper", *answers.strengths) * len(answers.scenarios),
-        rows=tuple(Row(f"r = {percent(r)}", tuple(cells(r))) for r in published.TABLE_RATES),
+        rows=tuple(PageRow(f"r = {percent(r)}", tuple(cells(r))) for r in published.TABLE_RATES),
     )
 
 
@@ -65,7 +65,7 @@ def _combinations(answers: Answers, number: int) -> Grid:
         groups=tuple((LEFT_OUT[mode], len(answers.strengths)) for mode in answers.modes),
         columns=tuple(answers.strengths) * len(answers.modes),
         rows=tuple(
-            Row(
+            PageRow(
                 names(attacked),
                 tuple(
                     answers.detection.get((mode, triple, s, attacked, R_SHOWN))
@@ -92,7 +92,7 @@ def _identification(answers: Answers, mode: str, system: Sensors) -> Grid:
             tuple((f"{size} attacked", len(answers.strengths)) for size in sizes),
             tuple(answers.strengths) * len(sizes),
             tuple(
-                Row(f"r = {percent(r)}", tuple(cell(s, size, r) for size in sizes for s in answers.strengths))
+                PageRow(f"r = {percent(r)}", tuple(cell(s, size, r) for size in sizes for s in answers.strengths))
                 for r in published.TABLE_RATES
             ),
         )
@@ -102,7 +102,7 @@ def _identification(answers: Answers, mode: str, system: Sensors) -> Grid:
         (("Strength", 1), *((f"S_{sensor}", 1) for sensor in system), ("average", 1)),
         (),
         tuple(
-            Row(f"r = {percent(r)}" if s == "paper" else "", (s, *of_r))
+            PageRow(f"r = {percent(r)}" if s == "paper" else "", (s, *of_r))
             for r in published.TABLE_RATES
             for s, of_r in [
                 ("paper", published.IDENTIFICATION[r]),
@@ -127,7 +127,7 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
                 groups=tuple((LEFT_OUT[mode], strengths) for mode in answers.modes),
                 columns=tuple(strength or "wall" for _, strength in columns),
                 rows=tuple(
-                    Row(size_of(row), tuple(found.get((*column, size)) for column in columns))
+                    PageRow(size_of(row), tuple(found.get((*column, size)) for column in columns))
                     for size, row in sorted(sizes.items())
                 ),
             )
@@ -153,7 +153,7 @@ def _further(answers: Answers) -> Iterator[Grid]:
             title=f"On {names(attacked)}",
             groups=tuple((LEFT_OUT[mode], len(columns)) for mode in answers.modes),
             columns=columns * len(answers.modes),
-            rows=tuple(Row(kind, tuple(cells(kind))) for kind in kinds),
+            rows=tuple(PageRow(kind, tuple(cells(kind))) for kind in kinds),
         )
 
 
@@ -181,7 +181,7 @@ def _false_alarms(answers: Answers, mode: str) -> Grid:
         title=LEFT_OUT[mode],
         groups=(("frames raised", len(published.TABLE_RATES)), ("frames an hour", 1)),
         columns=(*(f"r = {percent(r)}" for r in published.TABLE_RATES), f"r = {percent(str(R_SHOWN))}"),
-        rows=tuple(Row(names(system), tuple(cells(system))) for system in systems),
+        rows=tuple(PageRow(names(system), tuple(cells(system))) for system in systems),
     )
 
 
@@ -200,7 +200,7 @@ def _confusion(answers: Answers, system: Sensors) -> Grid:
         groups=(("verdict", len(kinds)),),
         columns=tuple(name.replace("_a", " a") for name in kinds),
         rows=tuple(
-            Row(names(truth) + " attacked" if truth else "clean", tuple(f"{counts[truth, s]:,}" for s in kinds))
+            PageRow(names(truth) + " attacked" if truth else "clean", tuple(f"{counts[truth, s]:,}" for s in kinds))
             for truth in sorted({tuple(row["attacked"]) for row in rows}, key=lambda t: (len(t), t))
         ),
     )

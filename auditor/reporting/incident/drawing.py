@@ -16,9 +16,9 @@ from auditor.reporting.incident.audits import Audit, mapping
 from auditor.reporting.incident.cameras_beside import beside, camera_rigs, named_by_pasts
 from auditor.reporting.incident.contradictions import contradictions, largest_things
 from auditor.reporting.incident.examples import data_uri
-from auditor.reporting.incident.page import DamagedPortion, IncidentPart, RecordingPart, SensorLine, Truth, View
+from auditor.reporting.incident.page import DamagedPortion, IncidentPart, PageView, RecordingPart, SensorLine, Truth
 from auditor.reporting.incident.provenance import Provenance
-from auditor.reporting.incident.timeline import Measured, Timeline, sensor_scores, with_evidence
+from auditor.reporting.incident.timeline import ThresholdComparison, Timeline, sensor_scores, with_evidence
 from auditor.reporting.plots import Series
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
@@ -88,13 +88,13 @@ class Drawing:
 
 def _measured(
     store: Store, audit: Audit, by: Provenance, errors: FrameErrors, frames: Sequence[Mapping[str, Any]]
-) -> Measured:
+) -> ThresholdComparison:
     """What a judgement compared with its thresholds, frame by frame; nothing of those before there was a limit."""
     if by.method != Method.ROBUST:
         curves = [Series("E", line.triple, (), line.theta) for line in by.thresholds]
-        return Measured(errors.frames, errors.E[:, : len(curves)], curves)
+        return ThresholdComparison(errors.frames, errors.E[:, : len(curves)], curves)
     if by.limit is None:
-        return Measured(errors.frames, np.zeros((len(errors.frames), 0)), [])
+        return ThresholdComparison(errors.frames, np.zeros((len(errors.frames), 0)), [])
     scores = run_query(store, "report_scores", {"measurement": audit.measurement.measurement_id})
     z = scores["z"].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
     absent = {frame["frame"]: frozenset(frame["out_of_system"] or ()) for frame in frames}
@@ -105,7 +105,9 @@ def _measured(
     values = sensor_scores(z.reshape(len(numbers), len(checks)), checks, audit.rig.sensors, missing)
     evidence = {frame["frame"]: frame["evidence"] or () for frame in frames}
     values = with_evidence(values, [evidence.get(number, ()) for number in numbers.tolist()], audit.rig.sensors)
-    return Measured(numbers, values, [Series("S", (sensor,), (), by.limit, "limit") for sensor in audit.rig.sensors])
+    return ThresholdComparison(
+        numbers, values, [Series("S", (sensor,), (), by.limit, "limit") for sensor in audit.rig.sensors]
+    )
 
 
 def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:
@@ -139,7 +141,7 @@ def incident_views(
     errors: FrameErrors,
     incident: IncidentPart,
     pictures: Pictures = Pictures.INCIDENTS,
-) -> tuple[View, ...]:
+) -> tuple[PageView, ...]:
     """The pictured frames of an incident: all, the strongest alone (`incidents`), or none.
 
     Of each frame the reference view with inconsistent pixels comes first, then the named ones. Where no camera is
@@ -156,7 +158,7 @@ def incident_views(
     return tuple(view for frame in frames for view in _frame_views(store, measurement_id, frame, incident))
 
 
-def _frame_views(store: Store, measurement_id: str, frame: int, incident: IncidentPart) -> tuple[View, ...]:
+def _frame_views(store: Store, measurement_id: str, frame: int, incident: IncidentPart) -> tuple[PageView, ...]:
     picture = store.picture(measurement_id, frame)
     if picture is None or picture.reference not in picture.views:
         return ()
@@ -168,9 +170,9 @@ def _frame_views(store: Store, measurement_id: str, frame: int, incident: Incide
         identified.append(picture.reference)
     mask = data_uri("png", picture.mask_png)
     return (
-        View(picture.reference, picture.frame, images[picture.reference], mask),
+        PageView(picture.reference, picture.frame, images[picture.reference], mask),
         *(
-            View(sensor, picture.frame, images[sensor], portions=tuple(map(_portion, _lying_in(damaged, sensor))))
+            PageView(sensor, picture.frame, images[sensor], portions=tuple(map(_portion, _lying_in(damaged, sensor))))
             for sensor in identified or others or [picture.reference]
         ),
     )

@@ -167,7 +167,7 @@ class OneIncident:
     former: str = ""
 
 
-class Incidents:
+class IncidentList:
     """All incidents of a store; what several pages need is read once. Raises StoreError."""
 
     def __init__(self, store: Store, pictures: Pictures) -> None:

@@ -86,7 +86,7 @@ class DamagedPortion:
 
 
 @dataclass(frozen=True)
-class View:
+class PageView:
     """One camera's picture of one frame, as data URIs.
 
     `mask` lies over it where it is the reference camera's, `portions` where sensors were attacked.
@@ -162,7 +162,7 @@ class IncidentPart:
     states: tuple[tuple[str, int], ...] = ()
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
-    views: tuple[View, ...] = ()
+    views: tuple[PageView, ...] = ()
     shown: tuple[ShownExample, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
     beside: tuple[Beside, ...] = ()
@@ -185,7 +185,7 @@ class IncidentPart:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class LabelAgreement:
     """Verdicts against ground truth: of `labelled` frames, those attributed exactly; of the others, those raised."""
 
     labelled: int
@@ -233,7 +233,7 @@ class RecordingPart:
     incidents: tuple[IncidentPart, ...] = ()
     overview: Figure | None = None
     truths: tuple[Truth, ...] = ()
-    agreement: Agreement | None = None
+    agreement: LabelAgreement | None = None
     remarks: tuple[Remark, ...] = ()
     other_names: tuple[str, ...] = ()
     paths: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.examples import data_uri
-from auditor.reporting.incident.loading import MOST_SECTIONS, Incidents, OneIncident, load_page
+from auditor.reporting.incident.loading import MOST_SECTIONS, IncidentList, OneIncident, load_page
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
 from auditor.reporting.templates import FILTERS, count, fill
@@ -49,7 +49,7 @@ def render_incident_page(store: Store, beginning: str, *, out: Path, pictures: P
 
     Raises StoreError unless it is just one, and where the page cannot be written.
     """
-    incidents = Incidents(store, pictures)
+    incidents = IncidentList(store, pictures)
     row = incident_called(store, incidents.rows, beginning)
     return store.write_page(out, render_one(incidents.one(row)))
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from auditor.model.checks import SensorCheck, counting_checks
 from auditor.model.verdict import FINDINGS, Method, VerdictKind
-from auditor.reporting.incident.page import Agreement, EvidenceLine, IncidentPart, RecordingPart, Remark
-from auditor.reporting.plots import NS_PER_S, Figure, Row, Series, draw
+from auditor.reporting.incident.page import EvidenceLine, IncidentPart, LabelAgreement, RecordingPart, Remark
+from auditor.reporting.plots import NS_PER_S, Figure, Series, StripRow, draw
 
 _Subject = tuple[int, int | None, str]
 """The sensor of a check, the other one where two alone do not see the same, and the name of the check."""
@@ -91,7 +91,7 @@ MOST_CHARTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class ThresholdComparison:
     """What a judgement compared with its thresholds: disparity errors E by triple, or the largest z by sensor.
 
     `values` are (F, C), one column a curve, NaN where not measured; `frames` the (F,) frame numbers. `curves` are
@@ -106,7 +106,7 @@ class Measured:
 class Timeline:
     """The frames of one judged recording, ready to be drawn."""
 
-    def __init__(self, part: RecordingPart, measured: Measured, frames: Sequence[dict[str, Any]]) -> None:
+    def __init__(self, part: RecordingPart, measured: ThresholdComparison, frames: Sequence[dict[str, Any]]) -> None:
         self._part = part
         self._frames = frames
         self._robust = part.provenance.method == Method.ROBUST
@@ -134,11 +134,11 @@ class Timeline:
         """The numbers of its frames."""
         return {frame["frame"] for frame in self._own(incident)}
 
-    def agreement(self) -> Agreement:
+    def agreement(self) -> LabelAgreement:
         """Compare verdicts with the ground truth, frame by frame."""
         labelled = [frame for frame in self._frames if frame["truth"]]
         others = [frame for frame in self._frames if not frame["truth"]]
-        return Agreement(
+        return LabelAgreement(
             labelled=len(labelled),
             exact=sum(
                 frame["kind"] == VerdictKind.ATTACKED and frame["attacked"] == frame["truth"] for frame in labelled
@@ -193,10 +193,10 @@ class Timeline:
         within = incident.first_frame <= frame["frame"] <= incident.last_frame
         return within and frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
 
-    def _rows(self, part: slice) -> list[Row]:
+    def _rows(self, part: slice) -> list[StripRow]:
         stamps_ns, frames = self._stamps_ns[part], self._frames[part]
         rows = [
-            Row(
+            StripRow(
                 "verdict",
                 stamps_ns,
                 [frame["kind"] for frame in frames],
@@ -205,18 +205,20 @@ class Timeline:
         ]
         if self._robust:
             around = [frame["finding"] or "" for frame in frames]
-            rows.append(Row("incident", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames]))
+            rows.append(
+                StripRow("incident", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames])
+            )
         if self._part.truths:
             truth = ["truth" if frame["truth"] else "" for frame in frames]
-            rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
+            rows.append(StripRow("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
         return rows
 
-    def _state_rows(self, part: slice) -> list[Row]:
+    def _state_rows(self, part: slice) -> list[StripRow]:
         """The states in e by triple; the fallback has a row where frames were judged by it."""
         stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
         longest = max(map(len, vectors), default=0)
         return [
-            Row("", stamps_ns, [e[place : place + 1] or "-" for e in vectors], (), triple)
+            StripRow("", stamps_ns, [e[place : place + 1] or "-" for e in vectors], (), triple)
             for place, triple in enumerate(self._part.triples[:longest])
         ]
 

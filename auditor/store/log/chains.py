@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from auditor.errors import StoreError
 from auditor.store.files import for_owner, locked, make_folder, write_whole
-from auditor.store.log.entry import Entry, Kind
+from auditor.store.log.entry import Entry, EntryKind
 
 LOG = "log"
 """The folder of the chains in a store."""
@@ -27,7 +27,7 @@ _BLOCK = 1 << 16
 
 
 @dataclass(frozen=True)
-class Head:
+class ChainHead:
     """The last entry of a chain: its hash and its place in the order of all entries."""
 
     sha256: str
@@ -48,14 +48,14 @@ def chain_paths(folder: Path) -> list[Path]:
     return sorted((folder / LOG).glob("*.jsonl"))
 
 
-def heads(folder: Path) -> dict[str, Head]:
+def heads(folder: Path) -> dict[str, ChainHead]:
     """The head of each chain, by its name; chains are left out whose last entry was changed. Raises StoreError."""
     found = {}
     for path in chain_paths(folder):
         with suppress(StoreError):
             last = last_entry(path)
             if last is not None:
-                found[path.stem] = Head(last.sha256, last.order)
+                found[path.stem] = ChainHead(last.sha256, last.order)
     return found
 
 
@@ -111,7 +111,7 @@ def _is_whole(tail: bytes) -> bool:
     return False
 
 
-def append(path: Path, kind: Kind, run: str, what: Mapping[str, Any]) -> Entry:
+def append(path: Path, kind: EntryKind, run: str, what: Mapping[str, Any]) -> Entry:
     """Append an entry to a chain and make it durable; the log must be locked. Raises StoreError.
 
     What a killed process left of an entry goes.

@@ -22,12 +22,12 @@ from auditor import __version__
 from auditor.errors import StoreError
 from auditor.model.canonical import canonical_json
 from auditor.resources import plug_ins
-from auditor.store.files import Written, hash_stream
+from auditor.store.files import WrittenFile, hash_stream
 
 _FRAME = ("at", "before", "kind", "order", "pid", "run", "sha256")
 
 
-class Kind(StrEnum):
+class EntryKind(StrEnum):
     """What an entry says."""
 
     OPENED = "opened"
@@ -64,7 +64,7 @@ class Kind(StrEnum):
     """Somebody signed the heads of all chains."""
 
 
-class Outcome(StrEnum):
+class RunOutcome(StrEnum):
     """How a run ended."""
 
     DONE = "done"
@@ -173,7 +173,7 @@ def this_program() -> list[str]:
 
 
 @dataclass(frozen=True)
-class Output:
+class OutputFile:
     """A finished file; `path` is its place in the store with `/`, or a whole path where it lies elsewhere."""
 
     path: str
@@ -186,12 +186,12 @@ class Output:
         return {"path": self.path, "size": self.size, "sha256": self.sha256}
 
     @classmethod
-    def of_written(cls, written: Written, folder: Path) -> "Output":
+    def of_written(cls, written: WrittenFile, folder: Path) -> "OutputFile":
         """A file that was written, of the store in a folder."""
         return cls(place_in(folder, written.path), written.size, written.sha256)
 
     @classmethod
-    def of_fields(cls, fields: Mapping[str, Any]) -> "Output":
+    def of_fields(cls, fields: Mapping[str, Any]) -> "OutputFile":
         """The output of a row of the column `outputs`, or of an entry of the log."""
         return cls(fields["path"], fields["size"], fields["sha256"])
 
@@ -207,9 +207,9 @@ def hash_file(path: Path) -> tuple[int, str]:
         raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
 
 
-def output_of(path: Path, folder: Path) -> Output:
+def output_of(path: Path, folder: Path) -> OutputFile:
     """What lies at a path, of the store in a folder. Raises StoreError where it cannot be read."""
-    return Output(place_in(folder, path), *hash_file(path))
+    return OutputFile(place_in(folder, path), *hash_file(path))
 
 
 def place_in(folder: Path, path: Path) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from auditor.errors import AuditorError, StoreError
-from auditor.store.files import Written, held
+from auditor.store.files import WrittenFile, held
 from auditor.store.log.chains import (
     LOG,
     append,
@@ -22,7 +22,16 @@ from auditor.store.log.chains import (
     log_lock,
     whole_lines,
 )
-from auditor.store.log.entry import Entry, Kind, Outcome, Output, hash_file, place_in, provenance, this_program
+from auditor.store.log.entry import (
+    Entry,
+    EntryKind,
+    OutputFile,
+    RunOutcome,
+    hash_file,
+    place_in,
+    provenance,
+    this_program,
+)
 from auditor.store.log.signatures import Signer, signer_of
 
 _LONGEST_HOST = 40
@@ -44,42 +53,42 @@ class Run:
 
     def used(self, what: str, sha256: str, name: str = "") -> None:
         """Say what the run reads: a recording, a calibration or a model, by its hash. Raises StoreError."""
-        self.say(Kind.USED, {"what": what, "hash": sha256, "name": name})
+        self.say(EntryKind.USED, {"what": what, "hash": sha256, "name": name})
 
     def output(self, path: str | Path, sha256: str, size: int | None = None) -> None:
         """Say that a file lies in its place. Raises StoreError."""
         place = place_in(self.folder, Path(path)) if Path(path).is_absolute() else str(path)
         size = size if size is not None else (self.folder / place).stat().st_size
-        self.say(Kind.WROTE, {"files": [Output(place, size, sha256).fields]})
+        self.say(EntryKind.WROTE, {"files": [OutputFile(place, size, sha256).fields]})
 
     @contextmanager
-    def saying(self, kind: Kind, what: dict[str, Any]) -> Iterator[None]:
+    def saying(self, kind: EntryKind, what: dict[str, Any]) -> Iterator[None]:
         """Append an entry, and do within the block what it says. Raises StoreError."""
         with log_lock(self.folder):
             append(self.chain, kind, self.run_id, what)
             yield
 
-    def writing(self, outputs: Sequence[Output], kind: Kind = Kind.WROTE) -> AbstractContextManager[None]:
+    def writing(self, outputs: Sequence[OutputFile], kind: EntryKind = EntryKind.WROTE) -> AbstractContextManager[None]:
         """Say that files are put in their places, and do so within the block. Raises StoreError."""
         return self.saying(kind, {"files": [output.fields for output in outputs]})
 
-    def announce(self, written: Written) -> AbstractContextManager[None]:
+    def announce(self, written: WrittenFile) -> AbstractContextManager[None]:
         """Say that a file is put in its place, and do so within the block. Raises StoreError."""
-        return self.writing([Output.of_written(written, self.folder)])
+        return self.writing([OutputFile.of_written(written, self.folder)])
 
-    def packing(self, outputs: Sequence[Output], places: Sequence[str]) -> AbstractContextManager[None]:
+    def packing(self, outputs: Sequence[OutputFile], places: Sequence[str]) -> AbstractContextManager[None]:
         """Say that files are put in their places of what lies in others, which go, and do so within the block.
 
         Raises StoreError.
         """
         files = [*(output.fields for output in outputs), *({"path": place} for place in places)]
-        return self.saying(Kind.PACKED, {"files": files})
+        return self.saying(EntryKind.PACKED, {"files": files})
 
     def removing(self, places: Sequence[str], why: str) -> AbstractContextManager[None]:
         """Say that files of the store are removed, and do so within the block. Raises StoreError."""
-        return self.saying(Kind.REMOVED, {"files": [{"path": one} for one in places], "why": why})
+        return self.saying(EntryKind.REMOVED, {"files": [{"path": one} for one in places], "why": why})
 
-    def say(self, kind: Kind, what: dict[str, Any]) -> None:
+    def say(self, kind: EntryKind, what: dict[str, Any]) -> None:
         """Append an entry. Raises StoreError."""
         with self.saying(kind, what):
             pass
@@ -103,16 +112,16 @@ def run(folder: Path, command: Sequence[str], key: Path | None = None) -> Iterat
             close_interrupted(folder)
             chain = stack.enter_context(_free_chain(folder))
             opened = Run(folder, chain, secrets.token_hex(_ID_BYTES), whole_lines(chain))
-            append(chain, Kind.OPENED, opened.run_id, {**provenance(command), "heads": _heads(folder, chain)})
+            append(chain, EntryKind.OPENED, opened.run_id, {**provenance(command), "heads": _heads(folder, chain)})
         _current[folder] = opened
         stack.callback(_current.pop, folder)
         try:
             yield opened
         except BaseException as error:
             with suppress(StoreError):  # the error itself is what is to be told
-                _close(opened, Outcome.FAILED, _reason(error), signer)
+                _close(opened, RunOutcome.FAILED, _reason(error), signer)
             raise
-        _close(opened, Outcome.DONE, signer=signer)
+        _close(opened, RunOutcome.DONE, signer=signer)
 
 
 @contextmanager
@@ -139,13 +148,13 @@ def close_interrupted(folder: Path) -> None:
             found = open_run(path) if free and _is_usable(path) else None
             if found is not None:
                 interrupted = Run(folder, path, found.run)
-                _append_closing(interrupted, Outcome.INTERRUPTED, "its process was gone when the next run began")
+                _append_closing(interrupted, RunOutcome.INTERRUPTED, "its process was gone when the next run began")
 
 
 def open_run(path: Path) -> Entry | None:
     """The last entry of the run of a chain that was not closed; None where all were. Raises StoreError."""
     last = last_entry(path)
-    return None if last is None or last.kind in {Kind.CLOSED, Kind.SIGNED} else last
+    return None if last is None or last.kind in {EntryKind.CLOSED, EntryKind.SIGNED} else last
 
 
 def pending(entries: Sequence[Entry], run_id: str) -> list[Entry]:
@@ -157,18 +166,22 @@ def pending(entries: Sequence[Entry], run_id: str) -> list[Entry]:
     for entry in entries:
         if entry.run == run_id:
             last[entry.pid] = entry
-    return [entry for entry in last.values() if entry.kind in {Kind.WROTE, Kind.REMOVED, Kind.UPGRADED, Kind.PACKED}]
+    return [
+        entry
+        for entry in last.values()
+        if entry.kind in {EntryKind.WROTE, EntryKind.REMOVED, EntryKind.UPGRADED, EntryKind.PACKED}
+    ]
 
 
-def _close(ended: Run, outcome: Outcome, reason: str = "", signer: Signer | None = None) -> None:
+def _close(ended: Run, outcome: RunOutcome, reason: str = "", signer: Signer | None = None) -> None:
     with log_lock(ended.folder):
         _append_closing(ended, outcome, reason)
         if signer is not None:
             seen = {name: head.sha256 for name, head in heads(ended.folder).items()}
-            append(ended.chain, Kind.SIGNED, ended.run_id, {"heads": seen, "signature": signer(seen)})
+            append(ended.chain, EntryKind.SIGNED, ended.run_id, {"heads": seen, "signature": signer(seen)})
 
 
-def _append_closing(ended: Run, outcome: Outcome, reason: str) -> None:
+def _append_closing(ended: Run, outcome: RunOutcome, reason: str) -> None:
     """Close a run, and say which of its last files are not in the places where they should be."""
     found = entries_from(ended.chain, ended.begin)
     unwritten = [
@@ -183,7 +196,7 @@ def _append_closing(ended: Run, outcome: Outcome, reason: str) -> None:
         "unwritten": unwritten,
         "heads": _heads(ended.folder, ended.chain),
     }
-    append(ended.chain, Kind.CLOSED, ended.run_id, what)
+    append(ended.chain, EntryKind.CLOSED, ended.run_id, what)
 
 
 def _is_true(folder: Path, file: dict[str, Any]) -> bool:
@@ -232,7 +245,7 @@ def _is_usable(path: Path) -> bool:
     return True
 
 
-_CHANGES = frozenset({Kind.WROTE, Kind.REMOVED, Kind.UPGRADED, Kind.PACKED})
+_CHANGES = frozenset({EntryKind.WROTE, EntryKind.REMOVED, EntryKind.UPGRADED, EntryKind.PACKED})
 
 
 @dataclass(frozen=True)
@@ -242,16 +255,16 @@ class Place:
     There are several only while the run that changes it is open.
     """
 
-    accepted: tuple[Output | None, ...]
+    accepted: tuple[OutputFile | None, ...]
     entry: Entry
 
-    def accepts(self, found: Output | None) -> bool:
+    def accepts(self, found: OutputFile | None) -> bool:
         """Whether this is what should lie there."""
         return found in self.accepted
 
 
 @dataclass(frozen=True)
-class Expected:
+class LogState:
     """What the log says: `places` by path, the runs by their ids, and those that were not closed."""
 
     places: dict[str, Place] = field(default_factory=dict)
@@ -266,37 +279,37 @@ class Expected:
         return f"{' '.join(words[:2]) or 'a run'} at {entry.at[:19]}Z"
 
 
-def expected(entries: Sequence[Entry]) -> Expected:
+def expected(entries: Sequence[Entry]) -> LogState:
     """What entries, in their order, say of files."""
-    opened = {entry.run: entry for entry in entries if entry.kind == Kind.OPENED}
-    closed = {entry.run for entry in entries if entry.kind == Kind.CLOSED}
+    opened = {entry.run: entry for entry in entries if entry.kind == EntryKind.OPENED}
+    closed = {entry.run for entry in entries if entry.kind == EntryKind.CLOSED}
     under_way = [entry for run, entry in opened.items() if run not in closed]
     unsettled = {entry.order for one in under_way for entry in pending(entries, one.run)}
     untrue = {
         (order, path)
         for entry in entries
-        if entry.kind == Kind.CLOSED
+        if entry.kind == EntryKind.CLOSED
         for order, path in entry.what.get("unwritten", ())
     }
     places: dict[str, Place] = {}
     for entry in entries:
         if entry.kind in _CHANGES:
             changes = [file for file in entry.what["files"] if (entry.order, file["path"]) not in untrue]
-            if entry.kind == Kind.UPGRADED and changes:
+            if entry.kind == EntryKind.UPGRADED and changes:
                 places.clear()
             for file in changes:
                 _change(places, entry, file, settled=entry.order not in unsettled)
-    return Expected(places, opened, tuple(under_way))
+    return LogState(places, opened, tuple(under_way))
 
 
 def _change(places: dict[str, Place], entry: Entry, file: dict[str, object], *, settled: bool) -> None:
     path = str(file["path"])
     if not _is_inside(path):
         return
-    new = Output.of_fields(file) if "sha256" in file else None
+    new = OutputFile.of_fields(file) if "sha256" in file else None
     if new is None and not settled and path not in places:
         return  # it may be there still, and the row that finished it says how it was
-    before: tuple[Output | None, ...] = places[path].accepted if path in places else (None,)
+    before: tuple[OutputFile | None, ...] = places[path].accepted if path in places else (None,)
     places[path] = Place((new,) if settled else (new, *before), entry)
 
 

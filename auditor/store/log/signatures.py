@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from auditor.errors import SettingError, needing
 from auditor.model.canonical import canonical_json
 from auditor.store.log.chains import LOG, Chain
-from auditor.store.log.entry import Entry, Kind
+from auditor.store.log.entry import Entry, EntryKind
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -102,7 +102,7 @@ def unsigned(chains: Sequence[Chain], key: "Ed25519PublicKey") -> Iterator[tuple
 
 
 def _is_signed(entry: Entry, key: "Ed25519PublicKey") -> bool:
-    if entry.kind != Kind.SIGNED:
+    if entry.kind != EntryKind.SIGNED:
         return False
     try:
         return signs(key, _signed(entry.what["heads"]), entry.what["signature"])

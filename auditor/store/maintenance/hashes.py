@@ -14,7 +14,7 @@ from pathlib import Path
 
 from auditor.errors import StoreError
 from auditor.store.files import write_whole
-from auditor.store.log.entry import Output, hash_file
+from auditor.store.log.entry import OutputFile, hash_file
 
 PAGES = "reports/"
 """Where pages lie, which anybody may change."""
@@ -24,7 +24,7 @@ Stamp = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
-class Checked:
+class FileCheck:
     """A file when it was last found right: its stamp and its hash."""
 
     stamp: Stamp
@@ -34,12 +34,12 @@ class Checked:
 class Hashes:
     """The hashes of a store's files; of `trusted` ones those of before, while they have the stamps of then."""
 
-    def __init__(self, folder: Path, trusted: Mapping[str, Checked]) -> None:
+    def __init__(self, folder: Path, trusted: Mapping[str, FileCheck]) -> None:
         self._folder = folder
         self._trusted = trusted
-        self._hashed: dict[str, Checked] = {}
+        self._hashed: dict[str, FileCheck] = {}
 
-    def of(self, place: str) -> Output | None:
+    def of(self, place: str) -> OutputFile | None:
         """What lies in a place; None where nothing does or it cannot be read."""
         try:
             stamp = _stamp((self._folder / place).stat())
@@ -48,11 +48,11 @@ class Hashes:
         known = self._trusted.get(place)
         if known is None or known.stamp != stamp:
             try:
-                known = Checked(stamp, hash_file(self._folder / place)[1])
+                known = FileCheck(stamp, hash_file(self._folder / place)[1])
             except StoreError:
                 return None
         self._hashed[place] = known
-        return Output(place, stamp[0], known.sha256)
+        return OutputFile(place, stamp[0], known.sha256)
 
     def keep(self, wrong: set[str]) -> None:
         """Keep the files that were found right, for the next time: those that were looked at, and those trusted."""
@@ -80,23 +80,23 @@ def _stamp(stat: os.stat_result) -> Stamp:
     return stat.st_size, stat.st_mtime_ns, stat.st_ino
 
 
-def read_checked(folder: Path) -> dict[str, Checked]:
+def read_checked(folder: Path) -> dict[str, FileCheck]:
     """What was found right of the store in a folder, by place; nothing where that is not known."""
     try:
         content = json.loads(_cache(folder).read_bytes())
-        return {place: Checked((size, time, inode), sha) for place, (size, time, inode, sha) in content.items()}
+        return {place: FileCheck((size, time, inode), sha) for place, (size, time, inode, sha) in content.items()}
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
 
 
-def changed(folder: Path, checked: Mapping[str, Checked]) -> set[str]:
+def changed(folder: Path, checked: Mapping[str, FileCheck]) -> set[str]:
     """The places of a store, pages apart, where something has changed since it was found right."""
     there = stamps(folder)
     places = (place for place in checked.keys() | there.keys() if not place.startswith(PAGES))
     return {place for place in places if place not in checked or checked[place].stamp != there.get(place)}
 
 
-def write_checked(folder: Path, checked: Mapping[str, Checked]) -> None:
+def write_checked(folder: Path, checked: Mapping[str, FileCheck]) -> None:
     """Keep what was found right of the store in a folder; where that cannot be written, it is found again next time."""
     content = {place: [*one.stamp, one.sha256] for place, one in sorted(checked.items())}
     with suppress(StoreError):

@@ -19,7 +19,7 @@ from auditor.model.frames import SensorState
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.files import locked
-from auditor.store.log.entry import Kind
+from auditor.store.log.entry import EntryKind
 from auditor.store.log.runs import logged
 from auditor.store.records import RecordingRecord, StoredMeasurement
 from auditor.store.store import Store
@@ -43,7 +43,7 @@ _KEPT_MEASUREMENTS = 64
 
 
 @dataclass(frozen=True)
-class Superseded:
+class SupersededRecording:
     """A recording, and the one that holds every frame of it."""
 
     earlier: RecordingRecord
@@ -67,7 +67,7 @@ class _Messages:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _RecordingMeasurements:
     """A recording with its measurements, and whether it carries the ground truth of an attack."""
 
     record: RecordingRecord
@@ -85,7 +85,7 @@ class _Known:
         )
 
 
-def relate(store: Store) -> tuple[Superseded, ...]:
+def relate(store: Store) -> tuple[SupersededRecording, ...]:
     """Compare what was not compared yet with all that the store has of the same time, and keep what was found.
 
     Returns the recordings that are superseded since. Raises StoreError.
@@ -104,9 +104,9 @@ def relate(store: Store) -> tuple[Superseded, ...]:
             for known, changed in found.items():
                 store.write_recording(changed)
                 if changed.superseded_by is not None and changed.superseded_by != records[known].superseded_by:
-                    entry.say(Kind.SUPERSEDED, {"earlier": known, "later": changed.superseded_by})
+                    entry.say(EntryKind.SUPERSEDED, {"earlier": known, "later": changed.superseded_by})
     return tuple(
-        Superseded(changed, found.get(changed.superseded_by, records[changed.superseded_by]))
+        SupersededRecording(changed, found.get(changed.superseded_by, records[changed.superseded_by]))
         for known, changed in sorted(found.items())
         if changed.superseded_by is not None and changed.superseded_by != records[known].superseded_by
     )
@@ -156,11 +156,11 @@ class _Comparison:
             yield replace(a, conflicts=_with(a.conflicts, b.recording_id))
             yield replace(b, conflicts=_with(b.conflicts, a.recording_id))
 
-    def _known(self, record: RecordingRecord) -> _Known:
+    def _known(self, record: RecordingRecord) -> _RecordingMeasurements:
         measurements = tuple(self._measurements.get(record.recording_id, ()))
-        return _Known(record, measurements, record.recording_id in self._labelled)
+        return _RecordingMeasurements(record, measurements, record.recording_id in self._labelled)
 
-    def _holds(self, later: _Known, earlier: _Known) -> bool:
+    def _holds(self, later: _RecordingMeasurements, earlier: _RecordingMeasurements) -> bool:
         """Whether one holds every frame of another, in each way of measuring that they have in common."""
         procedures = {one.procedure for one in later.measurements}
         common = [one for one in earlier.measurements if one.procedure in procedures]
@@ -174,7 +174,7 @@ class _Comparison:
             for one in common
         )
 
-    def _conflict(self, one: _Known, other: _Known) -> bool:
+    def _conflict(self, one: _RecordingMeasurements, other: _RecordingMeasurements) -> bool:
         if not _of_one_clock(one.record, other.record):
             return False
         same_vehicle = one.record.vehicle is not None and one.record.vehicle == other.record.vehicle

@@ -24,7 +24,7 @@ _OF_RECORDINGS = ("labels", "given_labels", "recordings")
 
 
 @dataclass(frozen=True)
-class Removed:
+class RemovalResult:
     """What went with some recordings, and the calibrations that were made of them, which stay."""
 
     measurements: int
@@ -50,7 +50,7 @@ def find_removable(store: Store, wanted: Collection[str]) -> list[RecordingRecor
     return list(found.values())
 
 
-def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
+def remove_recordings(store: Store, recording_ids: Collection[str]) -> RemovalResult:
     """Remove recordings; those that they superseded count again. Raises StoreError."""
     gone = set(recording_ids)
     with locked(store.folder), logged(store.folder) as entry:
@@ -70,7 +70,7 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
             if gone & {record.superseded_by, *(record.conflicts or ())}:
                 # It is compared anew: another recording may hold its frames, too.
                 store.write_recording(replace(record, superseded_by=None, conflicts=None))
-    return Removed(len(measurements), judgements, len(parts), tuple(calibrations))
+    return RemovalResult(len(measurements), judgements, len(parts), tuple(calibrations))
 
 
 def remove_measurement(store: Store, measurement_id: str) -> int:

@@ -18,9 +18,9 @@ from auditor.errors import StoreError
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.folder import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.frames_writer import LookedShares
-from auditor.store.log.entry import Kind, Output, output_of, this_program
+from auditor.store.log.entry import EntryKind, OutputFile, output_of, this_program
 from auditor.store.log.runs import run
-from auditor.store.packs.index import Packs, Part
+from auditor.store.packs.index import PackPart, Packs
 from auditor.store.schema import MANIFESTS, SCHEMA_VERSION, TABLES, newer_version
 from auditor.store.tables import BATCH_ROWS, Row, read_table, write_rows
 
@@ -43,7 +43,7 @@ _NO_DOUBT = "lie so far apart, as where only some were recorded, that lost retur
 
 
 @dataclass(frozen=True)
-class Upgraded:
+class UpgradeResult:
     """What an upgrade did: how many measurements, judgements and parts of evaluations the store has."""
 
     measurements: int
@@ -51,7 +51,7 @@ class Upgraded:
     parts: int
 
 
-def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | None:
+def upgrade(folder: Path, command: Sequence[str] | None = None) -> UpgradeResult | None:
     """Upgrade the store in a folder; None where it is of this version already. The log has the command.
 
     All rows stay, with their ids; columns that the old files lack are NULL, but for how much of each sensor was looked
@@ -78,13 +78,13 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
                 where=folder,
                 remedy="make room; the store is as it was",
             ) from error
-        with run(folder, command or this_program()) as entry, entry.writing(_finished_outputs(new), Kind.UPGRADED):
+        with run(folder, command or this_program()) as entry, entry.writing(_finished_outputs(new), EntryKind.UPGRADED):
             write_marker(folder, moving=True)
             move_upgraded(folder)
     return done
 
 
-def _write(old: Path, new: Path, version: int) -> Upgraded:
+def _write(old: Path, new: Path, version: int) -> UpgradeResult:
     """Write all tables and pictures of an old store of a version, each into a folder even where it is empty."""
     make_folder(new / "pictures")
     packs = Packs(old)
@@ -108,7 +108,7 @@ def _write(old: Path, new: Path, version: int) -> Upgraded:
                 write_rows(table, new / table / f"{row_id}.parquet", ())
     count = {table: len(finished(new / table)) for table in TABLES}
     parts = count["evaluations"] + count["object_evaluations"]
-    return Upgraded(count["measurements"], count["judgements"], parts)
+    return UpgradeResult(count["measurements"], count["judgements"], parts)
 
 
 def _looked(frames: Path) -> Row:
@@ -144,7 +144,7 @@ def _outputs(new: Path, manifest: str, row_id: str) -> list[_Row]:
     return [output_of(file, new).fields for file in files if file.is_file()]
 
 
-def _finished_outputs(new: Path) -> list[Output]:
+def _finished_outputs(new: Path) -> list[OutputFile]:
     """The files that the log itself has the hashes of: all that no row names."""
     tables = (table for table in TABLES if table not in MANIFESTS)
     return [output_of(path, new) for table in tables for path in sorted((new / table).glob("*.parquet"))]
@@ -162,18 +162,18 @@ def _finished(old: Path, packs: Packs, table: str) -> list[str]:
     return [row_id for row_id in _ids(old, packs, table) if known is None or row_id in known]
 
 
-def _rows(place: Path | Part) -> Iterator[_Row]:
+def _rows(place: Path | PackPart) -> Iterator[_Row]:
     """The rows of an old file, or of an id in a pack, marked with this version where rows carry one.
 
     Raises StoreError.
     """
-    path, groups = (place.path, [place.group]) if isinstance(place, Part) else (place, None)
+    path, groups = (place.path, [place.group]) if isinstance(place, PackPart) else (place, None)
     try:
         with pq.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=BATCH_ROWS, row_groups=groups) if groups != [None] else ():
                 for old in batch.to_pylist(maps_as_pydicts="strict"):
                     row = {_RENAMED.get(name, name): value for name, value in old.items()}
-                    if isinstance(place, Part) and row[place.column] != place.row_id:
+                    if isinstance(place, PackPart) and row[place.column] != place.row_id:
                         continue
                     yield {**row, "schema_version": SCHEMA_VERSION} if "schema_version" in row else row
     except (OSError, pa.ArrowException) as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from auditor.store.files import is_part
 from auditor.store.folder import MARKER, UPGRADED, StoreFolder, marker_content
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
-from auditor.store.log.entry import Entry, Output
+from auditor.store.log.entry import Entry, OutputFile
 from auditor.store.log.runs import expected
 from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
@@ -42,7 +42,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Verified:
+class VerifyResult:
     """What was found: problems, how much was looked at, and runs that are under way."""
 
     problems: tuple[Problem, ...]
@@ -57,7 +57,7 @@ class Verified:
         return tuple(problem for problem in self.problems if problem.grave)
 
 
-def verify(store: StoreFolder, key: "Ed25519PublicKey | None" = None) -> Verified:
+def verify(store: StoreFolder, key: "Ed25519PublicKey | None" = None) -> VerifyResult:
     """Look at every file of a store, and at its signatures where a key is given.
 
     What runs write meanwhile is looked at again. Raises StoreError.
@@ -65,19 +65,19 @@ def verify(store: StoreFolder, key: "Ed25519PublicKey | None" = None) -> Verifie
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified(key, deep=True))
 
 
-def verify_hashes(store: StoreFolder) -> Verified:
+def verify_hashes(store: StoreFolder) -> VerifyResult:
     """Hash every file of a store, and nothing else. Raises StoreError."""
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified())
 
 
-def verify_changes(store: StoreFolder) -> Verified:
+def verify_changes(store: StoreFolder) -> VerifyResult:
     """Look at the files of a store that have changed since they were last looked at. Raises StoreError."""
     checked = read_checked(store.folder)
     touched = {_row_id(place) for place in changed(store.folder, checked)}
     return _settled(store, lambda: _Verification(store, Hashes(store.folder, checked), touched).verified())
 
 
-def _settled(store: StoreFolder, look: Callable[[], Verified]) -> Verified:
+def _settled(store: StoreFolder, look: Callable[[], VerifyResult]) -> VerifyResult:
     """What was found while no run wrote to the store, or at the last try."""
     for _ in range(_AT_MOST):
         before = heads(store.folder)
@@ -108,7 +108,7 @@ class _Verification:
         self._rigs: dict[str, str] = {}
         self._removed: dict[str, Problem] = {}
 
-    def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
+    def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> VerifyResult:
         """What is found; `deep` looks into the files, too."""
         problems = list(self._problems())
         if deep and self._entries and not self._broken_packs:
@@ -116,7 +116,9 @@ class _Verification:
         if key is not None:
             problems += (Problem(place, what) for place, what in unsigned(self._chains, key))
         self._keep()
-        return Verified(tuple(problems), len(self._seen), len(self._entries), len(self._chains), self._log.open_runs)
+        return VerifyResult(
+            tuple(problems), len(self._seen), len(self._entries), len(self._chains), self._log.open_runs
+        )
 
     def _problems(self) -> Iterator[Problem]:
         yield from log_problems(self._chains)
@@ -269,10 +271,10 @@ class _Verification:
                     yield Problem(f"{table}/{known}.parquet", what)
 
 
-def outputs_of(rows: list[dict[str, object]]) -> list[Output]:
+def outputs_of(rows: list[dict[str, object]]) -> list[OutputFile]:
     """The files that the rows of a manifest's file finish."""
     found = (row["outputs"] or () for row in rows)
-    return [Output.of_fields(one) for outputs in found for one in outputs]  # type: ignore[attr-defined]
+    return [OutputFile.of_fields(one) for outputs in found for one in outputs]  # type: ignore[attr-defined]
 
 
 def log_problems(chains: list[Chain]) -> Iterator[Problem]:

@@ -56,7 +56,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Part:
+class PackPart:
     """Where the rows of an id lie within a pack."""
 
     path: Path
@@ -177,10 +177,10 @@ class Packs:
             self._packs[table] = known
         return known[1]
 
-    def part(self, table: str, row_id: str) -> Part | None:
+    def part(self, table: str, row_id: str) -> PackPart | None:
         """Where the rows of an id lie; None where no pack has them."""
         found = self.member(table, row_id)
-        return found and Part(found[0], id_column(table), row_id, found[1].group)
+        return found and PackPart(found[0], id_column(table), row_id, found[1].group)
 
     def hide(self, rows: Mapping[str, Collection[str]], entry: "Run") -> None:
         """The rows of some ids count no longer, by table; all of them go at one moment. Raises StoreError."""

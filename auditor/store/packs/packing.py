@@ -19,8 +19,8 @@ import pyarrow.parquet as pq
 from auditor.store.files import finished, part_file, write_whole
 from auditor.store.folder import MARKER
 from auditor.store.log.chains import entries, is_mirror
-from auditor.store.log.entry import Output, output_of
-from auditor.store.log.runs import Expected, Run, expected, logged
+from auditor.store.log.entry import OutputFile, output_of
+from auditor.store.log.runs import LogState, Run, expected, logged
 from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED, Index, Member, index_lock, pack_path
 from auditor.store.records import content_id
 from auditor.store.schema import MANIFESTS, id_column, table_schema
@@ -49,7 +49,7 @@ Identity = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackingResult:
     """What a packing did: how many files it took, into how many packs, and how many of them are left to be removed."""
 
     files: int = 0
@@ -62,31 +62,37 @@ class _Piece:
     """The rows of an id that are packed: where they are read, the file that had them first, and its own file now."""
 
     source: Source
-    first: Output
+    first: OutputFile
     row_id: str
     own: Path | None = None
     identity: Identity | None = None
 
 
-def pack(store: Store, least: int = 2) -> Packed:
+def pack(store: Store, least: int = 2) -> PackingResult:
     """Pack the small files of each table that has at least so many of them.
 
     A file that is not as it was written stays as it is: `auditor verify` names it. Raises StoreError.
     """
-    done = Packed()
+    done = PackingResult()
     with logged(store.folder) as entry, index_lock(store.folder):
         tables = [table for table in PACKED if len(_small(store, table)) >= least]
-        known = expected(entries(store.folder)) if tables else Expected()
+        known = expected(entries(store.folder)) if tables else LogState()
         for table in tables:
             of_table = _pack_table(store, table, known, entry)
-            done = Packed(done.files + of_table.files, done.packs + of_table.packs, done.left + of_table.left)
+            done = PackingResult(done.files + of_table.files, done.packs + of_table.packs, done.left + of_table.left)
         _remove_unread(store, entry)
     return done
 
 
-def pack_where_many(store: Store) -> Packed:
+def pack_where_many(store: Store) -> PackingResult:
     """Pack the small files of a store where many have gathered; of a mirror never. Raises StoreError."""
-    return Packed() if is_mirror(store.folder) else pack(store) if small_files(store) >= MANY_FILES else Packed()
+    return (
+        PackingResult()
+        if is_mirror(store.folder)
+        else pack(store)
+        if small_files(store) >= MANY_FILES
+        else PackingResult()
+    )
 
 
 def small_files(store: Store) -> int:
@@ -94,10 +100,10 @@ def small_files(store: Store) -> int:
     return sum(len(_small(store, table)) for table in PACKED)
 
 
-def _pack_table(store: Store, table: str, known: Expected, entry: Run) -> Packed:
+def _pack_table(store: Store, table: str, known: LogState, entry: Run) -> PackingResult:
     own = list(_own(store, table, known))
     if not own:
-        return Packed()
+        return PackingResult()
     counting = set(store.ids(table)) - set(finished(store.folder / table))
     old = [path for path in store.packs.paths(table) if _is_made_anew(store, path, counting)]
     packed = [piece for path in old for piece in _of_pack(store, table, path, counting)]
@@ -107,7 +113,7 @@ def _pack_table(store: Store, table: str, known: Expected, entry: Run) -> Packed
     packs = {**index.packs, table: (*stay, *(path.stem for path in new))}
     removed = {name: ids for name, ids in index.removed.items() if name != table}  # no pack has rows of them now
     gone = _put_in_force(store, Index(packs, removed), own, [path for path in old if path not in new], entry)
-    return Packed(len(own), len(new), len(own) - gone)
+    return PackingResult(len(own), len(new), len(own) - gone)
 
 
 def _small(store: Store, table: str) -> list[Path]:
@@ -117,7 +123,7 @@ def _small(store: Store, table: str) -> list[Path]:
     return [path for path in paths if path.stat().st_size <= SMALL_BYTES]
 
 
-def _own(store: Store, table: str, known: Expected) -> Iterator[_Piece]:
+def _own(store: Store, table: str, known: LogState) -> Iterator[_Piece]:
     """The small files of a table that are as they were written."""
     manifest = MANIFESTS.get(table)
     named = _named(store, manifest) if manifest else {}
@@ -128,10 +134,10 @@ def _own(store: Store, table: str, known: Expected) -> Iterator[_Piece]:
             yield _Piece(path, found, path.stem, path, identity)
 
 
-def _named(store: Store, manifest: str) -> dict[str, Output]:
+def _named(store: Store, manifest: str) -> dict[str, OutputFile]:
     """The files that the rows of a manifest finish, by their places."""
     rows = rows_of_files(manifest, store.files(manifest), [id_column(manifest), "outputs"])
-    outputs = (Output.of_fields(one) for row in rows for one in row["outputs"] or ())
+    outputs = (OutputFile.of_fields(one) for row in rows for one in row["outputs"] or ())
     return {output.path: output for output in outputs}
 
 
@@ -144,7 +150,7 @@ def _is_made_anew(store: Store, path: Path, counting: Collection[str]) -> bool:
 def _of_pack(store: Store, table: str, path: Path, counting: Collection[str]) -> Iterator[_Piece]:
     for one in store.packs.members(path).values():
         if one.row_id in counting:
-            first = Output(f"{table}/{one.row_id}.parquet", one.size, one.sha256)
+            first = OutputFile(f"{table}/{one.row_id}.parquet", one.size, one.sha256)
             yield _Piece(store.source(table, one.row_id), first, one.row_id)
 
 
@@ -210,7 +216,7 @@ def _grouped(table: str, pieces: Sequence[_Piece]) -> tuple[list[list[_Piece]], 
 def _put_in_force(store: Store, index: Index, own: Sequence[_Piece], old: Sequence[Path], entry: Run) -> int:
     """Replace the index, then remove what is packed and is as it was then, unless somebody reads; returns how much."""
     content = index.content
-    written = Output(INDEX, len(content), hashlib.sha256(content).hexdigest())
+    written = OutputFile(INDEX, len(content), hashlib.sha256(content).hexdigest())
     with _unread(store.folder) as unread:
         unchanged = [one.own for one in own if one.own is not None and one.identity == _identity(one.own)]
         gone = [*unchanged, *old] if unread else []

@@ -18,7 +18,7 @@ from auditor.store.versions.history import History
 from auditor.store.versions.records import UsedRecording
 
 
-class Decided(StrEnum):
+class RefreshOutcome(StrEnum):
     """What became of a rig kind in a refresh."""
 
     PROMOTED = "promoted"
@@ -63,7 +63,7 @@ class Decision:
 
     kind: str
     matcher: str
-    decided: Decided
+    decided: RefreshOutcome
     reasons: tuple[str, ...]
     calibration_id: str | None
     before: str | None
@@ -115,7 +115,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Finding:
+class RecordingToReview:
     """A recording of this refresh that a person should look at, and why."""
 
     recording: str
@@ -123,7 +123,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedRecording:
     """A recording that a dry run was given: its rig kinds, whether the store has measured it, or what is wrong."""
 
     recording: str
@@ -148,8 +148,8 @@ class Refresh:
     measured: tuple[str, ...]
     failed: tuple[Failure, ...]
     decisions: tuple[Decision, ...]
-    found: tuple[Finding, ...] = ()
-    planned: tuple[Planned, ...] = ()
+    found: tuple[RecordingToReview, ...] = ()
+    planned: tuple[PlannedRecording, ...] = ()
 
 
 class NextStep(NamedTuple):
@@ -173,20 +173,20 @@ def _steps(one: Decision) -> Iterator[tuple[str, list[str]]]:
         yield "of each that is clean say so: the next refresh learns from it", ["auditor", "label", first, "--clean"]
         attack = ["--sensor", "S_NUMBER", "--attack", "KIND"]
         yield "of each that was attacked say what: it is never learnt from", ["auditor", "label", first, *attack]
-    if one.decided is Decided.WAITING:
+    if one.decided is RefreshOutcome.WAITING:
         yield "name recordings that you know to be clean", ["auditor", "refresh", "RECORDING", "--clean"]
-    if one.decided is Decided.HELD:
+    if one.decided is RefreshOutcome.HELD:
         if before is not None:
             yield "look at what the candidate changes", ["auditor", "calibration", "diff", before[:12], candidate[:12]]
         what = "put it in force if that is right, else leave it: the next refresh makes another"
         yield what, ["auditor", "calibration", "promote", candidate[:12]]
-    if one.decided is Decided.PROMOTED and one.provisional:
+    if one.decided is RefreshOutcome.PROMOTED and one.provisional:
         what = "confirm the version in force: nobody named its recordings clean, or they are too few"
         yield what, ["auditor", "calibration", "promote", candidate[:12]]
 
 
 @dataclass(frozen=True)
-class Quarantined:
+class QuarantineEntry:
     """A recording that is left out until somebody has looked at it, why, and since when (UTC).
 
     `judged` says that it was raised, or not like the others: it stays until it is labelled, whatever later thresholds
@@ -205,16 +205,16 @@ class Quarantined:
     since: datetime
 
 
-def read_quarantine(store: Store, history: History) -> tuple[Quarantined, ...]:
+def read_quarantine(store: Store, history: History) -> tuple[QuarantineEntry, ...]:
     """The recordings of a rig kind that wait for a person. Raises StoreError."""
     path = store.path("quarantine", history.history_id)
     rows = read_rows("quarantine", path) if path.is_file() else []
     own = ("history_id", "kind", "matcher")
     known = [{name: value for name, value in row.items() if name not in own} for row in rows]
-    return tuple(Quarantined(**{**one, "since": one["since"].replace(tzinfo=UTC)}) for one in known)
+    return tuple(QuarantineEntry(**{**one, "since": one["since"].replace(tzinfo=UTC)}) for one in known)
 
 
-def write_quarantine(store: Store, history: History, waiting: Sequence[Quarantined]) -> None:
+def write_quarantine(store: Store, history: History, waiting: Sequence[QuarantineEntry]) -> None:
     """Replace the list of a rig kind, where it is another than before. Raises StoreError."""
     if tuple(waiting) == read_quarantine(store, history):
         return

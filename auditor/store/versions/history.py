@@ -17,14 +17,14 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
 from auditor.store.calibrations import OutdatedCalibrationError
 from auditor.store.files import held, locked, make_folder
-from auditor.store.log.entry import Kind
+from auditor.store.log.entry import EntryKind
 from auditor.store.log.runs import logged
 from auditor.store.records import content_id, rig_kind_fields, rig_kind_of, to_utc
 from auditor.store.store import Store
 from auditor.store.tables import Row, read_rows
 
 
-class How(StrEnum):
+class EntryIntoForce(StrEnum):
     """How a calibration came into force."""
 
     CALIBRATED = "calibrated"
@@ -37,7 +37,7 @@ class How(StrEnum):
     @property
     def by_person(self) -> bool:
         """Whether somebody asked for it, and not a refresh at night."""
-        return self is not How.REFRESHED
+        return self is not EntryIntoForce.REFRESHED
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Move:
     """One time that a calibration came into force. `moved_at` (UTC) is for people; it decides nothing."""
 
     calibration_id: str
-    how: How
+    how: EntryIntoForce
     moved_at: datetime
     reason: str = ""
 
@@ -96,7 +96,7 @@ class History:
         """The calibrations that were rolled back and that nobody promoted since."""
         gone: set[str] = set()
         for before, move in zip(self.moves, self.moves[1:], strict=False):
-            if move.how is How.ROLLED_BACK:
+            if move.how is EntryIntoForce.ROLLED_BACK:
                 gone.add(before.calibration_id)
             gone.discard(move.calibration_id)
         return frozenset(gone)
@@ -105,7 +105,7 @@ class History:
         """The moves that were not rolled back, in order."""
         stack: list[Move] = []
         for move in self.moves:
-            while move.how is How.ROLLED_BACK and stack and stack[-1].calibration_id != move.calibration_id:
+            while move.how is EntryIntoForce.ROLLED_BACK and stack and stack[-1].calibration_id != move.calibration_id:
                 stack.pop()
             if stack and stack[-1].calibration_id == move.calibration_id:
                 stack.pop()
@@ -136,7 +136,7 @@ def calibrations_in_force(store: Store) -> list[Calibration]:
 
 
 def put_in_force(
-    store: Store, calibration: Calibration, how: How, reason: str = "", *, after: str | None = None
+    store: Store, calibration: Calibration, how: EntryIntoForce, reason: str = "", *, after: str | None = None
 ) -> None:
     """Put a calibration in force for its rig kind: the one place that moves a version.
 
@@ -155,7 +155,7 @@ def put_in_force(
         move = Move(calibration.calibration_id, how, datetime.now(UTC), reason)
         changed = History(history.rig_kind, history.procedure, (*history.moves, move))
         store.write("calibration_history", changed.history_id, history_rows(changed))
-        entry.say(Kind.IN_FORCE, _entry(history, move))
+        entry.say(EntryKind.IN_FORCE, _entry(history, move))
 
 
 @contextmanager
@@ -179,7 +179,7 @@ def put_first_in_force(store: Store, calibration: Calibration) -> bool:
     store.keep_calibration(calibration)
     before = history_of(histories(store), calibration).in_force
     if before is None:
-        put_in_force(store, calibration, How.CALIBRATED)
+        put_in_force(store, calibration, EntryIntoForce.CALIBRATED)
     return before in (None, calibration.calibration_id)
 
 
@@ -227,7 +227,12 @@ def _history(rows: Sequence[dict[str, Any]]) -> History:
         rig_kind_of(first["rig_kind"]),
         Procedure(first["matcher"], first["settings"], first["counting_version"]),
         tuple(
-            Move(row["calibration_id"], How(row["how"]), row["moved_at"].replace(tzinfo=UTC), row["reason"] or "")
+            Move(
+                row["calibration_id"],
+                EntryIntoForce(row["how"]),
+                row["moved_at"].replace(tzinfo=UTC),
+                row["reason"] or "",
+            )
             for row in sorted(rows, key=lambda row: row["number"])
         ),
     )

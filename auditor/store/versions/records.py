@@ -14,7 +14,7 @@ from auditor.store.tables import Row, read_rows
 from auditor.store.versions.history import History
 
 
-class Outcome(StrEnum):
+class VersionOutcome(StrEnum):
     """What was decided of a calibration when it was made."""
 
     PROMOTED = "promoted"
@@ -67,7 +67,7 @@ class CalibrationVersion:
     made_by: str
     parent: str | None
     provisional: bool
-    outcome: Outcome
+    outcome: VersionOutcome
     reasons: tuple[str, ...]
     frames: int
     hours: float
@@ -115,7 +115,7 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
         **{
             **row,
             "made_at": row["made_at"].replace(tzinfo=UTC),
-            "outcome": Outcome(row["outcome"]),
+            "outcome": VersionOutcome(row["outcome"]),
             "reasons": tuple(row["reasons"]),
             "r": row["r"].normalize(),
         },
@@ -132,7 +132,7 @@ def lost_versions(store: Store, known: Sequence[History]) -> list[CalibrationVer
     """
     told = {(str(one.rig_kind), one.procedure.matcher) for one in known if one.moves}
     versions = [read_version(store, one) for one in store.ids("calibration_versions")]
-    promoted = [one for one in versions if one is not None and one.outcome is Outcome.PROMOTED]
+    promoted = [one for one in versions if one is not None and one.outcome is VersionOutcome.PROMOTED]
     return [one for one in promoted if (one.kind, one.matcher) not in told]
 
 

@@ -6,7 +6,7 @@ import pytest
 from auditor.lab.attacks.catalogue import ON_CAMERA
 from auditor.lab.attacks.coloured_light import COLOURS, ColouredFacula, InfraredFacula, ProjectedObject, Veil
 from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.lab.attacks.paper import Facula
 from auditor.model.frames import CameraImage
 from tests.making.scenes import plane_rig
@@ -85,7 +85,7 @@ def test_no_stripes_change_nothing():
 @pytest.mark.parametrize("colour", [False, True])
 def test_every_kind_can_be_drawn_and_says_what_determines_it(kind, colour):
     camera = plane_rig((0.6, 0.1, 0.0)).camera(1)
-    drawn = [ON_CAMERA[kind](Drawing(np.random.default_rng(4), "opaque", None), camera) for _ in range(2)]
+    drawn = [ON_CAMERA[kind](AttackDraw(np.random.default_rng(4), "opaque", None), camera) for _ in range(2)]
     assert drawn[0].parameters == drawn[1].parameters
     rows = np.random.default_rng(1).integers(0, 200, (camera.height_px, camera.width_px), dtype=np.uint8)
     seen = CameraImage(1, 5, np.repeat(rows[..., None], 3, axis=2) if colour else rows)

@@ -6,7 +6,7 @@ import pytest
 from auditor.errors import SettingError
 from auditor.lab.attacks.catalogue import ON_LIDAR
 from auditor.lab.attacks.faults import Rain
-from auditor.lab.attacks.kinds import Drawing
+from auditor.lab.attacks.kinds import AttackDraw
 from auditor.model.frames import PointCloud
 from tests.making.scenes import plane_rig
 
@@ -79,5 +79,5 @@ def test_without_rain_or_without_points_nothing_changes():
 def test_rain_needs_a_lidar_and_is_drawn_by_its_rate():
     with pytest.raises(SettingError, match="needs a LiDAR"):
         Rain(10, seed=1).apply(cloud(10), plane_rig(lidar=False))
-    drawn = ON_LIDAR["rain"](Drawing(np.random.default_rng(1), "opaque", 7.5))
+    drawn = ON_LIDAR["rain"](AttackDraw(np.random.default_rng(1), "opaque", 7.5))
     assert (drawn.name, drawn.parameters["rate_mm_h"]) == ("rain", 7.5)

@@ -12,7 +12,7 @@ import pytest
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
-from auditor.lab.evaluation.experiments import Case, Experiment, all_triples
+from auditor.lab.evaluation.experiments import AttackCase, Experiment, all_triples
 from auditor.lab.evaluation.features import FeaturesOfCases
 from auditor.lab.evaluation.runner import InTime
 from auditor.lab.simulation.drives import make_drive
@@ -97,7 +97,7 @@ def test_the_features_of_a_case_are_those_of_a_scan_and_so_are_those_of_the_fram
     for number in (0, 1, 2):
         before = benches[number - 1] if number else None
         now = InTime(benches[number], before, benches[number + 1])
-        found = FeaturesOfCases().of(now, SINGLE, 0, Case(attacks))
+        found = FeaturesOfCases().of(now, SINGLE, 0, AttackCase(attacks))
         benches[number].forget_attacks()
         expected = scanned(drive, attacks, {number})
         same(kept(found), expected[number])
@@ -124,7 +124,7 @@ def test_inside_an_interval_the_frame_before_is_attacked_as_well(drive):
     expected = scanned(drive, attacks, range(3))
     for number in range(3):
         now = InTime(benches[number], benches[number - 1] if number else None, benches[number + 1])
-        found = taken.of(now, LASTING, 0, Case(attacks, "still"))
+        found = taken.of(now, LASTING, 0, AttackCase(attacks, "still"))
         benches[number].forget_attacks()
         same(kept(found), expected[number])
-    assert kept(found)[-1] != kept(FeaturesOfCases().of(now, LASTING, 0, Case(attacks, "still")))[-1]
+    assert kept(found)[-1] != kept(FeaturesOfCases().of(now, LASTING, 0, AttackCase(attacks, "still")))[-1]

@@ -15,7 +15,7 @@ from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.evaluation import (
     EvaluateTask,
-    Recorded,
+    RecordingSource,
     Street,
     evaluate_source,
     experiments_of,
@@ -188,7 +188,7 @@ def test_the_visible_share_is_that_of_the_disc_inside_the_image():
 
 
 def run(drive, store, **task):
-    return evaluate_source(EvaluateTask(Recorded(drive), store, **task), lambda what, done: None)
+    return evaluate_source(EvaluateTask(RecordingSource(drive), store, **task), lambda what, done: None)
 
 
 def content(store):
@@ -365,7 +365,7 @@ def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, m
         return found._replace(rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
 
     monkeypatch.setattr(clean_recordings, "rigs_through", with_and_without_lidar)
-    task = EvaluateTask(Recorded(path), tmp_path / "audit", attack_every=2)
+    task = EvaluateTask(RecordingSource(path), tmp_path / "audit", attack_every=2)
     first = evaluate_source(task, lambda what, done: None)
     assert first.frames == 4
     store = Store.open(tmp_path / "audit")

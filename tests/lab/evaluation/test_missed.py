@@ -9,8 +9,16 @@ import pytest
 
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import Facula
-from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases, keep_missed, missed, runner
-from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment, all_triples
+from auditor.lab.evaluation import (
+    EvaluateTask,
+    RecordingSource,
+    evaluate_source,
+    judge_cases,
+    keep_missed,
+    missed,
+    runner,
+)
+from auditor.lab.evaluation.experiments import EXPERIMENTS, AttackCase, Experiment, all_triples
 from auditor.measurement.drawing.clouds import small_jpeg
 from auditor.reporting.evaluation.loading import NOT_KEPT, load_evaluation, missed_attacks, render_evaluation
 from auditor.store.evaluation_tables import case_key, missed_pictures
@@ -31,9 +39,9 @@ SECTOR = HiddenSector(1.0, 10.0)
 def few_cases(_rig, _draws, _past):
     """Faculas of a few pixels and a sector of few points, which nothing notices, and one facula that is seen."""
     for radius, facula in WEAK.items():
-        yield Case({1: facula}, size=radius)
-    yield Case({0: SECTOR}, size=SECTOR.width_deg)
-    yield Case({2: OPAQUE}, "opaque")
+        yield AttackCase({1: facula}, size=radius)
+    yield AttackCase({0: SECTOR}, size=SECTOR.width_deg)
+    yield AttackCase({2: OPAQUE}, "opaque")
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +63,10 @@ def few_attacks():
 def store(drive, tmp_path_factory):
     """A judged evaluation, and the sources of its recordings."""
     folder = tmp_path_factory.mktemp("store")
-    done = evaluate_source(EvaluateTask(Recorded(drive), folder), lambda what, frames: None)
+    done = evaluate_source(EvaluateTask(RecordingSource(drive), folder), lambda what, frames: None)
     kept = Store.open(folder)
     judge_cases(kept)
-    return kept, dict.fromkeys(done.recordings, Recorded(drive))
+    return kept, dict.fromkeys(done.recordings, RecordingSource(drive))
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +137,7 @@ def test_the_page_says_why_there_is_no_picture(store, page, monkeypatch):
     assert pictured(kept) == [(False, NOT_KEPT)] * 2
     keep_missed(kept, {})
     assert pictured(kept) == [(False, missed.NOT_HERE)] * 2
-    keep_missed(kept, dict.fromkeys(sources, Recorded(kept.folder / "gone.mcap")))
+    keep_missed(kept, dict.fromkeys(sources, RecordingSource(kept.folder / "gone.mcap")))
     assert all(reason not in ("", NOT_KEPT, missed.NOT_HERE) for _, reason in pictured(kept))
     monkeypatch.setitem(WEAK, 5.0, Facula(31.0, 5.0, u_px=100.0, v_px=60.0))
     keep_missed(kept, sources)

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import SettingError
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, runner
+from auditor.lab.evaluation import EvaluateTask, RecordingSource, evaluate_source, runner
 from auditor.lab.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
@@ -43,7 +43,7 @@ LABEL = "{kind} 0.0 {occluded} 0.0 {box} 1.5 2.0 4.0 {x} 1.6 {z} 0.0"
 
 
 def run(drive: Path, store: Path, *detectors: str, **task: object):
-    wanted = ObjectTask(Recorded(drive), store, detectors=detectors or ("geometric",), **task)
+    wanted = ObjectTask(RecordingSource(drive), store, detectors=detectors or ("geometric",), **task)
     return evaluate_objects(wanted, lambda *_: None)
 
 
@@ -257,7 +257,7 @@ def test_the_command_compares_objects_too_and_the_query_answers(tmp_path, monkey
     with monkeypatch.context() as patched:  # all that is no object is measured before, in few cases
         few = [replace(one, cases=lambda *_: iter(())) for one in runner.experiments_of(())]
         patched.setattr(runner, "experiments_of", lambda _: few)
-        evaluate_source(EvaluateTask(Recorded(drive), tmp_path / "audit"), lambda *_: None)
+        evaluate_source(EvaluateTask(RecordingSource(drive), tmp_path / "audit"), lambda *_: None)
     arguments = ["evaluate", str(drive), "--store", store, "--jobs", "1", "--detector", "geometric"]
     done = CliRunner().invoke(auditor, arguments)
     assert done.exit_code == 0, done.stderr

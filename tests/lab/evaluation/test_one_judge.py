@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.lab.evaluation import EvaluateTask, Recorded, evaluate_source, experiments_of, judge_cases, runner
+from auditor.lab.evaluation import EvaluateTask, RecordingSource, evaluate_source, experiments_of, judge_cases, runner
 from auditor.lab.evaluation.experiments import DELAYS, Attacks, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
@@ -80,10 +80,10 @@ def compare(
     """
     store = folder / "evaluated"
     for path, attack_every in ((clean, every), (others, _HARDLY_EVER)):
-        task = EvaluateTask(Recorded(path), store, attack_every=attack_every, patterns=patterns)
+        task = EvaluateTask(RecordingSource(path), store, attack_every=attack_every, patterns=patterns)
         evaluate_source(task, lambda *_: None)
     judge_cases(Store.open(store))
-    with Recorded(clean).open() as (drive,):
+    with RecordingSource(clean).open() as (drive,):
         rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
         evaluated = _evaluated(Store.open(store), drive.recording_id, rig)
         seed = int(drive.recording_id[:8], 16)

@@ -15,8 +15,16 @@ pytest.importorskip("torch")
 from auditor.cli import auditor
 from auditor.errors import RecordingError, SettingError
 from auditor.lab.simulation.drives import make_drive
-from auditor.lab.training import Recorded, SampleFiles, SampleTask, Street, checkpoints, make_samples, training_set
-from auditor.lab.training.checkpoints import Point
+from auditor.lab.training import (
+    RecordingSamples,
+    SampleFiles,
+    SampleTask,
+    StreetSamples,
+    checkpoints,
+    make_samples,
+    training_set,
+)
+from auditor.lab.training.checkpoints import CurvePoint
 from auditor.lab.training.samples import dense_sample, lidar_sample, pair_of, score
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher
@@ -85,11 +93,11 @@ def test_a_street_knows_the_disparity_of_every_pixel_and_its_lidar_agrees() -> N
 
 
 def test_samples_are_made_once_and_spread_over_the_recording(drives: tuple[Path, Path], tmp_path: Path) -> None:
-    made = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), progress)
+    made = make_samples(SampleTask(RecordingSamples(drives[0]), tmp_path, 100), progress)
     assert made.fresh
     assert len(made.files) == 9
-    assert not make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), progress).fresh
-    few = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 3), progress)
+    assert not make_samples(SampleTask(RecordingSamples(drives[0]), tmp_path, 100), progress).fresh
+    few = make_samples(SampleTask(RecordingSamples(drives[0]), tmp_path, 3), progress)
     numbers = [int(file.stem) for file in few.files]
     assert 2 <= len(numbers) <= 3
     assert len({b - a for a, b in pairwise(numbers)}) == 1
@@ -97,7 +105,7 @@ def test_samples_are_made_once_and_spread_over_the_recording(drives: tuple[Path,
     assert [len(samples), len(samples[1:3])] == [9, 2]
     left, right, disparity = samples[0]
     assert left.shape == right.shape == disparity.shape
-    with Recorded(drives[0]).open() as source:
+    with RecordingSamples(drives[0]).open() as source:
         _, exact = next(source.numbered)
     assert np.nanmax(np.abs(exact[2] - disparity)) <= 1 / 128 + 1e-6
     made.files[0].write_bytes(b"torn")
@@ -112,11 +120,14 @@ def test_attacked_recordings_and_those_without_a_lidar_are_refused(tmp_path: Pat
     write_drive(blind, 4, positions_m=THREE, lidar=False)
     for path, message in ((attacked, "labels of attacks"), (blind, "no LiDAR")):
         with pytest.raises(RecordingError, match=message):
-            make_samples(SampleTask(Recorded(path), tmp_path / "samples", 10), progress)
+            make_samples(SampleTask(RecordingSamples(path), tmp_path / "samples", 10), progress)
 
 
 def test_validation_sources_are_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
-    made = [make_samples(SampleTask(source, tmp_path, 4), progress) for source in (Recorded(drives[0]), Street(1, 1))]
+    made = [
+        make_samples(SampleTask(source, tmp_path, 4), progress)
+        for source in (RecordingSamples(drives[0]), StreetSamples(1, 1))
+    ]
     with pytest.raises(SettingError, match="the same recording"):
         training_set(made, made[:1])
     both = training_set(made[:1], made[1:])
@@ -138,7 +149,9 @@ def test_a_killed_training_goes_on_and_ends_in_weights_with_all_their_settings(
     arguments += ["--steps", "3", "--validate-every", "1"]
     curve = tmp_path / "net" / "curve.csv"
 
-    def killed(points: Sequence[Point], path: Path, really: Callable[..., None] = checkpoints._write_curve) -> None:
+    def killed(
+        points: Sequence[CurvePoint], path: Path, really: Callable[..., None] = checkpoints._write_curve
+    ) -> None:
         really(points, path)
         if len(points) == 2:
             raise KilledError

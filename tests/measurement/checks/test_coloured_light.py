@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from auditor.measurement.checks.coloured_light import of_one_channel
-from auditor.measurement.checks.light import View, light_difference
+from auditor.measurement.checks.light import CameraLevels, light_difference
 
 SIZE = 120, 160
 
@@ -25,7 +25,7 @@ def lit(pixels, channels, amount, columns):
 
 def coloured(reference, source):
     def view(pixels):
-        return View(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), pixels)
+        return CameraLevels(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), pixels)
 
     column = np.broadcast_to(np.arange(SIZE[1], dtype=np.float32), SIZE)
     found = light_difference(view(reference), view(source), column, np.ones(SIZE, dtype=np.bool_))
@@ -73,5 +73,5 @@ def test_where_two_channels_saturate_nothing_is_known():
 def test_a_grey_camera_knows_no_colours():
     grey = cv2.cvtColor(scene(), cv2.COLOR_BGR2GRAY)
     column = np.broadcast_to(np.arange(SIZE[1], dtype=np.float32), SIZE)
-    found = light_difference(View(grey, scene()), View(grey), column, np.ones(SIZE, dtype=np.bool_))
+    found = light_difference(CameraLevels(grey, scene()), CameraLevels(grey), column, np.ones(SIZE, dtype=np.bool_))
     assert found.coloured is None

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.light import View, light_difference
+from auditor.measurement.checks.light import CameraLevels, light_difference
 
 HEIGHT, WIDTH, SHIFT = 188, 420, 20
 INSIDE = np.s_[20:-20, SHIFT + 24 : -24]
@@ -43,12 +43,12 @@ def facula(image, amplitude=200.0, radius=60, centre=(90, 220)):
 
 
 def of_colour(colour):
-    return View(cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY), colour)
+    return CameraLevels(cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY), colour)
 
 
 def compared(reference, source):
     """The difference of two pictures, grey or of three channels: views of a plane."""
-    views = [of_colour(one) if one.ndim == 3 else View(one) for one in (reference, source)]
+    views = [of_colour(one) if one.ndim == 3 else CameraLevels(one) for one in (reference, source)]
     column = np.broadcast_to(np.arange(WIDTH, dtype=np.float32) - SHIFT, (HEIGHT, WIDTH)).copy()
     return light_difference(*views, column, column >= 0)
 
@@ -212,7 +212,7 @@ def test_light_of_one_colour_shows_in_its_channel_and_the_mean_is_a_third(colour
 
 
 def test_a_pair_of_views_is_made_of_grey_pictures_and_colours_where_there_are_some(colours, greys):
-    views = {1: View(greys[0]), 2: View(greys[1], colours[1])}
+    views = {1: CameraLevels(greys[0]), 2: CameraLevels(greys[1], colours[1])}
     assert views[1].channels == ()
     assert [one.shape for one in views[2].channels] == [(HEIGHT, WIDTH)] * 3
     assert views[2].classes.shape == (HEIGHT, WIDTH)

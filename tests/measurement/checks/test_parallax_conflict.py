@@ -20,7 +20,7 @@ from auditor.measurement.checks.parallax_conflict import (
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check, CountedPair
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 
 WALL = BogusWall(range_m=9.0, lateral_m=-1.5, seed=1)
 SGBM = find_matcher("sgbm")
@@ -142,8 +142,8 @@ def test_conflicts_are_those_whose_neighbours_are_found_as_far_away():
 
 
 def test_a_stream_compares_each_frame_with_the_one_before_across_skipped_ones():
-    frames = [frame_of(1), frame_of(2), Skipped(3, 0, "too few"), frame_of(4)]
-    measured = [one for one in measure_stream(frames, drive().rig, SGBM) if not isinstance(one, Skipped)]
+    frames = [frame_of(1), frame_of(2), SkippedFrame(3, 0, "too few"), frame_of(4)]
+    measured = [one for one in measure_stream(frames, drive().rig, SGBM) if not isinstance(one, SkippedFrame)]
     counted = CountedPair(Check.PARALLAX_CONFLICT, 1, 1, 0)
     valid = [int(one.cells[counted].valid.sum()) for one, _ in measured]
     assert valid[0] == 0

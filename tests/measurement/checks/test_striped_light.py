@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.striped_light import Rows
+from auditor.measurement.checks.striped_light import RowExcess
 
 SIZE = 120, 240
 
@@ -24,7 +24,7 @@ def lit(pixels, rows, columns=slice(None), amount=60):
 
 def seen(one, other):
     """What a camera has of light in rows, by the other one."""
-    return Rows.of(one).above(Rows.of(other))
+    return RowExcess.of(one).above(RowExcess.of(other))
 
 
 @pytest.mark.parametrize("height", [1, 2, 6])

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.measurement import CalibrationCheck, FaultFeatures, localise, measure
+from auditor.measurement import CalibrationMonitor, FaultFeatures, localise, measure
 from auditor.measurement.disparity import lidar
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
@@ -132,7 +132,7 @@ def test_all_checks_of_a_frame_project_its_points_once_into_each_camera_of_a_vie
     rig, projected, project = plane_rig((0.6, 0.3, 0.0)), [], lidar._project
     monkeypatch.setattr(lidar, "_project", lambda P, points: projected.append(P.tobytes()) or project(P, points))
     _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
-    CalibrationCheck().add(evidence, FaultFeatures().update(evidence))
+    CalibrationMonitor().add(evidence, FaultFeatures().update(evidence))
     localise(evidence, rig.sensors, rig)
     assert sorted(evidence.lidar) == [2, 3]
     # In the view of S_3 into S_3, S_2 and S_1, in that of S_2 into S_2 and S_1.

@@ -11,7 +11,7 @@ from auditor.measurement import measure
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification, shown_rectification
-from auditor.model.frames import CameraImage, Frame, PointCloud, Skipped
+from auditor.model.frames import CameraImage, Frame, PointCloud, SkippedFrame
 from auditor.model.measurement import Statistic
 from auditor.model.optics.geometry import invert, motion
 from auditor.model.optics.sensors import NO_LENS, Lens
@@ -204,7 +204,7 @@ def test_cameras_without_a_view_in_common_are_named() -> None:
 def test_skipped_frames_stay_among_the_rectified_ones() -> None:
     drive = make_drive(1, 1, width_px=240, height_px=96)
     seen = rectification(perturbed(drive.rig, (NO_LENS,) * 3, 1))
-    skipped = Skipped(0, 0, "nothing there")
+    skipped = SkippedFrame(0, 0, "nothing there")
     images = {
         number: CameraImage(number, 0, np.zeros((115, 288), dtype=np.uint8)) for number in seen.rig.sensors if number
     }

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from auditor.lab.attacks.paper import Facula
-from auditor.measurement import CalibrationCheck, FaultFeatures, measure_stream
+from auditor.measurement import CalibrationMonitor, FaultFeatures, measure_stream
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.fault_features.calibration_check import lags
-from auditor.model.fault_features import PairFaultFeatures, Rows
+from auditor.model.fault_features import PairFaultFeatures, RowMatches
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
@@ -96,7 +96,7 @@ def test_a_sensor_that_is_late_in_some_frames_withholds_nothing(real_data: Path)
 
 
 def withheld_of(rig: Rig, frames: list[Frame]) -> str:
-    check, features = CalibrationCheck(), FaultFeatures()
+    check, features = CalibrationMonitor(), FaultFeatures()
     for _, arrays in measure_stream(frames, rig, find_matcher("sgbm")):
         check.offer(arrays, features.update(arrays))
     return check.withheld()
@@ -104,7 +104,7 @@ def withheld_of(rig: Rig, frames: list[Frame]) -> str:
 
 def test_a_sensor_lags_by_the_least_that_a_pair_of_it_says() -> None:
     def pair(now: float, lagged_i: float, lagged_k: float) -> PairFaultFeatures:
-        return PairFaultFeatures(Rows(row_aligned=now, lagged_i=lagged_i, lagged_k=lagged_k))
+        return PairFaultFeatures(RowMatches(row_aligned=now, lagged_i=lagged_i, lagged_k=lagged_k))
 
     found = lags({(1, 3): pair(0.2, 0.9, 0.1), (2, 3): pair(0.9, 0.2, 0.3), (1, 2): pair(0.3, 0.8, nan)})
     assert found == pytest.approx({LIDAR: nan, 1: 0.5, 2: -0.7, 3: -0.6}, nan_ok=True)

@@ -10,9 +10,9 @@ from auditor.lab.attacks.spoofing import GhostCar
 from auditor.measurement import localise, measure_stream
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.drawing import damaged_cloud, draw_frame
-from auditor.measurement.drawing.clouds import Framed, range_image, seen_together
+from auditor.measurement.drawing.clouds import ThingInFrame, range_image, seen_together
 from auditor.model.arrays import Image
-from auditor.model.frames import Frame, Skipped
+from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Region
 from auditor.model.pictures import LIDAR_COLOURS, Content
 from tests.making.several_lidars import BUMPER, REAR, ROOF, attacked, rig_of, street
@@ -33,7 +33,7 @@ def decoded(data: bytes) -> Image:
 def regions(frames: Sequence[Frame], *sensors: int) -> list[Region]:
     """Those of the last frame."""
     *_, last = measure_stream(frames, RIG, SgbmMatcher())
-    assert not isinstance(last, Skipped)
+    assert not isinstance(last, SkippedFrame)
     return list(localise(last[1], sensors, RIG))
 
 
@@ -81,7 +81,7 @@ def test_the_frame_around_what_stands_behind_is_at_one_edge(frames: list[Frame])
     cloud, place = frames[0].clouds[0].xyz_m, RIG.lidars[0].rig_SE3_lidar
     behind = np.array([[-10, y, z] for y in (-0.5, 0.2, 0.5) for z in (-1, 0)], np.float32)
     nothing = np.zeros(len(cloud), bool)
-    plain, drawn = (range_image(cloud, nothing, place, framed) for framed in ((), [Framed(1, behind)]))
+    plain, drawn = (range_image(cloud, nothing, place, framed) for framed in ((), [ThingInFrame(1, behind)]))
     columns = np.flatnonzero((plain != drawn).any(axis=(0, 2)))
     assert columns.min() > 1000 or columns.max() < 440
 

@@ -11,7 +11,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.measurement.disparity.matchers.psmnet.inference import Engine, make_engine  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.inference import InferenceEngine, make_engine  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.preflight import frame_cost  # noqa: E402
@@ -109,13 +109,13 @@ def test_every_pixel_has_a_disparity_inside_the_range_even_where_nothing_matches
 
 def test_pairs_of_a_frame_share_the_features_of_its_images(small: PsmnetMatcher, monkeypatch) -> None:
     seen = []
-    features = Engine.features
+    features = InferenceEngine.features
 
-    def counted(self: Engine, images: list[np.ndarray]) -> torch.Tensor:
+    def counted(self: InferenceEngine, images: list[np.ndarray]) -> torch.Tensor:
         seen.extend(images)
         return features(self, images)
 
-    monkeypatch.setattr(Engine, "features", counted)
+    monkeypatch.setattr(InferenceEngine, "features", counted)
     images = [noise(48, 64, seed) for seed in range(4)]
     maps = small.match_pairs(images, [(0, 1), (0, 2), (1, 2)])
     assert [id(image) for image in seen] == [id(image) for image in images[:3]]
@@ -134,15 +134,15 @@ def test_images_of_several_sizes_are_matched_with_their_like(small: PsmnetMatche
 def test_a_batch_that_does_not_fit_is_tried_again_with_half_as_many(monkeypatch) -> None:
     matcher = PsmnetMatcher(weights())
     matcher.batch = 8  # as on a GPU
-    sizes, whole = [], Engine.disparities
+    sizes, whole = [], InferenceEngine.disparities
 
-    def cramped(self: Engine, left, right, size):
+    def cramped(self: InferenceEngine, left, right, size):
         sizes.append(len(left))
         if len(left) > 2:
             raise torch.OutOfMemoryError
         return whole(self, left, right, size)
 
-    monkeypatch.setattr(Engine, "disparities", cramped)
+    monkeypatch.setattr(InferenceEngine, "disparities", cramped)
     images = [noise(32, 64, seed) for seed in range(6)]
     maps = matcher.match_pairs(images, [(0, n) for n in range(1, 6)])
     assert sizes == [5, 2, 2, 1]
@@ -156,7 +156,7 @@ def test_a_pair_that_does_not_fit_alone_says_what_would(monkeypatch) -> None:
     def full(*_: object) -> None:
         raise torch.OutOfMemoryError
 
-    monkeypatch.setattr(Engine, "disparities", full)
+    monkeypatch.setattr(InferenceEngine, "disparities", full)
     with pytest.raises(SettingError, match=r"--device: one pair of images does not fit .* use a smaller"):
         PsmnetMatcher(weights()).match(noise(32, 32), noise(32, 32))
 
@@ -236,13 +236,13 @@ def test_the_evidence_room_is_entered_without_torch() -> None:
 
 def test_a_frame_is_measured_with_each_image_seen_once(monkeypatch) -> None:
     counts = []
-    features = Engine.features
+    features = InferenceEngine.features
 
-    def counted(self: Engine, images: list[np.ndarray]) -> torch.Tensor:
+    def counted(self: InferenceEngine, images: list[np.ndarray]) -> torch.Tensor:
         counts.append(len(images))
         return features(self, images)
 
-    monkeypatch.setattr(Engine, "features", counted)
+    monkeypatch.setattr(InferenceEngine, "features", counted)
     rig = plane_rig()
     measurement, _ = measure(plane_frame(rig), rig, PsmnetMatcher(weights()))
     assert sum(counts) == 3
@@ -256,7 +256,7 @@ def test_frames_in_batches_have_the_disparities_of_single_ones_also_when_memory_
     plain = [measure(frame, rig, PsmnetMatcher(weights()))[1].maps for frame in frames]
     matcher = PsmnetMatcher(weights())
     matcher.batch = 8  # as on a GPU
-    really, sizes = Engine.disparities, []
+    really, sizes = InferenceEngine.disparities, []
 
     def small(engine, left, right, size):
         sizes.append(len(left))
@@ -264,7 +264,7 @@ def test_frames_in_batches_have_the_disparities_of_single_ones_also_when_memory_
             raise torch.OutOfMemoryError
         return really(engine, left, right, size)
 
-    monkeypatch.setattr(Engine, "disparities", small)
+    monkeypatch.setattr(InferenceEngine, "disparities", small)
     batched = [evidence.maps for _, evidence in measure_stream(iter(frames), rig, matcher)]
     # All six pairs of two frames, half of them, half of that for good: also for the three pairs of the last frame.
     assert sizes == [6, 3, *[1] * 9]

@@ -17,7 +17,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.decoding.videos.heads import Head
+from auditor.recordings.decoding.videos.heads import VideoHead
 from auditor.recordings.decoding.videos.tracks import _FORMS, Videos, form_of
 from tests.making.foxglove_messages import (
     FoxgloveMessage,
@@ -180,7 +180,7 @@ def test_sizes_follow_from_the_parameters_of_key_pictures(form: str) -> None:
         assert second.sizes_px == ()
 
 
-def _heads(form: str, packets: list[bytes]) -> list[Head]:
+def _heads(form: str, packets: list[bytes]) -> list[VideoHead]:
     heads = HEADS[form]()
     return [heads.head(packet) for packet in packets]
 

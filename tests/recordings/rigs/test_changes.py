@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auditor.model.frames import CameraImage, Frame, Message, Skipped
+from auditor.model.frames import CameraImage, Frame, Message, SkippedFrame
 from auditor.model.optics.geometry import motion
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, survey, synchronise
@@ -57,7 +57,7 @@ def changing(path: Path, *parts: tuple[Rig, Iterable[int]], every: int = 1, more
     return write_messages(path, sorted([*messages, *more], key=lambda message: message.log_time_ns))
 
 
-def seen(path: Path) -> tuple[RigsInForce, list[list[Frame]], list[list[Skipped]]]:
+def seen(path: Path) -> tuple[RigsInForce, list[list[Frame]], list[list[SkippedFrame]]]:
     """What is in force, and by rig its frames and what is skipped."""
     with open_recording(path) as recording:
         found = rigs_in_force(recording, survey(recording))
@@ -65,11 +65,11 @@ def seen(path: Path) -> tuple[RigsInForce, list[list[Frame]], list[list[Skipped]
         made = [list(stream) for stream in streams]
         assert all(topic.adds_up for stream in streams for topic in stream.balance)
     there = [[item for item in items if isinstance(item, Frame)] for items in made]
-    skipped = [[item for item in items if isinstance(item, Skipped)] for items in made]
+    skipped = [[item for item in items if isinstance(item, SkippedFrame)] for items in made]
     return found, there, skipped
 
 
-def numbers(items: Iterable[Frame | Skipped]) -> list[int]:
+def numbers(items: Iterable[Frame | SkippedFrame]) -> list[int]:
     return [item.number for item in items]
 
 

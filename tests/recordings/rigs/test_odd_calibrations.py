@@ -11,7 +11,7 @@ from auditor.model.optics.geometry import motion
 from auditor.recordings import check_rig, search_rigs
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.decoding.geometry import checked_transforms, transform_of
-from auditor.recordings.decoding.interface import Region
+from auditor.recordings.decoding.interface import ImageRegion
 from auditor.recordings.synchronisation.survey import Survey
 from tests.benchmarks.fuzzing_rigs import run as fuzz
 from tests.recordings.rigs.test_discovery import P, at, info, look
@@ -83,7 +83,7 @@ def test_an_odd_camera_is_left_out_with_its_reason(
         (with_(distortion=(0.1,) * 100), "100 coefficients do not fit"),
         (with_(distortion_model="of_my_own"), "'of_my_own' is not known"),
         (with_(binning=(3, 3)), "binned by 3 x 3"),
-        (with_(width_px=1280, region=Region(10, 10, 99, 99)), "99 x 99 px of 1280 x 480"),
+        (with_(width_px=1280, region=ImageRegion(10, 10, 99, 99)), "99 x 99 px of 1280 x 480"),
     ],
 )
 @pytest.mark.filterwarnings("error")

@@ -7,7 +7,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from auditor.errors import RigError
-from auditor.model.frames import Frame, Message, PointCloud, SensorState, Skipped
+from auditor.model.frames import Frame, Message, PointCloud, SensorState, SkippedFrame
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, share_a_read, survey, synchronise, write_mcap
 from auditor.recordings.formats.unpacking import ZSTD_MAGIC
@@ -35,7 +35,7 @@ def written(path: Path, frames: list[Frame], rig: Rig = RIG, **settings: object)
     return path / "a.mcap"
 
 
-def read(path: Path) -> tuple[list[Frame], list[Skipped], dict[str, object]]:
+def read(path: Path) -> tuple[list[Frame], list[SkippedFrame], dict[str, object]]:
     with open_recording(path) as recording:
         stream = stream_of(recording, RIG)
         frames, skipped = split(stream)
@@ -232,13 +232,13 @@ def test_the_window_stays_small_whatever_a_silent_sensor_does(tmp_path: Path, mo
     path = written(tmp_path, frames)
     monkeypatch.setattr(windows, "MOST_WAITING_BYTES", 30_000)
     held: list[int] = []
-    add = windows.Window.add
+    add = windows.MessageWindow.add
 
-    def spied(window: windows.Window, sensor: int, waiting: windows.Waiting) -> None:
+    def spied(window: windows.MessageWindow, sensor: int, waiting: windows.Waiting) -> None:
         add(window, sensor, waiting)
         held.append(window.held_bytes)
 
-    monkeypatch.setattr(windows.Window, "add", spied)
+    monkeypatch.setattr(windows.MessageWindow, "add", spied)
     read_frames, _, _ = read(path)
     assert len(read_frames) == 50
     assert max(held) < 30_000 + 5_000
@@ -358,13 +358,13 @@ def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, mo
     frames = [make_frame(RIG, n, without={0} if n > 1 else ()) for n in range(60)]
     patient = replace(FRAME_WINDOW, most_wait_periods=50)
     waiting: dict[int, int] = {}
-    add = windows.Window.add
+    add = windows.MessageWindow.add
 
-    def spied(window: windows.Window, sensor: int, message: windows.Waiting) -> None:
+    def spied(window: windows.MessageWindow, sensor: int, message: windows.Waiting) -> None:
         add(window, sensor, message)
         waiting[limit] = max(waiting.get(limit, 0), sum(map(len, window._waiting.values())))
 
-    monkeypatch.setattr(windows.Window, "add", spied)
+    monkeypatch.setattr(windows.MessageWindow, "add", spied)
     monkeypatch.setattr(windows, "FRAME_WINDOW", patient)
     for limit in (1000, 40):
         monkeypatch.setattr(windows, "_MOST_WAITING", limit)

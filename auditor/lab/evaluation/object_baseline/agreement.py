@@ -13,7 +13,7 @@ from auditor.lab.evaluation.object_baseline.detectors.geometric import (
     lidar_points,
     stereo_points,
 )
-from auditor.lab.evaluation.object_baseline.detectors.overlap import Partnered, best_partners
+from auditor.lab.evaluation.object_baseline.detectors.overlap import BestOverlap, best_partners
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _IN_FRONT_M = 0.5
@@ -31,7 +31,7 @@ class AttackedObjects:
         self._rig = attacked_frame.view_rig
         self._detectors = detectors
 
-    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[Partnered, ...]:
+    def agreement(self, triple: Triple, attacks: Attacks) -> tuple[BestOverlap, ...]:
         """For each object of one sensor the best intersection over union with an object of the other."""
         return tuple(one for partnered in self._partnered(triple, attacks) for one in partnered)
 
@@ -65,7 +65,7 @@ class AttackedObjects:
             lambda: detector.detect(self._frame.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
         )
 
-    def _partnered(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[Partnered, ...]]:
+    def _partnered(self, triple: Triple, attacks: Attacks) -> Iterator[tuple[BestOverlap, ...]]:
         """The overlaps of the objects of each two sides that are compared.
 
         With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each source camera

@@ -24,7 +24,7 @@ _ANYTHING = "dontcare"
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoredObjects:
     """The objects of one kind in one frame: how many are to be found, and the scores and hits of those found.
 
     `sensor` is the one whose data was used; `iou` is the least overlap of a hit.
@@ -40,7 +40,7 @@ class Scored:
 
 def score_in_image(
     sensor: int, found: Sequence[Detection], labels: Sequence[ObjectLabel], kinds: frozenset[str]
-) -> list[Scored]:
+) -> list[ScoredObjects]:
     """Boxes in the image against the labelled ones."""
     agreement = overlaps([one.box for one in found], [ImageBox(*label.box_px) for label in labels])
     shown = [(one.score, one.label or "", one.box) for one in found]
@@ -53,7 +53,7 @@ def score_on_ground(
     labels: Sequence[ObjectLabel],
     kinds: frozenset[str],
     seen: Callable[[SolidBox], ImageBox | None],
-) -> list[Scored]:
+) -> list[ScoredObjects]:
     """Boxes in space against the labelled ones, seen from above; boxes outside the labelled image are left out."""
     boxes = [(one, box) for one in found if (box := seen(one.box)) is not None]
     agreement = overlaps_on_ground([one.box for one, _ in boxes], [_solid(label) for label in labels])
@@ -67,7 +67,7 @@ def _score(
     found: Sequence[tuple[float, str, ImageBox]],
     labels: Sequence[ObjectLabel],
     agreement: Floats,
-) -> Scored:
+) -> ScoredObjects:
     least = LEAST_IOU_OF_CARS if kind.lower() == "car" else LEAST_IOU
     wanted = [at for at, label in enumerate(labels) if label.kind.lower() == kind.lower() and _is_to_be_found(label)]
     alike = {kind.lower(), *_MISTAKEN_FOR.get(kind.lower(), ())}
@@ -85,7 +85,7 @@ def _score(
         if counted:
             scores.append(score)
             hits.append(partner is not None)
-    return Scored(sensor, kind, least, len(wanted), tuple(scores), tuple(hits))
+    return ScoredObjects(sensor, kind, least, len(wanted), tuple(scores), tuple(hits))
 
 
 def _best(agreement: Floats, among: Sequence[int], least: float) -> int | None:

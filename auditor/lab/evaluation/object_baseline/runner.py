@@ -9,13 +9,13 @@ import numpy as np
 
 from auditor.errors import SettingError
 from auditor.lab.evaluation.attacked_frame import AttackedFrame, InTime
-from auditor.lab.evaluation.experiments import EXPERIMENTS, Case, Experiment
+from auditor.lab.evaluation.experiments import EXPERIMENTS, AttackCase, Experiment
 from auditor.lab.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
-from auditor.lab.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
+from auditor.lab.evaluation.object_baseline.average_precision import ScoredObjects, score_in_image, score_on_ground
 from auditor.lab.evaluation.object_baseline.detectors import CAR, Detectors, find_detectors
 from auditor.lab.evaluation.object_baseline.kitti_labels import ObjectLabel, read_object_labels
-from auditor.lab.evaluation.runner import Evaluated, Progress, Run, Task, together
-from auditor.lab.evaluation.sources import CleanDrive
+from auditor.lab.evaluation.runner import DriveEvaluation, EvaluationWork, Progress, Task, together
+from auditor.lab.evaluation.sources import CleanFrameSource
 from auditor.lab.simulation.drives import SyntheticDrive
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
@@ -80,7 +80,7 @@ def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
         )
 
 
-def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
+def evaluate_objects(task: ObjectTask, progress: Progress) -> EvaluationWork:
     """Compare the sensors' objects in every case; finished chunks are not compared again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
@@ -103,7 +103,7 @@ class Labels:
     of: Callable[[int], Sequence[ObjectLabel] | None]
 
 
-def _labels_of(drive: CleanDrive, folder: Path | None) -> Labels | None:
+def _labels_of(drive: CleanFrameSource, folder: Path | None) -> Labels | None:
     """The truth of a street, or the labels of a recording in a folder; None without any. Raises SettingError."""
     street = drive.street
     if street is not None:
@@ -115,11 +115,11 @@ def _labels_of(drive: CleanDrive, folder: Path | None) -> Labels | None:
     return Labels(read.content, read.frames.get)
 
 
-class _Run(Run):
+class _Run(DriveEvaluation):
     def __init__(
         self,
         task: ObjectTask,
-        drive: CleanDrive,
+        drive: CleanFrameSource,
         matcher: Matcher,
         store: Store,
         detectors: Detectors,
@@ -142,7 +142,9 @@ class _Run(Run):
     def versions(self) -> Mapping[str, str]:
         return {**super().versions(), **self._detectors.libraries}
 
-    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
+    def results(
+        self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[AttackCase]
+    ) -> Iterator[ObjectCase]:
         attacked_frame = now.attacked_frame
         frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
         if self._detectors.camera is None and experiment.name != _SENSITIVITY:
@@ -164,12 +166,12 @@ class _Run(Run):
                 yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, scores, rows)
 
     @staticmethod
-    def _triples(attacked_frame: AttackedFrame, case: Case, experiment: Experiment) -> list[Triple]:
+    def _triples(attacked_frame: AttackedFrame, case: AttackCase, experiment: Experiment) -> list[Triple]:
         """The triples whose sensors are all present, and that contain all attacked sensors."""
         compared = scenarios(attacked_frame.rig) if experiment.name != _SENSITIVITY else ()
         return [triple for triple in compared if set(attacked_frame.sensors) >= set(triple) >= set(case.attacked)]
 
-    def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case) -> list[Scored]:
+    def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: AttackCase) -> list[ScoredObjects]:
         """The detectors' objects against the labels: of clean data, and of data that a sensitivity case varies."""
         labels = self._labels.of(attacked_frame.frame.number) if self._labels else None
         if labels is None or (case.attacked and case.size is None):
@@ -180,10 +182,10 @@ class _Run(Run):
 def _score(
     objects: AttackedObjects,
     attacked_frame: AttackedFrame,
-    case: Case,
+    case: AttackCase,
     labels: Sequence[ObjectLabel],
     detectors: Detectors,
-) -> Iterator[Scored]:
+) -> Iterator[ScoredObjects]:
     rig: Rig = attacked_frame.view_rig
     changed = set(case.attacked or rig.sensors) & set(attacked_frame.sensors)
     if detectors.camera is not None and rig.n in changed:

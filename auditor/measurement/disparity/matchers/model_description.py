@@ -53,7 +53,7 @@ SHARE = Rule(lambda value: NUMBER.holds(value) and 0 <= value <= 1, "a number fr
 
 
 @dataclass(frozen=True)
-class Described:
+class ModelTable:
     """A description or one of its tables."""
 
     def rules(self) -> Iterator[tuple[str, bool, str]]:
@@ -67,7 +67,7 @@ class Described:
 
 
 @dataclass(frozen=True)
-class Pixels(Described):
+class Pixels(ModelTable):
     """How the pixels of an image are shown to a network."""
 
     colour: Annotated[str, one_of("rgb", "bgr", "grey")] = "rgb"
@@ -93,7 +93,7 @@ class Pixels(Described):
         return np.asarray((pixels.astype(np.float32) / divisor - mean) / deviation, dtype=np.float32)
 
 
-Kind = TypeVar("Kind", bound=Described)
+Kind = TypeVar("Kind", bound=ModelTable)
 
 
 def read_model_file(path: Path) -> bytes:
@@ -122,7 +122,7 @@ def read_toml(model: Path, remedy: str) -> tuple[Path, dict[str, Any]]:
         raise SettingError(f"no readable TOML ({error})", where=path) from error
 
 
-def described(path: Path, kind: type[Kind], table: object, tables: Mapping[str, type[Described]]) -> Kind:
+def described(path: Path, kind: type[Kind], table: object, tables: Mapping[str, type[ModelTable]]) -> Kind:
     """What the file says as a description of a kind, whose `tables` are of these kinds by name.
 
     Raises SettingError for unknown names and for the first value that makes no sense.
@@ -130,7 +130,7 @@ def described(path: Path, kind: type[Kind], table: object, tables: Mapping[str, 
     values = _fields_of(path, kind, table)
     parts = {name: of(**_fields_of(path, of, values.get(name, {}))) for name, of in tables.items()}
     description = kind(**values | parts)
-    whole_of_it: list[tuple[str, Described]] = [
+    whole_of_it: list[tuple[str, ModelTable]] = [
         ("", description),
         *((f"{name}.", part) for name, part in parts.items()),
     ]
@@ -143,7 +143,7 @@ def described(path: Path, kind: type[Kind], table: object, tables: Mapping[str, 
     return description
 
 
-def _fields_of(path: Path, kind: type[Described], table: object) -> dict[str, Any]:
+def _fields_of(path: Path, kind: type[ModelTable], table: object) -> dict[str, Any]:
     """A table of the file as arguments of its dataclass, lists as tuples."""
     known = [field.name for field in dataclasses.fields(kind)]
     if not isinstance(table, dict) or not set(table) <= set(known):
@@ -152,7 +152,7 @@ def _fields_of(path: Path, kind: type[Described], table: object) -> dict[str, An
     return {name: tuple(value) if isinstance(value, list) else value for name, value in table.items()}
 
 
-def _field_rules(part: Described) -> Iterator[tuple[str, bool, str]]:
+def _field_rules(part: ModelTable) -> Iterator[tuple[str, bool, str]]:
     for field in dataclasses.fields(part):
         for rule in getattr(field.type, "__metadata__", ()):
             yield field.name, rule.holds(getattr(part, field.name)), rule.meant

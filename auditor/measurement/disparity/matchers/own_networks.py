@@ -34,7 +34,7 @@ from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.model_description import (
     NAME,
     NUMBER,
-    Described,
+    ModelTable,
     Pixels,
     Rule,
     described,
@@ -61,7 +61,7 @@ class Input(Pixels):
 
 
 @dataclass(frozen=True)
-class Output(Described):
+class NetworkOutput(ModelTable):
     """What the model gives: (H / step, W / step) disparities, any number of axes of length 1 before them."""
 
     disparity: Annotated[str, NAME] = "disparity"
@@ -69,13 +69,13 @@ class Output(Described):
 
 
 @dataclass(frozen=True)
-class Description(Described):
+class NetworkDescription(ModelTable):
     """The TOML file beside a model."""
 
     range_px: Annotated[int, whole("the largest disparity of the model, in pixels")] = 0
     step: Annotated[int, whole("one of 1 and 2", largest=2)] = 1
     input: Input = field(default_factory=Input)
-    output: Output = field(default_factory=Output)
+    output: NetworkOutput = field(default_factory=NetworkOutput)
 
     def rules(self) -> Iterator[tuple[str, bool, str]]:
         """A step of 2 takes whole pairs of pixels, and begins at the first."""
@@ -93,7 +93,7 @@ class Model:
     kind: str
     where: str
     sha256: str
-    description: Description
+    description: NetworkDescription
     run: Callable[[Tensor, Tensor], NDArray[np.floating]]
     size: tuple[int, int] | None = None
     libraries: Mapping[str, str] = field(default_factory=dict)
@@ -169,10 +169,10 @@ class ModelMatcher:
         return ((rows, 0) if taken.pad == "top right" else (0, rows)), (0, columns)
 
 
-def read_description(model: Path) -> Description:
+def read_description(model: Path) -> NetworkDescription:
     """The description beside a model: `model.toml` for `model.onnx`. Raises SettingError where it makes no sense."""
     path, table = read_toml(model, remedy="write one with at least: range_px = 192")
-    return described(path, Description, table, {"input": Input, "output": Output})
+    return described(path, NetworkDescription, table, {"input": Input, "output": NetworkOutput})
 
 
 def _tensor(image: Image, taken: Input, padding: tuple[tuple[int, int], tuple[int, int]]) -> Tensor:

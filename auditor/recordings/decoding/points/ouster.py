@@ -56,7 +56,7 @@ _PACKET_HEAD = _PACKET_FOOT = 32
 _STATUS_LEGACY = 0xFFFF_FFFF
 
 
-class Sensor(NamedTuple):
+class OusterSensor(NamedTuple):
     """What the metadata say: the form of a packet, and the beams' angles (H,) in radians and offsets in mm."""
 
     profile: str
@@ -81,7 +81,7 @@ class Sensor(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def sensor_of(metadata: str) -> Sensor:
+def sensor_of(metadata: str) -> OusterSensor:
     """The sensor that a text describes, as its firmware or the driver write it. Raises DecodingError."""
     if len(metadata) > MAX_METADATA:
         raise DecodingError(f"metadata of {len(metadata)} characters are not accepted")
@@ -91,7 +91,7 @@ def sensor_of(metadata: str) -> Sensor:
         raise DecodingError(f"the sensor's metadata are no description of an Ouster ({str(error)[:80]})") from error
 
 
-def _sensor(found: Any) -> Sensor:  # noqa: ANN401  # JSON
+def _sensor(found: Any) -> OusterSensor:  # noqa: ANN401  # JSON
     beams = found.get("beam_intrinsics", found)
     form = next((found[key] for key in ("lidar_data_format", "data_format") if isinstance(found.get(key), dict)), None)
     form = form or _form_of_mode(found.get("lidar_mode") or found["config_params"]["lidar_mode"])
@@ -119,7 +119,9 @@ def _sensor(found: Any) -> Sensor:  # noqa: ANN401  # JSON
         matrix = _numbers(lens, 16)
         beam_mm = float(matrix[3]), float(matrix[11])
     sensor_SE3_lidar = _numbers(place, 16).reshape(4, 4)
-    return Sensor(profile, columns, _column(profile, height), per_packet, azimuth, altitude, beam_mm, sensor_SE3_lidar)
+    return OusterSensor(
+        profile, columns, _column(profile, height), per_packet, azimuth, altitude, beam_mm, sensor_SE3_lidar
+    )
 
 
 def _form_of_mode(mode: str) -> dict[str, int]:
@@ -176,7 +178,7 @@ class OusterDecoder(PointCloudDecoder):
         ahead = np.column_stack([np.cos(turned), np.sin(turned), np.zeros(len(columns))])
         return (ahead @ described[1].sensor_SE3_lidar[:3, :3].T).astype(np.float32)
 
-    def _described(self, message: Message) -> tuple[NDArray[np.uint8], Sensor]:
+    def _described(self, message: Message) -> tuple[NDArray[np.uint8], OusterSensor]:
         """A packet, and the sensor that it is from. Raises DecodingError."""
         packet = self._packet(message)
         if len(packet) < LEAST_BYTES:
@@ -198,7 +200,7 @@ class OusterDecoder(PointCloudDecoder):
         return packet
 
 
-def points_of_packet(packet: NDArray[np.uint8], sensor: Sensor) -> NDArray[np.float32]:
+def points_of_packet(packet: NDArray[np.uint8], sensor: OusterSensor) -> NDArray[np.float32]:
     """(N, 3) points in metres of the valid columns: ranges of 0 are no returns."""
     columns, turned = _columns(packet, sensor)
     range_mm = _ranges_mm(np.ascontiguousarray(columns["pixels"]), sensor.profile)
@@ -215,7 +217,7 @@ def points_of_packet(packet: NDArray[np.uint8], sensor: Sensor) -> NDArray[np.fl
     return xyz_m
 
 
-def _columns(packet: NDArray[np.uint8], sensor: Sensor) -> tuple[NDArray[np.void], Floats]:
+def _columns(packet: NDArray[np.uint8], sensor: OusterSensor) -> tuple[NDArray[np.void], Floats]:
     """The valid columns of a packet, and the angles of the sensor's turn at them, in radians."""
     end = sensor.head_bytes + sensor.per_packet * sensor.column.itemsize
     columns = np.ascontiguousarray(packet[sensor.head_bytes : end]).view(sensor.column)

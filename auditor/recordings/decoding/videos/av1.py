@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.decoding.videos.heads import Bits, Head
+from auditor.recordings.decoding.videos.heads import Bits, VideoHead
 
 _SEQUENCE, _FRAMES = 1, {3, 6, 7}
 _KEY, _SWITCH = 0, 3
@@ -34,9 +34,9 @@ class Av1:
     def __init__(self) -> None:
         self._sequence: _Sequence | None = None
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of a temporal unit."""
-        head = Head(period=1)
+        head = VideoHead(period=1)
         sizes_px: tuple[SizePx, ...] = ()
         for kind, unit in _units(data):
             if kind == _SEQUENCE:
@@ -127,12 +127,12 @@ def _operating_points(bits: Bits) -> int:
     return time_bits
 
 
-def _shown(bits: Bits, sequence: _Sequence) -> Head | None:
+def _shown(bits: Bits, sequence: _Sequence) -> VideoHead | None:
     """The head of a frame that is shown; None of one that is only kept."""
     if sequence.is_still:
-        return Head(is_key=True)
+        return VideoHead(is_key=True)
     if bits.take(1):
-        return Head()  # a frame that was sent before: its number stands there
+        return VideoHead()  # a frame that was sent before: its number stands there
     kind, shown = bits.take(2), bits.take(1)
     bits.take(sequence.time_bits if shown else 1)
     bits.take(0 if kind == _SWITCH or (kind == _KEY and shown) else 1)
@@ -146,4 +146,4 @@ def _shown(bits: Bits, sequence: _Sequence) -> Head | None:
     if not shown:
         return None
     number = bits.take(sequence.number_bits) if sequence.number_bits else None
-    return Head((), kind == _KEY, number, 1 << sequence.number_bits if sequence.number_bits else 0)
+    return VideoHead((), kind == _KEY, number, 1 << sequence.number_bits if sequence.number_bits else 0)

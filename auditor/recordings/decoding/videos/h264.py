@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.decoding.videos.heads import Bits, Head, payload, units
+from auditor.recordings.decoding.videos.heads import Bits, VideoHead, payload, units
 
 _PARAMETER_SET = 7
 _KEY_PICTURE = 5
@@ -52,16 +52,16 @@ class H264:
     def __init__(self) -> None:
         self._parameters: Parameters | None = None
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of an access unit."""
         declared = parameter_sets(data)
         self._parameters = declared[-1] if declared else self._parameters
         sizes_px, known = tuple(one.size_px for one in declared), self._parameters
         if known is None:
-            return Head(sizes_px, period=1)
+            return VideoHead(sizes_px, period=1)
         number = picture_number(data, known)
         is_key = number is not None and has_key_picture(data)
-        return Head(sizes_px, is_key, number, 1 << known.number_bits, may_repeat=True)
+        return VideoHead(sizes_px, is_key, number, 1 << known.number_bits, may_repeat=True)
 
 
 def _parameters(data: bytes) -> Parameters:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.decoding.videos.heads import Bits, Head, payload, units
+from auditor.recordings.decoding.videos.heads import Bits, VideoHead, payload, units
 
 _HEADER_BYTES = 2
 _SEQUENCE, _PICTURE = 33, 34
@@ -40,7 +40,7 @@ class H265:
         self._sequences: dict[int, Sequence] = {}
         self._pictures: dict[int, _Pictures] = {}
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of an access unit."""
         sizes_px: list[SizePx] = []
         for start in units(data):
@@ -55,23 +55,23 @@ class H265:
             elif kind in _SLICES:
                 bits = Bits(payload(data, start + _HEADER_BYTES, _MAX_SLICE_HEADER_BYTES))
                 return self._of_slice(bits, kind, tuple(sizes_px))
-        return Head(tuple(sizes_px), period=1)
+        return VideoHead(tuple(sizes_px), period=1)
 
-    def _of_slice(self, bits: Bits, kind: int, sizes_px: tuple[SizePx, ...]) -> Head:
+    def _of_slice(self, bits: Bits, kind: int, sizes_px: tuple[SizePx, ...]) -> VideoHead:
         if not bits.take(1):
             raise DecodingError("the video picture lacks its first slice")
         bits.take(1 if kind in _IRAP else 0)
         pictures = self._pictures.get(bits.unsigned())
         sequence = self._sequences.get(pictures.sequence) if pictures else None
         if pictures is None or sequence is None:
-            return Head(sizes_px, period=1)
+            return VideoHead(sizes_px, period=1)
         number = 0
         if kind not in _IDR:
             bits.take(pictures.extra_bits)
             bits.unsigned()  # the slice's type
             bits.take(pictures.has_output_flag + 2 * sequence.separate_planes)
             number = bits.take(sequence.number_bits)
-        return Head(sizes_px, kind in _KEY_PICTURES, number, 1 << sequence.number_bits)
+        return VideoHead(sizes_px, kind in _KEY_PICTURES, number, 1 << sequence.number_bits)
 
 
 def _sequence(bits: Bits) -> tuple[int, Sequence]:

@@ -18,7 +18,7 @@ _MAX_UNIT_BYTES = 4096
 _MAX_UNITS = 1000
 
 
-class Head(NamedTuple):
+class VideoHead(NamedTuple):
     """The sizes that a message declares, and the number of its picture modulo `period`, where pictures have numbers.
 
     The number is that of the picture before, plus one; with `may_repeat` it may also be that of the picture before.
@@ -39,7 +39,7 @@ class Head(NamedTuple):
 class Heads(Protocol):
     """Reads the headers of one topic's messages, in their order, and remembers what later ones refer to."""
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of a message. Raises DecodingError for a damaged one."""
 
 

@@ -22,7 +22,7 @@ from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.videos.av1 import Av1
 from auditor.recordings.decoding.videos.h264 import H264
 from auditor.recordings.decoding.videos.h265 import H265
-from auditor.recordings.decoding.videos.heads import Head, Heads
+from auditor.recordings.decoding.videos.heads import Heads, VideoHead
 from auditor.recordings.decoding.videos.vpx import Vp8, Vp9
 from auditor.safety.budget import MAX_PIXELS
 
@@ -205,7 +205,7 @@ def _form(video: VideoData) -> VideoForm:
     return form
 
 
-def _head(form: VideoForm, heads: Heads, data: bytes) -> Head:
+def _head(form: VideoForm, heads: Heads, data: bytes) -> VideoHead:
     """The head of a message. Raises DecodingError, with the name of the form, for a damaged one."""
     try:
         return heads.head(data)

@@ -7,7 +7,7 @@ import struct
 
 from auditor.errors import DecodingError
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.decoding.videos.heads import Bits, Head
+from auditor.recordings.decoding.videos.heads import Bits, VideoHead
 
 _VP9_SYNC, _VP8_SYNC = 0x498342, b"\x9d\x01\x2a"
 _SRGB = 7
@@ -17,25 +17,25 @@ _MAX_HEADER_BYTES = 16
 class Vp9:
     """See heads.Heads."""
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of a frame, or of several of which one is shown."""
         sizes_px = [_vp9_size(Bits(frame[:_MAX_HEADER_BYTES])) for frame in _frames(data)]
-        return Head(tuple(size for size in sizes_px if size is not None), sizes_px[0] is not None)
+        return VideoHead(tuple(size for size in sizes_px if size is not None), sizes_px[0] is not None)
 
 
 class Vp8:
     """See heads.Heads."""
 
-    def head(self, data: bytes) -> Head:
+    def head(self, data: bytes) -> VideoHead:
         """The head of a frame."""
         if not data:
             raise DecodingError("the video message is empty")
         if data[0] & 1:
-            return Head()
+            return VideoHead()
         if data[3:6] != _VP8_SYNC or len(data) < 10:
             raise DecodingError("the video message is damaged: its key picture lacks its mark")
         width, height = struct.unpack_from("<HH", data, 6)
-        return Head(((width & 0x3FFF, height & 0x3FFF),), is_key=True)
+        return VideoHead(((width & 0x3FFF, height & 0x3FFF),), is_key=True)
 
 
 def _frames(data: bytes) -> list[bytes]:

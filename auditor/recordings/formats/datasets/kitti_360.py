@@ -14,7 +14,7 @@ from auditor.model.optics.geometry import invert, motion
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.datasets.kitti_raw import (
     SCAN_TOPIC,
-    Calibration,
+    KittiCalibration,
     KittiRecording,
     files_by_stamp,
     picture_topic,
@@ -51,7 +51,7 @@ class Kitti360Reader:
         return KittiRecording(path, top, calibration, streams, others, "unknown", contents)
 
 
-def _calibration(folder: Path, contents: Contents) -> Calibration:
+def _calibration(folder: Path, contents: Contents) -> KittiCalibration:
     cameras_file, lidar_file = folder / "perspective.txt", folder / "calib_cam_to_velo.txt"
     values = read_matrices(contents.of(cameras_file))
     try:
@@ -62,4 +62,4 @@ def _calibration(folder: Path, contents: Contents) -> Calibration:
     except (KeyError, ValueError) as error:
         raise RecordingError(f"its calibration is ill-formed ({error})", where=folder) from error
     cam0_SE3_lidar = motion(rectified_R_cam0, np.zeros(3)) @ invert(lidar_SE3_cam0)
-    return Calibration((cameras_file, lidar_file), cameras, cam0_SE3_lidar)
+    return KittiCalibration((cameras_file, lidar_file), cameras, cam0_SE3_lidar)

@@ -16,7 +16,7 @@ from auditor.recordings.formats.datasets.kitti_raw import (
     CAMERAS,
     PERIOD_NS,
     SCAN_TOPIC,
-    Calibration,
+    KittiCalibration,
     KittiRecording,
     numbered_files,
     picture_topic,
@@ -72,7 +72,7 @@ def _read_times(path: Path, contents: Contents) -> list[int] | None:
     return [round(second * 10**9) for second in seconds]
 
 
-def _read_calibration(content: FileContent, first_pictures: dict[str, FileContent]) -> Calibration:
+def _read_calibration(content: FileContent, first_pictures: dict[str, FileContent]) -> KittiCalibration:
     values = read_matrices(content)
     cameras: dict[str, dict[str, Matrix]] = {}
     for number, picture in first_pictures.items():
@@ -84,7 +84,7 @@ def _read_calibration(content: FileContent, first_pictures: dict[str, FileConten
         raise RecordingError("it holds no P0 to P3 of any camera that has pictures", where=content.path)
     lidar = values.get("Tr", np.empty(0))
     cam0_SE3_lidar = np.vstack([lidar.reshape(3, 4), [0, 0, 0, 1]]) if lidar.size == 12 else None
-    return Calibration((content.path,), cameras, cam0_SE3_lidar)
+    return KittiCalibration((content.path,), cameras, cam0_SE3_lidar)
 
 
 def _size_px(picture: FileContent) -> tuple[int, int]:

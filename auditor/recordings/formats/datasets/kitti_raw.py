@@ -29,7 +29,7 @@ _LIDAR_FILE = "calib_velo_to_cam.txt"
 _MAX_TEXT_BYTES = 16 * 2**20
 
 
-class Calibration(NamedTuple):
+class KittiCalibration(NamedTuple):
     """P_rect and S_rect by camera number, and the LiDAR in the frame of rectified camera 0."""
 
     files: tuple[Path, ...]
@@ -54,7 +54,7 @@ class Calibration(NamedTuple):
         ]
 
 
-def read_calibration(drive: Path, contents: Contents) -> Calibration:
+def read_calibration(drive: Path, contents: Contents) -> KittiCalibration:
     """The calibration of a raw drive. Raises RecordingError where it is missing or ill-formed."""
     folder = next(
         (folder for folder in (drive, drive / "calib", drive.parent) if (folder / _CAMERA_FILE).is_file()), None
@@ -80,7 +80,7 @@ def read_calibration(drive: Path, contents: Contents) -> Calibration:
             cam0_SE3_lidar = motion(values["R_rect_00"].reshape(3, 3), np.zeros(3)) @ unrectified
         except (KeyError, ValueError) as error:
             raise RecordingError(f"R, T or R_rect_00 is ill-formed ({error})", where=folder / _LIDAR_FILE) from error
-    return Calibration(tuple(files), cameras, cam0_SE3_lidar)
+    return KittiCalibration(tuple(files), cameras, cam0_SE3_lidar)
 
 
 def read_small_text(content: FileContent) -> str:
@@ -156,7 +156,7 @@ class KittiRecording(FolderRecording):
         self,
         path: Path,
         folder: Path,
-        calibration: Calibration,
+        calibration: KittiCalibration,
         streams: Sequence[Stream],
         others: Iterable[Path],
         clock: Clock,

@@ -1,8 +1,8 @@
 """What a pickle says, of which nothing is carried out, and the columns of a table that pandas pickled.
 
 A pickle is a program. Python's own reader imports what it names and calls it with what it likes; it also allocates by
-numbers that are not checked, and hashes what is nested without end. Here a name stays a name, a call stays a `Made`
-with its arguments, keys are text, and the steps are counted. Format: the standard library's pickletools.
+numbers that are not checked, and hashes what is nested without end. Here a name stays a name, a call a `PickledCall`
+with arguments, keys are text, and the steps are counted. Format: the standard library's pickletools.
 
 A table is a DataFrame with a BlockManager: the names of its columns, and blocks, each an array of some of them. It is
 the state of the manager up to pandas 1.2 (the blocks stand below the version of that layout, 0.14.1), and what the
@@ -31,7 +31,7 @@ class Name:
 
 
 @dataclass(eq=False)
-class Made:
+class PickledCall:
     """What a pickle would make by a call; its state is given to it by a later step."""
 
     name: str
@@ -40,7 +40,7 @@ class Made:
 
 
 def said_by(data: bytes, names: frozenset[str]) -> Any:  # noqa: ANN401  # what pickles hold
-    """The only thing that a pickle holds: of numbers, text, bytes, None, lists, tuples, dicts, `Name` and `Made`.
+    """What a pickle holds, one thing: of numbers, text, bytes, None, lists, tuples, dicts, `Name` and `PickledCall`.
 
     Raises ValueError where it is no whole pickle, has steps that tables do not need, or a name that is not in `names`.
     """
@@ -141,11 +141,11 @@ class _Reading:
 
     def call(self, _: object) -> None:
         arguments, name = _of(self.stack.pop(), tuple), _of(self.stack.pop(), Name)
-        self.stack.append(Made(name.full, arguments))
+        self.stack.append(PickledCall(name.full, arguments))
 
     def give_state(self, _: object) -> None:
         state = self.stack.pop()
-        _of(self.stack[-1], Made).state = state
+        _of(self.stack[-1], PickledCall).state = state
 
 
 def _of(value: Any, kind: type) -> Any:  # noqa: ANN401  # what pickles hold
@@ -240,7 +240,7 @@ def columns_of(data: bytes, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
 
 def _table(frame: Any) -> tuple[list[str], list[_Block]]:  # noqa: ANN401  # what pickles hold
     """The names of the columns, and the blocks."""
-    if not isinstance(frame, Made) or frame.name not in _TABLES:
+    if not isinstance(frame, PickledCall) or frame.name not in _TABLES:
         raise ValueError("its pickle is no table")
     manager = _made(frame.state["_mgr"] if "_mgr" in frame.state else frame.state["_data"], _MANAGER)
     if manager.state is not None:
@@ -266,7 +266,7 @@ def _columns(names: list[str], blocks: list[_Block], wanted: Collection[str]) ->
 
 
 def _places(places: Any) -> range | list[int]:  # noqa: ANN401  # what pickles hold
-    if isinstance(places, Made) and places.name == _SLICE:
+    if isinstance(places, PickledCall) and places.name == _SLICE:
         start, stop, step = (_whole(number) for number in places.args)
         return range(start, stop, step)[:_MOST_COLUMNS]
     numbers = _numbers(places)
@@ -277,17 +277,17 @@ def _places(places: Any) -> range | list[int]:  # noqa: ANN401  # what pickles h
 
 def _names(data: Any) -> list[str]:  # noqa: ANN401  # what pickles hold
     """The names of columns: an array of objects, whose content is a list."""
-    if not isinstance(data, Made) or data.name not in _ARRAYS or not isinstance(data.state[4], list):
+    if not isinstance(data, PickledCall) or data.name not in _ARRAYS or not isinstance(data.state[4], list):
         raise ValueError("its columns have no names, or are named by strings of pandas 3")
     return [name if isinstance(name, str) else "" for name in data.state[4][:_MOST_COLUMNS]]
 
 
 def _numbers(array: Any) -> NDArray[Any]:  # noqa: ANN401  # what pickles hold
     """An array of numbers, as a view of its bytes, of exactly as many as it declares."""
-    if isinstance(array, Made) and array.name in _ARRAYS:
+    if isinstance(array, PickledCall) and array.name in _ARRAYS:
         _, shape, dtype, fortran, data = array.state
         order = "F" if fortran else "C"
-    elif isinstance(array, Made) and array.name in _BUFFERS:
+    elif isinstance(array, PickledCall) and array.name in _BUFFERS:
         data, dtype, shape, order = array.args
     else:
         raise ValueError("its table has a column that is no array of numpy")
@@ -308,9 +308,9 @@ def _dtype(dtype: Any) -> np.dtype[Any]:  # noqa: ANN401  # what pickles hold
 
 def _bytes(data: Any) -> bytes | bytearray:  # noqa: ANN401  # what pickles hold
     """The content of an array: bytes; in protocol 2, which has none, text whose characters are bytes."""
-    if isinstance(data, Made) and data.name == "builtins.bytearray":
+    if isinstance(data, PickledCall) and data.name == "builtins.bytearray":
         [data] = data.args
-    if isinstance(data, Made) and data.name == _TEXT_AS_BYTES:
+    if isinstance(data, PickledCall) and data.name == _TEXT_AS_BYTES:
         text, encoding = data.args
         if not isinstance(text, str) or encoding != "latin1":
             raise ValueError("its table has an array that is no text of bytes")
@@ -320,9 +320,9 @@ def _bytes(data: Any) -> bytes | bytearray:  # noqa: ANN401  # what pickles hold
     raise ValueError("its table has an array without bytes")
 
 
-def _made(value: Any, name: str) -> Made:  # noqa: ANN401  # what pickles hold
+def _made(value: Any, name: str) -> PickledCall:  # noqa: ANN401  # what pickles hold
     """What a pickle makes by that name. Raises ValueError."""
-    if not isinstance(value, Made) or value.name != name:
+    if not isinstance(value, PickledCall) or value.name != name:
         raise ValueError(f"its pickle has no {name.rpartition('.')[2]} where a table has one")
     return value
 

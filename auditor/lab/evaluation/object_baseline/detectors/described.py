@@ -64,7 +64,7 @@ from auditor.measurement.disparity.matchers.model_description import (
     NUMBER,
     POSITIVE,
     SHARE,
-    Described,
+    ModelTable,
     Pixels,
     Rule,
     described,
@@ -113,7 +113,7 @@ class CameraInput(Pixels):
 
 
 @dataclass(frozen=True)
-class CloudInput(Described):
+class CloudInput(ModelTable):
     """How a point cloud is shown to the network."""
 
     name: Annotated[str, NAME] = "points"
@@ -148,7 +148,7 @@ class CloudInput(Described):
 
 
 @dataclass(frozen=True)
-class Output(Described):
+class DetectorOutput(ModelTable):
     """The places in the network's outputs of its boxes, scores and labels."""
 
     boxes: Annotated[str, NAME] = "boxes"
@@ -164,7 +164,7 @@ class Output(Described):
 
 
 @dataclass(frozen=True)
-class CameraOutput(Output):
+class CameraOutput(DetectorOutput):
     """The same, and the columns of boxes in an image."""
 
     format: Annotated[str, one_of("xyxy", "yxyx", "xywh", "cxcywh")] = "xyxy"
@@ -172,7 +172,7 @@ class CameraOutput(Output):
 
 
 @dataclass(frozen=True)
-class CloudOutput(Output):
+class CloudOutput(DetectorOutput):
     """The same, and the columns of boxes in space."""
 
     columns: Annotated[tuple[str, ...], _COLUMNS] = SOLID
@@ -181,14 +181,14 @@ class CloudOutput(Output):
     height_m: Annotated[float, POSITIVE] = 1.6
 
 
-_TABLES: Mapping[str, Mapping[str, type[Described]]] = {
+_TABLES: Mapping[str, Mapping[str, type[ModelTable]]] = {
     "camera": {"input": CameraInput, "output": CameraOutput},
     "cloud": {"input": CloudInput, "output": CloudOutput},
 }
 
 
 @dataclass(frozen=True)
-class Description(Described):
+class DetectorDescription(ModelTable):
     """The TOML file beside a detector's model."""
 
     sensor: str
@@ -206,10 +206,10 @@ class Description(Described):
             yield "output.columns", needed <= set(self.output.columns), f"a list that has {', '.join(sorted(needed))}"
 
 
-def read_description(model: Path) -> Description:
+def read_description(model: Path) -> DetectorDescription:
     """The description beside a model. Raises SettingError where it is missing or ill-formed."""
     path, table = read_toml(model, remedy='write one with at least: sensor = "camera" and names = [...]')
     sensor = table.get("sensor")
     if sensor not in ("camera", "cloud"):
         raise SettingError("sensor is missing or unknown", where=path, remedy="it is camera or cloud")
-    return described(path, Description, table, _TABLES[sensor])
+    return described(path, DetectorDescription, table, _TABLES[sensor])

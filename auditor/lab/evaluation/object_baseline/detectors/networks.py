@@ -17,7 +17,7 @@ from auditor.lab.evaluation.object_baseline.detectors.described import (
     CameraOutput,
     CloudInput,
     CloudOutput,
-    Description,
+    DetectorDescription,
 )
 from auditor.lab.evaluation.object_baseline.detectors.interface import Detection, ImageBox, SolidBox, SolidDetection
 from auditor.lab.evaluation.object_baseline.detectors.overlap import overlaps, overlaps_on_ground, suppressed
@@ -33,7 +33,7 @@ MOST_OBJECTS = 300
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Detections:
     """(M, K) numbers of boxes as the network gives them, (M,) scores, surest first, and the M names."""
 
     boxes: Floats
@@ -47,7 +47,7 @@ class Network:
 
     path: Path
     model: OnnxModel
-    description: Description
+    description: DetectorDescription
 
     def __post_init__(self) -> None:
         self.model.check_names([self.description.input.name], self.description.output.named)
@@ -72,14 +72,14 @@ class Network:
         """Versions of the libraries that run it, by name."""
         return self.model.libraries
 
-    def find(self, shown: NDArray[np.generic], columns: int) -> Found:
+    def find(self, shown: NDArray[np.generic], columns: int) -> Detections:
         """The objects that the model finds. Raises SettingError where it fails or its output is not as described."""
         named = self.description.output.named
         values = self.model.run(named, {self.description.input.name: shown})
         return take_apart(dict(zip(named, values, strict=True)), self.description, columns, self.path)
 
     def surest(
-        self, found: Found, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Floats]
+        self, found: Detections, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Floats]
     ) -> list[tuple[Box, float, str]]:
         """Box, score and name of the objects that stay: one of those of a class that overlap, none without a box."""
         kept: list[tuple[Box, float, str]] = []
@@ -97,8 +97,8 @@ class Network:
 
 
 def take_apart(
-    outputs: Mapping[str, NDArray[np.generic]], description: Description, columns: int, where: Path
-) -> Found:
+    outputs: Mapping[str, NDArray[np.generic]], description: DetectorDescription, columns: int, where: Path
+) -> Detections:
     """The objects that have a name and a sufficient score, at most MOST_OBJECTS.
 
     Raises SettingError where the outputs are not as described.
@@ -127,7 +127,7 @@ def take_apart(
     positions = np.flatnonzero(sensible)
     names = {int(position): description.names[int(labels[position])] for position in positions}
     kept = [p for p in positions[np.argsort(-scores[positions], kind="stable")] if names[int(p)]][:MOST_OBJECTS]
-    return Found(boxes[kept], scores[kept], [names[int(p)] for p in kept])
+    return Detections(boxes[kept], scores[kept], [names[int(p)] for p in kept])
 
 
 def _part(outputs: Mapping[str, NDArray[np.generic]], place: str, where: Path) -> Floats:
@@ -228,7 +228,7 @@ class OnnxCameraDetector(Network):
             shown = shown.transpose(2, 0, 1)
         return np.ascontiguousarray(shown[np.newaxis]), fit
 
-    def _boxes(self, found: Found, fit: _Fit, size: tuple[int, ...]) -> list[ImageBox]:
+    def _boxes(self, found: Detections, fit: _Fit, size: tuple[int, ...]) -> list[ImageBox]:
         """Boxes in pixels of the image, cut off at its edges."""
         columns = dict(zip(_COLUMNS[self.given.format], found.boxes.T, strict=True))
         if "cx" in columns:

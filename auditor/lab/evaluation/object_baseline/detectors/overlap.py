@@ -41,7 +41,7 @@ LEAST_HEIGHT_PX, EDGE_PX, MOST_HIDDEN = 40.0, 2.0, 0.3
 """Objects of scores that are lower, nearer to the edge, or further behind another one need no partner."""
 
 
-class Partnered(NamedTuple):
+class BestOverlap(NamedTuple):
     """An object's best overlap with one of the other side, and how sure its detector is of it."""
 
     iou: float
@@ -55,7 +55,7 @@ def best_partners(
     labels_of_second: frozenset[str] | None = None,
     reach_px: float = 0.0,
     size_px: tuple[int, int] | None = None,
-) -> tuple[Partnered, ...]:
+) -> tuple[BestOverlap, ...]:
     """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
     Labels are what a detector can name, None where it finds objects of any kind; `reach_px` is the largest disparity
@@ -70,7 +70,7 @@ def best_partners(
     ]
     plain = [*_plainly_seen(first, size_px), *_plainly_seen(second, size_px)]
     return tuple(
-        Partnered(float(value), one.score)
+        BestOverlap(float(value), one.score)
         for (one, value, known), is_plain in zip(best, plain, strict=True)
         if is_plain and (known is None or one.label in known)
     )

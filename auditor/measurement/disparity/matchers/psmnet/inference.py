@@ -28,7 +28,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
-class Engine:
+class InferenceEngine:
     """A PSMNet in evaluation on one device. Images, features and disparities are batches on that device."""
 
     network: PSMNet
@@ -87,7 +87,7 @@ def make_engine(
     device: torch.device,
     precision: str = "fp32",
     compiled: bool = False,
-) -> Engine:
+) -> InferenceEngine:
     """A network with these weights on a device, its batch normalisation folded into the convolutions before it.
 
     Folding changes a disparity by less than 1e-4 px; on a CPU the layout with channels last saves a third of the time.
@@ -103,7 +103,7 @@ def make_engine(
     if compiled:
         network.feature_extraction.compile()
         network.costs = torch.compile(network.costs)  # type: ignore[method-assign]
-    return Engine(network.requires_grad_(requires_grad=False), device, precision)
+    return InferenceEngine(network.requires_grad_(requires_grad=False), device, precision)
 
 
 def fold(network: PSMNet) -> PSMNet:

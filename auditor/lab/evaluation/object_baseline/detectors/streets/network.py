@@ -78,7 +78,7 @@ class CentreNet(nn.Module):
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
+class TrainedNetwork:
     """A network and the hash of the file that its weights are from."""
 
     network: CentreNet
@@ -102,7 +102,7 @@ class Trained:
 class StreetDetector:
     """What both detectors are: a trained network that finds cars."""
 
-    trained: Trained
+    trained: TrainedNetwork
     name: str = "streets"
     labels: frozenset[str] = frozenset({CAR})
 
@@ -128,7 +128,7 @@ def packed(network: CentreNet) -> bytes:
     return save({name: values.half().contiguous() for name, values in network.state_dict().items()})
 
 
-def unpacked(network: CentreNet, file: Path, sha256: str | None = None) -> Trained:
+def unpacked(network: CentreNet, file: Path, sha256: str | None = None) -> TrainedNetwork:
     """A network with the weights of a file. Raises SettingError where it cannot be read, or was changed."""
     try:
         content = file.read_bytes()
@@ -140,4 +140,4 @@ def unpacked(network: CentreNet, file: Path, sha256: str | None = None) -> Train
     torch.set_num_threads(1)  # as everything else that an evaluation's processes run: they share the cores
     known = network.state_dict()
     network.load_state_dict({name: values.to(known[name].dtype) for name, values in load(content).items()})
-    return Trained(network.eval(), found)
+    return TrainedNetwork(network.eval(), found)
