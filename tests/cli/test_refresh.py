@@ -266,7 +266,7 @@ def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_n
     assert "attacked.mcap" in audit("calibration", "quarantine").out.decode()
     add_drive(store, "v1d8.mcap", seed=80, vehicle="car1", day=8)
     with monkeypatch.context() as patch:
-        patch.setattr("auditor.identification.refreshing.drives.Shown.raised", lambda *_: "")
+        patch.setattr("auditor.identification.refreshing.drives.DriveScores.raised", lambda *_: "")
         kind = kind_of(audit("refresh"))
     assert (kind["decided"], [one["recording"] for one in kind["look_at"]]) == ("promoted", ["attacked.mcap"])
     assert audit("calibration", "quarantine", "--format", "json").rows == [waiting], "since when it waits is kept"
@@ -282,7 +282,7 @@ def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_n
 def test_a_drive_unlike_the_others_is_left_out_though_nothing_in_it_is_raised(refreshed_later, audit_of, monkeypatch):
     audit = audit_of(refreshed_later)
     add_drive(Store.open(audit.store), "odd.mcap", seed=65, vehicle="car7", day=6, raised=2.0)
-    monkeypatch.setattr("auditor.identification.refreshing.drives.Shown.raised", lambda *_: "")
+    monkeypatch.setattr("auditor.identification.refreshing.drives.DriveScores.raised", lambda *_: "")
     kind = kind_of(audit("refresh"))
     [odd] = kind["look_at"]
     assert (kind["decided"], odd["recording"]) == ("nothing new", "odd.mcap")
