@@ -53,10 +53,10 @@ class Nearby(NamedTuple):
 
         Half of its z is as much: it comes and goes by what the light falls on. NaN where no other frame was measured.
         """
-        known = self.z[~np.isnan(self.z[:, column]), column]
-        if len(known) < 2:
+        scores = self.z[~np.isnan(self.z[:, column]), column]
+        if len(scores) < 2:
             return nan, nan
-        shown = (np.count_nonzero(known >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(known) - 1)
+        shown = (np.count_nonzero(scores >= LIGHT_OF_CAUSES.as_much * z) - 1) / (len(scores) - 1)
         return shown * min(self.span_s, LIGHT_OF_CAUSES.nearby_s), 1 - shown
 
 
@@ -145,11 +145,13 @@ def seen_of(
     known.
     """
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
-    found = {}
+    scores_of = {}
     for sensor in sorted(named):
         columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
         own = {
-            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
+            sensor_check.check: column
+            for column in columns.tolist()
+            if (sensor_check := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
         coloured, striped, *unpredicted = (
@@ -163,8 +165,8 @@ def seen_of(
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
             most = float(np.fmax.reduce(unpredicted))
-            found[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting)
-    return found
+            scores_of[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting)
+    return scores_of
 
 
 def of_lens(seen: Mapping[int, CameraScores]) -> tuple[FaultHypothesis, ...]:
@@ -172,13 +174,13 @@ def of_lens(seen: Mapping[int, CameraScores]) -> tuple[FaultHypothesis, ...]:
 
     Glare adds light, and what is seen is the same; dirt and drops take light away, or show something else.
     """
-    found = []
-    for sensor, one in seen.items():
-        chance = 0.0 if one.thrown else one.chance_of_lens
+    hypotheses = []
+    for sensor, scores in seen.items():
+        chance = 0.0 if scores.thrown else scores.chance_of_lens
         if chance >= ENOUGH:
-            glare = one.unchanged and one.darker < 1
-            found.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
-    return tuple(found)
+            glare = scores.unchanged and scores.darker < 1
+            hypotheses.append(FaultHypothesis(Cause.GLARE if glare else Cause.SOILED, sensor, chance))
+    return tuple(hypotheses)
 
 
 def by_tone(seen: CameraScores) -> bool:

@@ -57,11 +57,11 @@ def robust_thresholds(
     by the others. `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not
     in [0, 1].
     """
-    found = _drives_of(calibration, system).thresholds(system.judged_together, r, calibration.calibration_id)
-    limit = found.evidence_limit
+    thresholds = _drives_of(calibration, system).thresholds(system.judged_together, r, calibration.calibration_id)
+    limit = thresholds.evidence_limit
     if incidents_per_hour is not None:
         limit = incident_limit(incidents_per_hour, left_out_peaks(calibration, system, r), clean_hours(calibration))
-    return replace(found, evidence_limit=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
+    return replace(thresholds, evidence_limit=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
@@ -113,12 +113,12 @@ class CleanErrors:
         self._many = many
         self._largest: dict[Triple, Largest] = {}
 
-    def add(self, one: CleanFrames) -> None:
+    def add(self, drive: CleanFrames) -> None:
         """Take the next recording."""
-        for (statistic, triple), E in one.errors.items():
+        for (statistic, triple), E in drive.errors.items():
             if statistic is self._statistic:
                 self._of(triple).add(E, len(self.recordings))
-        self.recordings.append(one.recording_id)
+        self.recordings.append(drive.recording_id)
 
     def join(self, later: "CleanErrors") -> None:
         """Take recordings that follow."""
@@ -145,13 +145,13 @@ class ErrorsOfOthers:
 
     def of(self, recording_id: str) -> dict[Triple, float]:
         """Theta by triple, for a recording; none where the others have no E."""
-        found = {}
+        thetas = {}
         for triple, ordered in self._ordered.items():
             others = ordered.without(self._places[recording_id])
             if others.size:
                 rank = threshold_rank(others.size, self._r)
-                found[triple] = others.at(rank - 1) if rank else BELOW_EVERY_ERROR
-        return found
+                thetas[triple] = others.at(rank - 1) if rank else BELOW_EVERY_ERROR
+        return thetas
 
 
 def judge_by_thetas(
@@ -164,9 +164,9 @@ def judge_by_thetas(
     for triple in sorted(triples, key=lambda triple: triple == fallback):
         if triple in theta:
             E = left_out.errors[statistic, triple]
-            known = ~np.isnan(E) & ~(measured & (triple == fallback))
-            above |= known & (theta[triple] < E)
-            measured |= known
+            judged = ~np.isnan(E) & ~(measured & (triple == fallback))
+            above |= judged & (theta[triple] < E)
+            measured |= judged
     return _result(left_out, int(np.count_nonzero(above)), _count_runs(above))
 
 

@@ -151,15 +151,15 @@ def _without_the_fleet(series: Sequence[_AdjustedLevels]) -> Iterator[_AdjustedL
     """Each series about its own median, less the median of the fleet on days on which enough vehicles drove."""
     days = np.unique(np.concatenate([one.levels.day for one in series]))
     centred = np.full((len(series), len(days)), np.nan)
-    for row, one in enumerate(series):
-        centred[row, np.searchsorted(days, one.levels.day)] = one.own - np.median(one.own)
+    for row, levels in enumerate(series):
+        centred[row, np.searchsorted(days, levels.levels.day)] = levels.own - np.median(levels.own)
     shared = np.zeros(len(days))
     many = np.count_nonzero(~np.isnan(centred), axis=0) >= _FEWEST_VEHICLES
     if many.any():
         shared[many] = np.nanmedian(centred[:, many], axis=0)
-    for row, one in enumerate(series):
-        residual = (centred[row] - shared)[np.searchsorted(days, one.levels.day)]
-        yield replace(one, own=residual - np.median(residual))
+    for row, levels in enumerate(series):
+        residual = (centred[row] - shared)[np.searchsorted(days, levels.levels.day)]
+        yield replace(levels, own=residual - np.median(residual))
 
 
 def _of_sensors(comparisons: Sequence[_AdjustedLevels]) -> Iterator[_AdjustedLevels]:
@@ -202,8 +202,8 @@ def _noisy(series: Sequence[_AdjustedLevels], least: float) -> Iterator[_Adjuste
     tiny = float(np.finfo(np.float64).tiny)
     typical = _typical(series)
     by_sensors: dict[tuple[int, ...], list[_AdjustedLevels]] = defaultdict(list)
-    for one in series:
-        by_sensors[one.levels.name.sensors].append(one)
+    for levels in series:
+        by_sensors[levels.levels.name.sensors].append(levels)
     alike = {sensors: some for sensors, some in by_sensors.items() if len(some) >= _FEWEST_VEHICLES}
     of_sensors = {sensors: _typical(some) for sensors, some in alike.items()}
     deviations = [
@@ -218,8 +218,8 @@ def _noisy(series: Sequence[_AdjustedLevels], least: float) -> Iterator[_Adjuste
         for name, values in standard.items()
     ]
     wider = _widening(scores)
-    for one, score, deviation in zip(series, scores, deviations, strict=True):
-        yield replace(one, score=score / wider, deviation=deviation * wider)
+    for levels, score, deviation in zip(series, scores, deviations, strict=True):
+        yield replace(levels, score=score / wider, deviation=deviation * wider)
 
 
 def _typical(series: Sequence[_AdjustedLevels]) -> float:
@@ -284,8 +284,8 @@ def _widening(scores: Sequence[Floats]) -> float:
 def _likeness(values: Floats) -> float:
     """The correlation of a day with the next one, without the bias of few days; 0 where all days are the same."""
     count, square = len(values), float(values @ values)
-    known = float(values[1:] @ values[:-1]) / square if square > 0 else 0.0
-    return (count * known + 1) / (count - 4)
+    correlation = float(values[1:] @ values[:-1]) / square if square > 0 else 0.0
+    return (count * correlation + 1) / (count - 4)
 
 
 def _drawn_in(values: Floats, most: float) -> Floats:
@@ -301,20 +301,20 @@ def _slope_score(day: Integers, scores: Floats) -> float:
     return float(apart @ scores) / sqrt(float(apart @ apart))
 
 
-def _drift(one: _AdjustedLevels, tests: float) -> Drift:
-    day, level = one.levels.day, one.levels.level
-    cuts = _cuts(one, 0, len(day), tests)
+def _drift(levels: _AdjustedLevels, tests: float) -> Drift:
+    day, level = levels.levels.day, levels.levels.level
+    cuts = _cuts(levels, 0, len(day), tests)
     places = sorted(cuts)
     starts, ends = [0, *places], [*places, len(day)]
     last = slice(starts[-1], None)
     searched = len(day) if cuts else 1
-    steep = abs(_slope_score(day[last], one.score[last]))
+    steep = abs(_slope_score(day[last], levels.score[last]))
     return Drift(
-        name=one.levels.name,
-        levels=one.levels,
+        name=levels.levels.name,
+        levels=levels.levels,
         level=float(np.median(level[last][-_FEWEST_OF_STRETCH:])),
-        deviation=one.deviation,
-        per_day=_slope(day[last], one.own[last]),
+        deviation=levels.deviation,
+        per_day=_slope(day[last], levels.own[last]),
         chance=min(erfc(steep / sqrt(2)) * tests * searched, 1.0),
         changes=tuple(
             LevelShift(
@@ -329,7 +329,7 @@ def _drift(one: _AdjustedLevels, tests: float) -> Drift:
     )
 
 
-def _cuts(one: _AdjustedLevels, start: int, end: int, tests: float) -> dict[int, float]:
+def _cuts(levels: _AdjustedLevels, start: int, end: int, tests: float) -> dict[int, float]:
     """Where a stretch is cut in two, and these again, each with its chance: two lines fit far better than one.
 
     Where no line changes, the squared error that a cut saves is chi-squared with two degrees of freedom.
@@ -338,15 +338,15 @@ def _cuts(one: _AdjustedLevels, start: int, end: int, tests: float) -> dict[int,
     cuts = np.arange(start + least, end - least + 1)
     if len(cuts) == 0:
         return {}
-    day, score = one.levels.day[start:end].astype(np.float64), one.score[start:end]
+    day, score = levels.levels.day[start:end].astype(np.float64), levels.score[start:end]
     before, after = _squared_errors(day, score), _squared_errors(day[::-1], score[::-1])[::-1]
     saved = before[-1] - before[cuts - start - 1] - after[cuts - start]
     best = int(np.argmax(saved))
-    chance = len(one.score) * tests * exp(-max(float(saved[best]), 0.0) / 2)
+    chance = len(levels.score) * tests * exp(-max(float(saved[best]), 0.0) / 2)
     if chance >= DRIFT.false_alarms:
         return {}
     cut = int(cuts[best])
-    return {cut: chance} | _cuts(one, start, cut, tests) | _cuts(one, cut, end, tests)
+    return {cut: chance} | _cuts(levels, start, cut, tests) | _cuts(levels, cut, end, tests)
 
 
 def _squared_errors(day: Floats, values: Floats) -> Floats:

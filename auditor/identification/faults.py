@@ -74,10 +74,10 @@ def fault_scores(
     `stamp_ns` (F,) are the frames' stamps, `runs` (F,) number their runs where they are known. NaN where nothing was
     measured.
     """
-    found: dict[CauseIn, Floats] = {}
+    by_cause: dict[CauseIn, Floats] = {}
     for camera in seen.cameras:
-        found[Cause.LATE, camera] = _lagging(seen, camera)
-        found[Cause.DISPLACED, camera] = _displaced(seen, camera)
+        by_cause[Cause.LATE, camera] = _lagging(seen, camera)
+        by_cause[Cause.DISPLACED, camera] = _displaced(seen, camera)
     of_cameras: dict[Cause, list[Floats]] = {}
     if len(seen.cameras) > FEWEST_VOTERS:
         of_cameras[Cause.EXPOSURE] = _levels(seen)
@@ -85,19 +85,19 @@ def fault_scores(
         of_cameras |= {Cause.WHITE_BALANCE: _warmth(seen), Cause.BLURRED: _blurred(seen)}
     of_cameras[Cause.BLIND] = _blind(seen, stamp_ns, runs)
     for cause, of_each in of_cameras.items():
-        found |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each, strict=True)}
+        by_cause |= {(cause, camera): one for camera, one in zip(seen.cameras, of_each, strict=True)}
     if LIDAR in sensors:
-        found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
-        found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
-        found[Cause.RAIN, LIDAR] = _mean(seen.columns["isolated_near"]) / FAULT_SCORES.rain
-    found[Cause.DARK, None] = 2 - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan) / FAULT_SCORES.dark
-    lasting = np.array([cause is Cause.DISPLACED for cause, _ in found])
-    scores = np.stack([*found.values()], axis=1)
+        by_cause[Cause.LATE, LIDAR] = _lagging_lidar(seen)
+        by_cause[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
+        by_cause[Cause.RAIN, LIDAR] = _mean(seen.columns["isolated_near"]) / FAULT_SCORES.rain
+    by_cause[Cause.DARK, None] = 2 - np.fmax.reduce(seen.brightness["level"].T, initial=np.nan) / FAULT_SCORES.dark
+    lasting = np.array([cause is Cause.DISPLACED for cause, _ in by_cause])
+    scores = np.stack([*by_cause.values()], axis=1)
     for those, seconds in ((~lasting, TEMPORAL_WINDOW.seconds), (lasting, TEMPORAL_WINDOW.lasting_s)):
         scores[:, those] = window_means(scores[:, those], stamp_ns, seconds, runs)
-    of_window = dict(zip(found, np.ascontiguousarray(scores.T), strict=True))
+    of_window = dict(zip(by_cause, np.ascontiguousarray(scores.T), strict=True))
     # Light hides detail: the frames beside an attack are not blurred by it.
-    return {key: np.fmin(found[key], one) if key[0] in OF_DETAIL else one for key, one in of_window.items()}
+    return {key: np.fmin(by_cause[key], one) if key[0] in OF_DETAIL else one for key, one in of_window.items()}
 
 
 def fault_hypotheses(
@@ -109,10 +109,10 @@ def fault_hypotheses(
     below 0.2, and faults without a scale, are left out.
     """
     keys = list(scores)
-    known = [scales.get(key) for key in keys]
-    theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
-    scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
-    unusual = np.stack([_unusual(key[0], scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
+    scale_of = [scales.get(key) for key in keys]
+    theta = np.array([np.nan if one is None else one.theta for one in scale_of], dtype=np.float64)
+    scale = np.array([np.nan if one is None else one.scale for one in scale_of], dtype=np.float64)
+    unusual = np.stack([_unusual(key[0], scores[key], one) for key, one in zip(keys, scale_of, strict=True)], axis=1)
     z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
     share = ENOUGH * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
     least = _LEAST_LISTED
@@ -135,8 +135,8 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    known = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
-    ranked = sorted(known, key=lambda one: (not is_finding(one), -one.score))
+    hypotheses = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
+    ranked = sorted(hypotheses, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):
@@ -160,18 +160,18 @@ def _explaining(
     causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, CameraScores]
 ) -> Iterator[bool]:
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
-    for one in causes:
-        if one.score < ENOUGH or one.sensor in verdict.out_of_system or one.cause is Cause.RAIN:
+    for cause in causes:
+        if cause.score < ENOUGH or cause.sensor in verdict.out_of_system or cause.cause is Cause.RAIN:
             yield False
-        elif one.cause in TONES:
-            own = seen.get(one.sensor) if one.sensor is not None else None
+        elif cause.cause in TONES:
+            own = seen.get(cause.sensor) if cause.sensor is not None else None
             yield own is not None and by_tone(own)
-        elif _of_a_lens(one):  # it has been weighed against light already
+        elif _of_a_lens(cause):  # it has been weighed against light already
             yield True
         else:
             # Cameras that see next to nothing contradict the LiDAR by noise, however much.
-            unlit = one.cause is Cause.DARK and _by_cameras(strongest_of(verdict.evidence))
-            yield unlit or z_of(one) >= min(lead, FAULT_SCALE.highest)
+            unlit = cause.cause is Cause.DARK and _by_cameras(strongest_of(verdict.evidence))
+            yield unlit or z_of(cause) >= min(lead, FAULT_SCALE.highest)
 
 
 def _lagging(seen: ObservedFeatures, camera: int) -> Floats:
@@ -227,12 +227,12 @@ def _warmth(seen: ObservedFeatures) -> list[Floats]:
     """
     red, blue = (np.maximum(seen.brightness[name], 1.0) for name in ("red_level", "blue_level"))
     warmth = np.log(red / blue)
-    found = []
+    scores = []
     for place in range(len(seen.cameras)):
         others = np.delete(warmth, place, axis=1)
         alone = np.nan_to_num(np.fmax.reduce(others, axis=1)) * FAULT_SCORES.warmth_of_one_other
-        found.append((warmth[:, place] - np.where(_enough(others), _medians(others), alone)) / FAULT_SCORES.warmth)
-    return found
+        scores.append((warmth[:, place] - np.where(_enough(others), _medians(others), alone)) / FAULT_SCORES.warmth)
+    return scores
 
 
 def _blurred(seen: ObservedFeatures) -> list[Floats]:
@@ -242,11 +242,11 @@ def _blurred(seen: ObservedFeatures) -> list[Floats]:
     """
     shares = np.log(np.maximum(1 - seen.brightness["textureless_share"], _LEAST_TEXTURE))
     levels = np.log(np.maximum(seen.brightness["level"], 1.0))
-    found = []
+    scores = []
     for place in range(len(seen.cameras)):
         less, darker = (np.fmin.reduce(np.delete(one, place, axis=1).T) - one[:, place] for one in (shares, levels))
-        found.append((less - np.maximum(darker, 0)) / FAULT_SCORES.blurred)
-    return found
+        scores.append((less - np.maximum(darker, 0)) / FAULT_SCORES.blurred)
+    return scores
 
 
 def _blind(seen: ObservedFeatures, stamp_ns: Integers, runs: Integers | None) -> list[Floats]:
@@ -270,9 +270,9 @@ def _enough(values: Floats) -> Flags:
 
 def _medians(values: Floats) -> Floats:
     """(F,) the median of what was measured in each row, of two at least; else NaN."""
-    known = _enough(values)
+    enough = _enough(values)
     medians = np.full(len(values), np.nan)
-    medians[known] = measured_medians(values[known])[0]
+    medians[enough] = measured_medians(values[enough])[0]
     return medians
 
 
@@ -341,6 +341,8 @@ def _covers_strongest(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     return of_it or (disagrees and _by_cameras(strongest))
 
 
-def _by_cameras(one: Evidence | None) -> bool:
+def _by_cameras(evidence: Evidence | None) -> bool:
     """Whether it is what cameras say of the LiDAR."""
-    return one is not None and (one.check_name in DIRECTION_CHECKS or one.check_name == Check.FALSE_RANGES)
+    return evidence is not None and (
+        evidence.check_name in DIRECTION_CHECKS or evidence.check_name == Check.FALSE_RANGES
+    )

@@ -87,9 +87,9 @@ def log_likelihood_ratios(z: Floats, system: System, absent: frozenset[int], set
     less likely than the likeliest set by the largest ratio at most.
     """
     seen = (explained(z, system, absent, attacked) for attacked in sets)
-    found = np.stack([_log_likelihood(one, system.lidars) for one in seen], axis=1)
-    clean = np.maximum(found[:, 0], found.max(axis=1) - LARGEST_RATIO)
-    return np.asarray(np.concatenate([clean[:, None], found[:, 1:]], axis=1) - clean[:, None])
+    ratios = np.stack([_log_likelihood(one, system.lidars) for one in seen], axis=1)
+    clean = np.maximum(ratios[:, 0], ratios.max(axis=1) - LARGEST_RATIO)
+    return np.asarray(np.concatenate([clean[:, None], ratios[:, 1:]], axis=1) - clean[:, None])
 
 
 def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Floats:
@@ -109,13 +109,13 @@ def _log_likelihood(seen: AttackSetScores, lidars: Collection[int]) -> Floats:
 
     Several sensors explain nothing where one of them has no vote: a smaller set says as much.
     """
-    found = np.interp(seen.rest, REST_AT, LIKELIHOOD.of_rest)
+    ratio = np.interp(seen.rest, REST_AT, LIKELIHOOD.of_rest)
     for sensor, own in seen.own.items():
-        found = found + np.interp(own, OWN_AT, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera)
+        ratio = ratio + np.interp(own, OWN_AT, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera)
     if len(seen.own) < 2:
-        return np.asarray(found)
+        return np.asarray(ratio)
     voted = np.min([*seen.own.values()], axis=0) > -np.inf
-    return np.where(voted, found + LIKELIHOOD.of_several * (len(seen.own) - 1), -np.inf)
+    return np.where(voted, ratio + LIKELIHOOD.of_several * (len(seen.own) - 1), -np.inf)
 
 
 @cache

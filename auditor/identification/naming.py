@@ -151,10 +151,10 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     remarks = cache(lambda which, by_fallback: _remarks(system, columns, which, present, by_fallback=by_fallback))
     verdicts = []
     for f, (value, which) in enumerate(zip(score.tolist(), _rows(~np.isnan(z[:, columns])), strict=True)):
-        found = explained.get(f)
-        fired = frozenset() if found is None else _fired(found, limit)
+        explanation = explained.get(f)
+        fired = frozenset() if explanation is None else _fired(explanation, limit)
         e, audited = states(which, fired)
-        if found is None and not (audited and lidar_checked(which)):
+        if explanation is None and not (audited and lidar_checked(which)):
             reason = _LIDAR_UNCHECKED if audited else why_not
             verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=reason))
             continue
@@ -166,7 +166,7 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
             gap=limit - value,
             reason=remarks(which, len(e) > len(system.triples)),
         )
-        verdicts.append(verdict if found is None else _finding(verdict, found, z[f], system, limit))
+        verdicts.append(verdict if explanation is None else _finding(verdict, explanation, z[f], system, limit))
     return verdicts
 
 
@@ -179,7 +179,7 @@ def _rows(flags: Flags) -> Iterator[bytes]:
 def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explanation]:
     """What explains each of F frames of scores (F, M)."""
     suspects = [suspects_of(one, system, absent) for one in z]
-    found: list[_Explanation | None] = [None] * len(z)
+    explanations: list[_Explanation | None] = [None] * len(z)
     for those in dict.fromkeys(suspects):
         frames = [frame for frame, its in enumerate(suspects) if its == those]
         sets = attack_sets(system, absent, those)
@@ -189,8 +189,9 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
             likely = sorted(zip(sets, of_frame, strict=True), key=lambda one: -one[1])
             if system.of_scans and _is_undecided(likely):
                 likely.sort(key=lambda one: -_contested(one[0], z[frame], system))
-            found[frame] = _explained(z[frame], system, absent, limit, likely, dict(zip(sets, its_ratios, strict=True)))
-    return [one for one in found if one is not None]
+            ratio_of = dict(zip(sets, its_ratios, strict=True))
+            explanations[frame] = _explained(z[frame], system, absent, limit, likely, ratio_of)
+    return [one for one in explanations if one is not None]
 
 
 def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
@@ -234,37 +235,39 @@ def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: fl
     Of LiDARs alone none else: what one shows by its own past says nothing of what another one contests.
     """
     columns = of_sensor(system, gone, sensor).tolist()
-    found = [(float(z[c]), system.sensor_checks[c]) for c in columns if not np.isnan(z[c])]
-    return [one for one in found if one[0] > limit] or ([] if system.of_scans else sorted(found)[-1:])
+    scores = [(float(z[c]), system.sensor_checks[c]) for c in columns if not np.isnan(z[c])]
+    return [one for one in scores if one[0] > limit] or ([] if system.of_scans else sorted(scores)[-1:])
 
 
-def _fired(found: _Explanation, limit: float) -> frozenset[tuple[int, ...]]:
+def _fired(explanation: _Explanation, limit: float) -> frozenset[tuple[int, ...]]:
     """The sensors, alone or in pairs, that checks above the limit speak of."""
-    own = {(one.sensor,) for value, one in found.evidence if value > limit and len(one.nameable) == 1}
-    return frozenset((*own, *((s,) for s in found.attacked), *(tuple(sorted(one.nameable)) for one in found.outside)))
+    own = {(one.sensor,) for value, one in explanation.evidence if value > limit and len(one.nameable) == 1}
+    return frozenset(
+        (*own, *((s,) for s in explanation.attacked), *(tuple(sorted(one.nameable)) for one in explanation.outside))
+    )
 
 
-def _finding(verdict: Verdict, found: _Explanation, z: Floats, system: System, limit: float) -> Verdict:
+def _finding(verdict: Verdict, explanation: _Explanation, z: Floats, system: System, limit: float) -> Verdict:
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
     absent = frozenset(verdict.out_of_system)
-    chances = dict(found.likely)
-    best = chances.get(found.attacked)
-    others = [(one, chance) for one, chance in found.likely if one != found.attacked]
+    chances = dict(explanation.likely)
+    best = chances.get(explanation.attacked)
+    others = [(one, chance) for one, chance in explanation.likely if one != explanation.attacked]
     alternatives = [] if best is None else [Alternative(one, log10(best / p)) for one, p in others if p]
     verdict = replace(
         verdict,
-        gap=_lead(z, system, absent, found.attacked, limit),
-        evidence=tuple(_evidence(value, check) for value, check in found.evidence),
+        gap=_lead(z, system, absent, explanation.attacked, limit),
+        evidence=tuple(_evidence(value, check) for value, check in explanation.evidence),
         alternatives=tuple(alternatives[:MOST_LISTED]),
         posterior=best,
-        log10_ratio=found.ratio,
+        log10_ratio=explanation.ratio,
     )
-    by_time = system.by_time and found.attacked
-    doubt = _undecided(found) if by_time else _doubt(found, len(system.sensors) - len(absent))
+    by_time = system.by_time and explanation.attacked
+    doubt = _undecided(explanation) if by_time else _doubt(explanation, len(system.sensors) - len(absent))
     if not doubt:
-        shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in found.attacked)
-        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, evidence=shown)
-    likeliest = (Alternative(found.attacked, 0.0),) if found.attacked else ()
+        shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in explanation.attacked)
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=explanation.attacked, evidence=shown)
+    likeliest = (Alternative(explanation.attacked, 0.0),) if explanation.attacked else ()
     reason = "; ".join(filter(None, (doubt, verdict.reason)))
     return replace(
         verdict, kind=VerdictKind.UNIDENTIFIED, reason=reason, alternatives=(*likeliest, *verdict.alternatives)
@@ -274,12 +277,12 @@ def _finding(verdict: Verdict, found: _Explanation, z: Floats, system: System, l
 def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet, limit: float) -> float:
     """By how much z the strongest sensor exceeds the next that is not named, or the limit."""
     columns = system.naming(absent)
-    found = zip(z[columns].tolist(), columns.tolist(), strict=True)
-    known = [(value, system.sensor_checks[c].sensor) for value, c in found if not isnan(value)]
-    best = max((value for value, _ in known), default=limit)
+    scores = zip(z[columns].tolist(), columns.tolist(), strict=True)
+    measured = [(value, system.sensor_checks[c].sensor) for value, c in scores if not isnan(value)]
+    best = max((value for value, _ in measured), default=limit)
     if best <= limit:  # what names no sensor exceeds it alone: what two say of each other
         return float(_detected(z[None], system, absent)[0]) - limit
-    rivals = [value for value, sensor in known if sensor not in attacked] if attacked else []
+    rivals = [value for value, sensor in measured if sensor not in attacked] if attacked else []
     return best - max(limit, *rivals) if rivals else best - limit
 
 
@@ -287,28 +290,30 @@ def _evidence(value: float, check: SensorCheck) -> Evidence:
     return Evidence(check.check.value, check.sensor, None, check.others[0] if len(check.nameable) > 1 else None, value)
 
 
-def _doubt(found: _Explanation, N: int) -> str:
+def _doubt(explanation: _Explanation, N: int) -> str:
     """Why the sensors that were found cannot be named; empty where they can."""
     most = N - FEWEST_COMPARED
     if N < FEWEST_SENSORS:
         return f"an attack on one of {N} sensors cannot be attributed"
-    if found.outside and len(found.attacked) == most:
-        rest = found.outside[0].nameable
+    if explanation.outside and len(explanation.attacked) == most:
+        rest = explanation.outside[0].nameable
         if len(rest) > 1:
             return f"{listed(sorted(rest))} do not see the same, and no third camera tells which of them is wrong"
-        shown = sorted({*found.attacked, *rest})
+        shown = sorted({*explanation.attacked, *rest})
         return f"checks of {listed(shown)} exceed the limit, and at most {most} of {N} sensors can be told apart"
-    return _undecided(found)
+    return _undecided(explanation)
 
 
-def _undecided(found: _Explanation) -> str:
+def _undecided(explanation: _Explanation) -> str:
     """Why none of the attack sets is likely enough; empty where one is."""
-    attacks = [(one, chance) for one, chance in found.likely if one]  # r alone says how sure it is that there is one
+    # r alone says how sure it is that there is an attack.
+    attacks = [(one, chance) for one, chance in explanation.likely if one]
     whole = sum(chance for _, chance in attacks)
-    if _is_undecided(found.likely):
+    if _is_undecided(explanation.likely):
         shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
-        beside = sorted({sensor for one in found.outside for sensor in one.nameable})
-        more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
+        beside = sorted({sensor for one in explanation.outside for sensor in one.nameable})
+        named = listed(explanation.attacked)
+        more = f", and beside {named} checks of {listed(beside)} exceed the limit" if beside else ""
         return f"{shares}: less than {_percent(NAMING.least_probability)} for any set of sensors{more}"
     return ""
 
@@ -372,15 +377,15 @@ def _states(
     '1' stands where a check of a sensor of the triple exceeded the limit, '-' where the triple was not measured. The
     fallback's state follows where no triple of the sensors present was measured, and it was.
     """
-    known = set(measured_triples(system, _measured(system, columns, measured), absent))
+    triples = set(measured_triples(system, _measured(system, columns, measured), absent))
     above = {t for t in (*system.triples, system.fallback) if t and any(set(sensors) <= set(t) for sensors in fired)}
     marks = [
-        (ABOVE if t in above else NOT_ABOVE) if t in known or (t in above and absent.isdisjoint(t)) else NOT_MEASURED
+        (ABOVE if t in above else NOT_ABOVE) if t in triples or (t in above and absent.isdisjoint(t)) else NOT_MEASURED
         for t in system.triples
     ]
-    if system.fallback is not None and system.fallback in known and not known.intersection(system.triples):
+    if system.fallback is not None and system.fallback in triples and not triples.intersection(system.triples):
         marks.append(ABOVE if system.fallback in above else NOT_ABOVE)
-    return "".join(marks), bool(known) or (not system.triples and any(measured))
+    return "".join(marks), bool(triples) or (not system.triples and any(measured))
 
 
 def _measured(system: System, columns: Indices, measured: bytes) -> frozenset[SensorCheck]:
@@ -391,5 +396,5 @@ def _measured(system: System, columns: Indices, measured: bytes) -> frozenset[Se
 def _algorithm_2(e: str, system: System, present: Sequence[int]) -> tuple[int, ...] | None:
     if len(present) < FEWEST_SENSORS:
         return None
-    found = identify(e[: len(system.triples)], system.triples, present)
-    return None if found.undetermined else found.attacked
+    identification = identify(e[: len(system.triples)], system.triples, present)
+    return None if identification.undetermined else identification.attacked

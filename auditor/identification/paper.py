@@ -54,8 +54,8 @@ def identify(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> Ident
         elements = {(i, j): states.get(Triple(i, j, k), NOT_MEASURED) for i, j in combinations(sources, 2)}
         zero = next((pair for pair, state in elements.items() if state == NOT_ABOVE), None)
         if zero is not None:
-            found = _lemma_1(zero, elements, sources)
-            return Identification(tuple(sorted((*attacked, *found.attacked))), found.undetermined)
+            identification = _lemma_1(zero, elements, sources)
+            return Identification(tuple(sorted((*attacked, *identification.attacked))), identification.undetermined)
         if len(system) < FEWEST_SENSORS or NOT_MEASURED in elements.values():
             return Identification(tuple(sorted(attacked)), tuple(system))
         attacked.append(k)  # Lemma 2: all elements are 1, therefore s_k = 1
@@ -135,19 +135,19 @@ def judge(
     if not system:
         return replace(verdict, reason=_why_nothing_was_measured(sensors, missing))
     N = len(system)
-    found = identify(e, triples, system) if N >= FEWEST_SENSORS else None
+    identification = identify(e, triples, system) if N >= FEWEST_SENSORS else None
     verdict = replace(
         verdict,
-        named=None if found is None or found.undetermined else found.attacked,
-        alternatives=_alternatives(found, e, triples, system),
+        named=None if identification is None or identification.undetermined else identification.attacked,
+        alternatives=_alternatives(identification, e, triples, system),
     )
     without_them = f"judged without {listed(outside)}" if outside else ""
     if ABOVE not in e:
         return replace(verdict, kind=VerdictKind.CLEAN, reason=without_them)
-    doubt = _doubt(found, e, triples, N)
-    if found is None or doubt:
+    doubt = _doubt(identification, e, triples, N)
+    if identification is None or doubt:
         return replace(verdict, kind=VerdictKind.UNIDENTIFIED, reason=_join(doubt, without_them))
-    return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, reason=without_them)
+    return replace(verdict, kind=VerdictKind.ATTACKED, attacked=identification.attacked, reason=without_them)
 
 
 def judge_frames(
@@ -233,12 +233,12 @@ def _evidence(row: NDArray[np.float64], of: Sequence[Callable[[float], Evidence]
 
 
 def _alternatives(
-    found: Identification | None, e: str, triples: Sequence[Triple], system: Collection[int]
+    identification: Identification | None, e: str, triples: Sequence[Triple], system: Collection[int]
 ) -> tuple[Alternative, ...]:
     """Of the attacks with one sensor more, less or another than Algorithm 2's, those nearest to e."""
-    if found is None:
+    if identification is None:
         return ()
-    identified = frozenset(found.attacked)
+    identified = frozenset(identification.attacked)
     changes = [
         {a, b}
         for a, b in combinations_with_replacement(sorted(system), 2)
@@ -246,19 +246,19 @@ def _alternatives(
     ]
     others = [tuple(sorted(identified ^ change)) for change in changes]
     allowed = [attacked for attacked in others if len(attacked) <= len(system) - 3]
-    least = disagreements(e, found.attacked, triples)
+    least = disagreements(e, identification.attacked, triples)
     distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
     nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
     return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[:MOST_LISTED])
 
 
-def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:
+def _doubt(identification: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:
     """Why Algorithm 2's answer cannot be the verdict; empty where it can."""
-    if found is None:
+    if identification is None:
         return f"an attack on one of {N} sensors cannot be attributed"
-    if found.undetermined:
-        return f"unmeasured disparity errors leave {listed(found.undetermined)} undetermined"
-    if disagreements(e, found.attacked, triples):
+    if identification.undetermined:
+        return f"unmeasured disparity errors leave {listed(identification.undetermined)} undetermined"
+    if disagreements(e, identification.attacked, triples):
         return f"no attack on at most {N - 3} of {N} sensors explains the disparity error states"
     return ""
 

@@ -116,13 +116,13 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     }
     verdicts = _verdicts_of(judges, order, needed)
     incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.evidence_limit)]
-    found = with_lasting([held_of(one, verdicts, evidence) for one in incidents], lasting)
-    held = _flags(len(raised), (place for one in found for place in one.frames))
+    held_events = with_lasting([held_of(one, verdicts, evidence) for one in incidents], lasting)
+    held = _flags(len(raised), (place for one in held_events for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
     loose = alerts(raised & ~held, verdicts, accusing, audited, strong, float(thresholds.r))
     others = [held_of(one, verdicts, evidence) for one in loose]
-    for number, event in enumerate(sorted([*found, *others], key=lambda one: one.first), 1):
+    for number, event in enumerate(sorted([*held_events, *others], key=lambda one: one.first), 1):
         for place, frame in event.frames.items():
             finding = Finding(*frame.held_for, number, event.alert, frame.added)
             verdicts[place] = replace(verdicts[place], finding=finding)
@@ -154,11 +154,11 @@ def _verdicts_of(judges: Sequence["_Judge"], order: Integers, needed: Collection
     for place in needed:
         which = int(of_judge[place])
         places[which][place] = int(order[place] - begins[which])
-    found: dict[int, Verdict] = {}
+    verdict_of: dict[int, Verdict] = {}
     for judge, own in zip(judges, places, strict=True):
         verdicts = judge.verdicts(own.values())
-        found.update((place, verdicts[at]) for place, at in own.items())
-    return found
+        verdict_of.update((place, verdicts[at]) for place, at in own.items())
+    return verdict_of
 
 
 def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence, limit: float) -> list[Event]:

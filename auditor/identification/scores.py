@@ -136,11 +136,11 @@ class CleanDrives:
         recordings that are left out together, by id; any other is left out by itself.
         """
         together = Counter[str | int]()
-        for one in clean:
-            together["" if groups is None else groups.get(one.recording_id, one.recording_id)] += one.frames
+        for drive in clean:
+            together["" if groups is None else groups.get(drive.recording_id, drive.recording_id)] += drive.frames
         sums = DriveSums(sensor_checks, largest_asked_for(together), fitted_on)
-        for one in clean:
-            sums.add(one)
+        for drive in clean:
+            sums.add(drive)
         return cls(sums)
 
     def thresholds(
@@ -150,10 +150,10 @@ class CleanDrives:
         limit = joint_limit(float(checked(r)), judged_together)
         used = np.ones(len(self._recordings), dtype=np.bool_) if used is None else used
         of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
-        known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
+        causes = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
         gone = np.flatnonzero(~used).tolist()
         scales = {
-            cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in known.items()
+            cause: fault_scale(cause[0], found, limit, self._shown(cause, gone)) for cause, found in causes.items()
         }
         missing = {self._recordings[place] for place in gone}
         drives = len(self._places) - sum(not used[self._places[name]].any() for name in missing)
@@ -189,34 +189,34 @@ def _expected_of(cause: CauseIn, drives: Drives) -> NullDistribution:
     prior, means = prior_of_cause(cause), drives.mean[drives.frames > 0]
     if cause[0] in TONES and means.size:
         prior = prior._replace(mean=float(np.median(means)))
-    found = expected_after(prior, drives, believed=True)
+    null = expected_after(prior, drives, believed=True)
     least = expected(prior, ()).deviation if cause[0] in FAULTS else 0.0
-    return replace(found, deviation=max(found.deviation, least))
+    return replace(null, deviation=max(null.deviation, least))
 
 
-def _statistics_of(one: CleanFrames, check: SensorCheck, fitted_on: FittedOn) -> DriveValues:
-    known, key = _SUMMED_UP.setdefault(one, {}), (check, fitted_on)
-    if key not in known:
-        known[key] = drive_values(log_odds(one.statistics.get(check, _NONE)), prior_of_check(check, fitted_on))
-    return known[key]
+def _statistics_of(drive: CleanFrames, check: SensorCheck, fitted_on: FittedOn) -> DriveValues:
+    summaries, key = _SUMMED_UP.setdefault(drive, {}), (check, fitted_on)
+    if key not in summaries:
+        summaries[key] = drive_values(log_odds(drive.statistics.get(check, _NONE)), prior_of_check(check, fitted_on))
+    return summaries[key]
 
 
-def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
-    known = _SUMMED_UP.setdefault(one, {})
-    if cause not in known:
-        known[cause] = drive_values(one.strengths.get(cause, _NONE), None)
-    return known[cause]
+def _strengths_of(drive: CleanFrames, cause: CauseIn) -> DriveValues:
+    summaries = _SUMMED_UP.setdefault(drive, {})
+    if cause not in summaries:
+        summaries[cause] = drive_values(drive.strengths.get(cause, _NONE), None)
+    return summaries[cause]
 
 
-def fault_scale(cause: Cause, found: NullDistribution, limit: float, shown: float = -inf) -> ThetaScale:
+def fault_scale(cause: Cause, null: NullDistribution, limit: float, shown: float = -inf) -> ThetaScale:
     """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it.
 
     It lies above what clean drives have `shown`: a flaw that a rig has always had is no fault.
     """
-    usual = found.mean if cause in TONES else None
-    beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
+    usual = null.mean if cause in TONES else None
+    beyond = max(limit, 0.0) * null.deviation + (null.mean if usual is None else 0.0)
     theta = max(beyond, shown, 1.0)
-    return ThetaScale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
+    return ThetaScale(theta, FAULT_SCALE.scale * theta, null.drives, usual)
 
 
 def normalised_scores(statistics: Floats, of_columns: Sequence[NullDistribution | None]) -> Floats:

@@ -100,40 +100,42 @@ def sensor_statistics(
     means_of = cache(lambda *subject: window_means_of(of_subjects[subject], cells))  # of those that are asked for
     coloured = {camera for one in cells if one.check.kind.of_colours for camera in (one.i, one.k)}
 
-    def statistic(one: SensorCheck) -> float | None:
+    def statistic(sensor_check: SensorCheck) -> float | None:
         """What the voters of a check say together; None where one that it needs says nothing."""
-        kind = one.check.kind
-        if one.check in SHARE_CHECKS:
-            return _least_share(one, shares) if kind.of in OF_ALIKE else shares.get(one)
-        if one.check in DIRECTION_CHECKS:
-            grids = of_subjects.get((one.check, one.sensor), [])
-            pairs = [place for place, pair in enumerate(grids) if {pair.i, pair.k} <= set(one.others)]
-            return vote(one.check, means_of(one.check, one.sensor).of(pairs)) if pairs else None
-        counted = one.check.counted_as
-        others = [grid.other for grid in of_subjects.get((counted, one.sensor), [])]
-        able = [other for other in one.others if other in others]
-        if not able or (len(able) < len(one.others) and not kind.of_colours):
+        kind = sensor_check.check.kind
+        if sensor_check.check in SHARE_CHECKS:
+            return _least_share(sensor_check, shares) if kind.of in OF_ALIKE else shares.get(sensor_check)
+        if sensor_check.check in DIRECTION_CHECKS:
+            grids = of_subjects.get((sensor_check.check, sensor_check.sensor), [])
+            pairs = [place for place, pair in enumerate(grids) if {pair.i, pair.k} <= set(sensor_check.others)]
+            return (
+                vote(sensor_check.check, means_of(sensor_check.check, sensor_check.sensor).of(pairs)) if pairs else None
+            )
+        counted = sensor_check.check.counted_as
+        others = [grid.other for grid in of_subjects.get((counted, sensor_check.sensor), [])]
+        able = [other for other in sensor_check.others if other in others]
+        if not able or (len(able) < len(sensor_check.others) and not kind.of_colours):
             return None
-        voters = means_of(counted, one.sensor).of([others.index(other) for other in able])
-        alike = np.array([(other in coloured) == (one.sensor in coloured) for other in able], dtype=np.bool_)
-        return vote(one.check, voters.opposite if kind.opposite_of else voters, alike)
+        voters = means_of(counted, sensor_check.sensor).of([others.index(other) for other in able])
+        alike = np.array([(other in coloured) == (sensor_check.sensor in coloured) for other in able], dtype=np.bool_)
+        return vote(sensor_check.check, voters.opposite if kind.opposite_of else voters, alike)
 
     return tuple(statistic(one) for one in sensor_checks)
 
 
-def _least_share(one: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
+def _least_share(sensor_check: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
     """The least of what each voter alone says of a sensor; None where one of them says nothing."""
-    said = [shares.get(one._replace(others=(other,))) for other in one.others]
-    known = [share for share in said if share is not None]
-    return min(known) if len(known) == len(said) else None
+    said = [shares.get(sensor_check._replace(others=(other,))) for other in sensor_check.others]
+    measured = [share for share in said if share is not None]
+    return min(measured) if len(measured) == len(said) else None
 
 
 def _by_subject(cells: Mapping[CountedPair, Cells]) -> dict[tuple[Check, int], list[CountedPair]]:
     """The grids of each check and sensor."""
-    found: dict[tuple[Check, int], list[CountedPair]] = {}
+    grids: dict[tuple[Check, int], list[CountedPair]] = {}
     for counted in cells:
-        found.setdefault((counted.check, counted.sensor), []).append(counted)
-    return found
+        grids.setdefault((counted.check, counted.sensor), []).append(counted)
+    return grids
 
 
 def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Cells]) -> WindowMeans:
@@ -282,8 +284,8 @@ def window_bounds(stamp_ns: Integers, seconds: float, runs: Integers) -> tuple[I
 def window_maxima(values: Floats, stamp_ns: Integers, seconds: float, runs: Integers | None = None) -> Floats:
     """(F,) the largest measured of values (F,) in the windows of `window_means`; NaN where nothing was."""
     first, end = window_bounds(stamp_ns, seconds, runs_of(stamp_ns) if runs is None else runs)
-    known = np.where(np.isnan(values), -np.inf, values)
-    largest = np.array([known[one:after].max() for one, after in zip(first.tolist(), end.tolist(), strict=True)])
+    measured = np.where(np.isnan(values), -np.inf, values)
+    largest = np.array([measured[one:after].max() for one, after in zip(first.tolist(), end.tolist(), strict=True)])
     return np.where(np.isfinite(largest), largest, np.nan)
 
 
@@ -324,8 +326,8 @@ def repeated(prints: Integers, present: Flags) -> Flags:
 
 def _steps(prints: Integers, present: Flags) -> tuple[Flags, Flags]:
     """(F, S) whether a sensor's data are those of the frame before, and (F, S) whether they are others."""
-    known = present & (prints != NO_FINGERPRINT)
-    both, same = known[1:] & known[:-1], prints[1:] == prints[:-1]
+    printed = present & (prints != NO_FINGERPRINT)
+    both, same = printed[1:] & printed[:-1], prints[1:] == prints[:-1]
     still, changed = np.zeros((2, *present.shape), dtype=np.bool_)
     still[1:], changed[1:] = both & same, both & ~same
     return still, changed

@@ -91,13 +91,13 @@ class System:
         return {}
 
 
-def measured_triples(one: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:
+def measured_triples(system: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:
     """The triples, the fallback among them, whose sensors were all compared by these measured checks.
 
     The LiDAR is compared with the cameras of its conflicts, or with a lone camera and its past, a camera with those
     that it was matched with.
     """
-    triples = one.triples if one.fallback is None else (*one.triples, one.fallback)
+    triples = system.triples if system.fallback is None else (*system.triples, system.fallback)
     conflicts = {camera for c in measured if c.check.kind.counted is CellUnit.POINTS for camera in c.others}
     lit = {c.sensor for c in measured if c.check in CAMERA_CHECKS}
 

@@ -168,9 +168,9 @@ class Largest:
 
     def add(self, values: Floats, drive: int) -> None:
         """Take what was measured in a drive; NaN was not."""
-        known = values[~np.isnan(values)]
-        self._measured[drive] = self._measured.get(drive, 0) + known.size
-        self._take(known, np.full(known.size, drive, dtype=np.intp))
+        measured = values[~np.isnan(values)]
+        self._measured[drive] = self._measured.get(drive, 0) + measured.size
+        self._take(measured, np.full(measured.size, drive, dtype=np.intp))
 
     def join(self, other: "Largest", first: int) -> None:
         """Take the values of other drives, which are numbered from `first` on."""

@@ -91,8 +91,8 @@ def _usual_returns(clean: tuple[CleanFrames, ...]) -> float:
 @lru_cache(maxsize=2)
 def _machines(clean: tuple[CleanFrames, ...]) -> tuple[Mapping[str, str], ...]:
     """The versions on which the counts of some recordings depend, each only once."""
-    known = {tuple(one.versions.get(name) for name in MACHINE): one.versions for one in clean}
-    return tuple(known.values())
+    machines = {tuple(one.versions.get(name) for name in MACHINE): one.versions for one in clean}
+    return tuple(machines.values())
 
 
 def _differences(machines: Sequence[Mapping[str, str]], versions: Mapping[str, str]) -> Iterator[str]:
@@ -107,9 +107,9 @@ def _differences(machines: Sequence[Mapping[str, str]], versions: Mapping[str, s
 
 def _median(values: Sequence[float] | Floats) -> float:
     """NaN where nothing is known."""
-    known = np.asarray(values, dtype=np.float64)
-    known = known[~np.isnan(known)]
-    return float(np.median(known)) if known.size else nan
+    measured = np.asarray(values, dtype=np.float64)
+    measured = measured[~np.isnan(measured)]
+    return float(np.median(measured)) if measured.size else nan
 
 
 class _RigMeasurements(NamedTuple):
@@ -185,9 +185,9 @@ def _features(clean: CleanFrames, kind: RigKind, there: dict[int, int], pairs: t
     cameras = tuple(sensor for sensor in there if sensor != LIDAR)
 
     def of_pairs(name: str) -> Floats:
-        known = [clean.features.get((name, (there[i], there[k])), unknown) for i, k in pairs]
+        columns = [clean.features.get((name, (there[i], there[k])), unknown) for i, k in pairs]
         usable = kind.lidar or name not in OF_LIDAR
-        return np.stack(known if usable else [unknown] * len(pairs), axis=1)
+        return np.stack(columns if usable else [unknown] * len(pairs), axis=1)
 
     def of_cameras(name: str) -> Floats:
         return np.stack([clean.brightness.get((name, there[camera]), unknown) for camera in cameras], axis=1)

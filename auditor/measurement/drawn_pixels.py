@@ -44,10 +44,10 @@ class _LastPicture:
         """(H, W) what was drawn, patches around it included; None where nothing was, or only one picture tells."""
         if not self.moved:
             return None
-        found = self.same & (self.last < saturation_level(self.last))
-        if not found.any():
+        still = self.same & (self.last < saturation_level(self.last))
+        if not still.any():
             return None
-        drawn = cv2.morphologyEx(found.view(np.uint8), cv2.MORPH_OPEN, _PATCH)
+        drawn = cv2.morphologyEx(still.view(np.uint8), cv2.MORPH_OPEN, _PATCH)
         return np.asarray(cv2.dilate(drawn, _PATCH), dtype=np.bool_) if drawn.any() else None
 
 

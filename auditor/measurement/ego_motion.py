@@ -63,10 +63,10 @@ def ego_motion(
     """
     chosen = _corners(now, *pixels)
     corners = pixels_of(intrinsics, points_m[chosen]).astype(np.float32)
-    found, seen = _followed(now, before, corners, _guessed(corners, intrinsics, points_m[chosen], expected))
+    places, seen = _followed(now, before, corners, _guessed(corners, intrinsics, points_m[chosen], expected))
     if np.count_nonzero(seen) < EGO_MOTION.fewest:
         return None
-    there, where = points_m[chosen][seen], found[seen].astype(np.float64)
+    there, where = points_m[chosen][seen], places[seen].astype(np.float64)
     solved, turn, translation, fitting = cv2.solvePnPRansac(
         there,
         where,
@@ -124,7 +124,7 @@ def _followed(now: Image, before: Image, corners_px: Floats32, moved_px: Floats3
 
 def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -> tuple[Floats32, Mask]:
     """Where points (C, 2) of one image lie in the other, sought `moved_px` from there, and whether they were found."""
-    found, seen, _ = cv2.calcOpticalFlowPyrLK(
+    places, seen, _ = cv2.calcOpticalFlowPyrLK(
         image,
         other,
         points_px,
@@ -133,4 +133,4 @@ def _flow(image: Image, other: Image, points_px: Floats32, moved_px: Floats32) -
         maxLevel=_LEVELS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW if moved_px.any() else 0,
     )
-    return np.asarray(found, dtype=np.float32), np.asarray(seen).ravel() > 0
+    return np.asarray(places, dtype=np.float32), np.asarray(seen).ravel() > 0

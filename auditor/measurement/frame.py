@@ -232,10 +232,10 @@ def _match_together(prepared: Sequence[_PreparedFrame], matcher: PairMatcher) ->
     images = {(at, number): pixels for at, one in enumerate(every) for number, pixels in one.inputs.items()}
     texture = {(at, number): mask for at, one in enumerate(every) for number, mask in one.texture.items()}
     pairs = [((at, i), (at, k)) for at, one in enumerate(every) for i, k in one.pairs]
-    found: list[dict[Pair, StereoMap]] = [{} for _ in every]
+    maps: list[dict[Pair, StereoMap]] = [{} for _ in every]
     for ((at, i), (_, k)), stereo in stereo_maps(matcher, images, texture, pairs).items():
-        found[at][i, k] = stereo
-    of_frames = iter(found)
+        maps[at][i, k] = stereo
+    of_frames = iter(maps)
     return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
@@ -300,8 +300,8 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
 def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
     """How bright an image (H, W), or (H, W, 3) BGR, is, and how blue and red it is; `greys` is it in grey."""
     blue, _, red, _ = (total / greys.size for total in cv2.sumElems(image))
-    known = Coverage(_share(greys >= _SATURATED), level=cv2.sumElems(greys)[0] / greys.size)
-    return known if image.shape == greys.shape else replace(known, blue_level=blue, red_level=red)
+    coverage = Coverage(_share(greys >= _SATURATED), level=cv2.sumElems(greys)[0] / greys.size)
+    return coverage if image.shape == greys.shape else replace(coverage, blue_level=blue, red_level=red)
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

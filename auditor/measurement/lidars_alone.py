@@ -55,10 +55,10 @@ class LidarsAlone:
             (i, k): contested(scans[i], scans[k].ended_m, self._rig.beside_m(i, k), ways[i])
             for i, k in permutations(ways, 2)
         }
-        for (i, k), found in said.items():
-            if found.fits(said[k, i]):
-                lookers[i] += found.looked_at
-                points = scans[i].points(found.points)
+        for (i, k), of_points in said.items():
+            if of_points.fits(said[k, i]):
+                lookers[i] += of_points.looked_at
+                points = scans[i].points(of_points.points)
                 share = measure_contested_returns(points, self._rig.alone(i))
                 shares[SensorCheck(Check.CONTESTED_RETURNS, i, (k,))] = share
                 disputed[i, k] = DisputedPoints(points, len(clouds[i].xyz_m))

@@ -29,7 +29,7 @@ class FoundElsewhere(NamedTuple):
     scale: Indices
 
 
-def moving(K: Matrix, nearest_m: Floats32, found: FoundElsewhere) -> Mask:
+def moving(K: Matrix, nearest_m: Floats32, elsewhere: FoundElsewhere) -> Mask:
     """(P,) mask of the points that belong to things that move.
 
     `K` (3, 3) are the camera's intrinsics, `nearest_m` (h, w) the depths that the LiDAR saw a moment ago at half px.
@@ -37,21 +37,22 @@ def moving(K: Matrix, nearest_m: Floats32, found: FoundElsewhere) -> Mask:
     are found, by which their depth changes as the LiDAR saw it change; half of them have to fit. What touches it and
     moved alike is a part of it, as a car's rear window is: there the LiDAR's rows met another part a moment ago.
     """
-    moves = np.zeros(len(found.pixel), dtype=np.bool_)
-    row, column = np.rint(found.place[:, ::-1].T / HALF).astype(np.intp)
+    moves = np.zeros(len(elsewhere.pixel), dtype=np.bool_)
+    row, column = np.rint(elsewhere.place[:, ::-1].T / HALF).astype(np.intp)
     height, width = nearest_m.shape
     depth_m = nearest_m[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
     # What the LiDAR had not seen there may move along with the camera.
-    deeper_m = np.where(np.isfinite(depth_m), depth_m - found.point_m[:, 2], 0.0)
+    deeper_m = np.where(np.isfinite(depth_m), depth_m - elsewhere.point_m[:, 2], 0.0)
 
     def moves_by(moved_m: Matrix, part: Indices) -> bool:
-        missed_px = _missed_px(K, found.point_m[part], found.place[part], moved_m) / found.scale[part]
+        missed_px = _missed_px(K, elsewhere.point_m[part], elsewhere.place[part], moved_m) / elsewhere.scale[part]
         return bool(np.median(missed_px) < PARALLAX_CONFLICT.moving_px)
 
-    for neighbours in _neighbours(found.pixel):
+    for neighbours in _neighbours(elsewhere.pixel):
         parts = _alike_parts(neighbours, deeper_m)
         moved = [
-            _moved_m(K, found.point_m[part], found.place[part], float(np.median(deeper_m[part]))) for part in parts
+            _moved_m(K, elsewhere.point_m[part], elsewhere.place[part], float(np.median(deeper_m[part])))
+            for part in parts
         ]
         of_things = [one for one, part in zip(moved, parts, strict=True) if moves_by(one, part)]
         for part in parts:

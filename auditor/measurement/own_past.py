@@ -51,24 +51,24 @@ class OwnPast:
         """
         rig, frame = prepared.rig, prepared.frame
         lidar = lidar_views(frame, rig, prepared.triples)
-        found: dict[int, VerifiedConflicts] = {}
+        conflicts: dict[int, VerifiedConflicts] = {}
         of_pasts: dict[Check, dict[int, OfThePast]] = {check: {} for check in _BY_THE_PAST}
         for k, view in lidar.items():
             now = Moment(frame.stamp_ns, prepared.greys[k], view)
-            found[k], said = self._compared(now)
-            for check, one in said.items():
-                of_pasts[check][k] = one
+            conflicts[k], said = self._compared(now)
+            for check, of_past in said.items():
+                of_pasts[check][k] = of_past
             if now.white_share > PARALLAX_CONFLICT.most_white_share:
-                found[k] = _none_of(found[k])
+                conflicts[k] = _none_of(conflicts[k])
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
             of_pasts=of_pasts,
             by_direction={
-                Check.PARALLAX_CONFLICT: {(k, k): cells_of_points(points, lidar[k]) for k, points in found.items()}
+                Check.PARALLAX_CONFLICT: {(k, k): cells_of_points(points, lidar[k]) for k, points in conflicts.items()}
             },
-            verified_conflicts={(k, k): points for k, points in found.items()},
+            verified_conflicts={(k, k): points for k, points in conflicts.items()},
         )
-        comparisons = {triple: _comparison(found[triple.k]) for triple in prepared.triples}
+        comparisons = {triple: _comparison(conflicts[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
     def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:

@@ -68,13 +68,13 @@ def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
     """(h, w) the class of each pixel: how much red and blue exceed green, as shares of the whole."""
     b, g, r = (channel.astype(np.float32) for channel in (blue, green, red))
     whole = b + g + r + np.float32(CHROMA.dark)
-    found = np.zeros(g.shape, dtype=np.uint8)
-    for one in (r, b):
-        found *= np.uint8(_CLASSES)
-        share = (one - g) / whole
+    classes = np.zeros(g.shape, dtype=np.uint8)
+    for colour in (r, b):
+        classes *= np.uint8(_CLASSES)
+        share = (colour - g) / whole
         for edge in CHROMA.edges:
-            found += (share > np.float32(edge)).view(np.uint8)
-    return found
+            classes += (share > np.float32(edge)).view(np.uint8)
+    return classes
 
 
 def saturation_level(image: Image) -> int:

@@ -61,8 +61,8 @@ class CleanFrames:
     @cached_property
     def usual_returns(self) -> float:
         """The median of the LiDAR points in view; NaN where there are none."""
-        known = self.returns[~np.isnan(self.returns)]
-        return float(np.median(known)) if known.size else np.nan
+        measured = self.returns[~np.isnan(self.returns)]
+        return float(np.median(measured)) if measured.size else np.nan
 
     def statistics_of(self, sensor_checks: Sequence[SensorCheck]) -> Floats:
         """(F, M) statistics in the order of `sensor_checks`, NaN for those that are not known here."""
@@ -83,13 +83,13 @@ class FramesReadLater(CleanFrames):
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever CleanFrames has
         if name.startswith("_"):
             raise AttributeError(name)
-        found = self._kept.get(self)
-        if found is None:
-            found = self._read()
-            kept = {name: getattr(found, name) for name in _REMEMBERED}
+        frames = self._kept.get(self)
+        if frames is None:
+            frames = self._read()
+            kept = {name: getattr(frames, name) for name in _REMEMBERED}
             self.__dict__.update(kept)
-            self._kept.keep(self, found)
-        return getattr(found, name)
+            self._kept.keep(self, frames)
+        return getattr(frames, name)
 
 
 class _RecentRecordings:
@@ -98,11 +98,11 @@ class _RecentRecordings:
     def __init__(self) -> None:
         self._frames: dict[FramesReadLater, CleanFrames] = {}
 
-    def get(self, one: FramesReadLater) -> CleanFrames | None:
-        return self._frames.get(one)
+    def get(self, recording: FramesReadLater) -> CleanFrames | None:
+        return self._frames.get(recording)
 
-    def keep(self, one: FramesReadLater, frames: CleanFrames) -> None:
-        self._frames[one] = frames
+    def keep(self, recording: FramesReadLater, frames: CleanFrames) -> None:
+        self._frames[recording] = frames
         while len(self._frames) > 1 and sum(known.frames for known in self._frames.values()) > MOST_FRAMES_KEPT:
             del self._frames[next(iter(self._frames))]
 

@@ -63,10 +63,10 @@ class Fields:
     def _get(self, key: str, kind: str, read: Callable[[Any], Kind | None]) -> Kind:
         if key not in self:
             raise RigError(f"{self.of} lacks {key}, which should be {kind}", where="rig")
-        found = read(self.values[key])
-        if found is None:
+        value = read(self.values[key])
+        if value is None:
             raise RigError(f"{key} of {self.of} should be {kind}, but is {short(self.values[key])}", where="rig")
-        return found
+        return value
 
 
 def _whole(value: object) -> int | None:

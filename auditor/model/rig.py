@@ -147,9 +147,9 @@ class Rig:
     @property
     def offsets_ns(self) -> dict[int, int]:
         """By sensor how far its stamps lie behind the leftmost camera's, in nanoseconds, where that is known."""
-        known = {camera.number: camera.offset_ns for camera in self.cameras}
-        known |= {sensor: lidar.offset_ns for sensor, lidar in self.lidars.items()}
-        return {sensor: offset_ns for sensor, offset_ns in sorted(known.items()) if offset_ns is not None}
+        offsets = {camera.number: camera.offset_ns for camera in self.cameras}
+        offsets |= {sensor: lidar.offset_ns for sensor, lidar in self.lidars.items()}
+        return {sensor: offset_ns for sensor, offset_ns in sorted(offsets.items()) if offset_ns is not None}
 
     def baseline_m(self, i: int, k: int) -> float:
         """Distance b_{i,k} in metres, positive, between cameras i < k; of rectified ones that along their rows."""
@@ -300,8 +300,8 @@ def _sweep(fields: Fields) -> Sweep:
     angles = fields.numbers("seam_step_time_rad")
     direction, parts = fields.whole("direction"), fields.whole("parts")
     if len(angles) != 3 or not 0 < angles[1] <= math.pi or direction not in (-1, 1) or parts < 1:
-        what = f"{fields.of} needs three angles, a step of at most pi, a direction of 1 or -1, and parts"
-        raise RigError(what, where="rig")
+        rule = f"{fields.of} needs three angles, a step of at most pi, a direction of 1 or -1, and parts"
+        raise RigError(rule, where="rig")
     return Sweep(*angles, direction, parts)
 
 

@@ -145,11 +145,11 @@ class Criteria:
             return
         remedy = "leave it away, or judge with --method robust"
         if self.incidents_per_hour is not None:
-            what = "the paper's method has no limit that incidents per hour could set"
-            raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
+            reason = "the paper's method has no limit that incidents per hour could set"
+            raise SettingError(reason, where="--incidents-per-hour", remedy=remedy)
         if self.recount:
-            what = "the paper's method has no statistics that come from cells"
-            raise SettingError(what, where="--recount", remedy=remedy)
+            reason = "the paper's method has no statistics that come from cells"
+            raise SettingError(reason, where="--recount", remedy=remedy)
 
 
 # Measuring
@@ -311,8 +311,8 @@ def settings_of(*kinds: type) -> dict[str, Field[Any]]:
 
 def about(setting: Field[Any]) -> Setting:
     """What a field of settings has beside its name, type and default."""
-    found: Setting = setting.metadata[_SETTING]
-    return found
+    declared: Setting = setting.metadata[_SETTING]
+    return declared
 
 
 def value_type(setting: Field[Any]) -> type:

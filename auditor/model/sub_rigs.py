@@ -39,8 +39,8 @@ def sub_rig(whole: RigKind, rig: Rig) -> SubRig | None:
         return None
     for similarity, tolerance in TOLERANCES.items():
         choices = ((_apart_m(whole, rig, cameras), cameras) for cameras in _choices(whole, rig, tolerance, ()))
-        if found := min(choices, default=None):
-            return SubRig(whole, ((LIDAR,) if rig.lidar else ()) + found[1], similarity)
+        if best := min(choices, default=None):
+            return SubRig(whole, ((LIDAR,) if rig.lidar else ()) + best[1], similarity)
     return None
 
 

@@ -78,9 +78,9 @@ def windows_of(stamps_ns: Integers, runs: Integers) -> Windows:
 
 def series_of(series: FrameSeries, windows: Windows) -> FrameSeries:
     """The windows of a series as a series: each value is the median of its frames, and each flag that of most."""
-    middle, known = windows.middle, [*series.fault_scores.values(), *series.brightness.values()]
+    middle, columns = windows.middle, [*series.fault_scores.values(), *series.brightness.values()]
     medians = iter(
-        _of_windows(np.array(known, dtype=np.float64).reshape(len(known), len(series.stamps_ns)).T, windows).T
+        _of_windows(np.array(columns, dtype=np.float64).reshape(len(columns), len(series.stamps_ns)).T, windows).T
     )
     return FrameSeries(
         series.stamps_ns[middle],
@@ -139,12 +139,12 @@ def lasting_events(
     the end of the run where there the windows end. Where windows that follow one another name other sensors, they are
     events of their own.
     """
-    found: list[LastingEvent] = []
+    events: list[LastingEvent] = []
     for group in _close_by(windows, np.flatnonzero(beyond > 0).tolist()):
         accusing = [place for place in group if place in verdicts]
         if 2 * len(accusing) >= len(group):
-            found += _of_group(windows, runs, accusing, beyond, verdicts)
-    return found
+            events += _of_group(windows, runs, accusing, beyond, verdicts)
+    return events
 
 
 def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
@@ -185,8 +185,8 @@ def _most_named(attacked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     if others <= INCIDENTS.contested_share * len(named):
         return [likeliest] * len(attacked)
     names, before = [], named[0]
-    for one in attacked:
-        before = one or before
+    for sensors in attacked:
+        before = sensors or before
         names.append(before)
     return names
 

@@ -87,15 +87,15 @@ def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list
     """Each drive judged by drives of other vehicles and days (`Folds`); by the prior where there are none."""
     folds = Folds([drive.source for drive in drives])
     every = CleanDrives.of([drive.clean for drive in drives], system.sensor_checks, fitted_on=system.fitted_on)
-    known: dict[tuple[int, int], RobustThresholds] = {}
-    found = []
+    thresholds_of: dict[tuple[int, int], RobustThresholds] = {}
+    scores = []
     for place, drive in enumerate(drives):
         key = folds.of(place)
-        if key not in known:
+        if key not in thresholds_of:
             used = np.isin(np.arange(len(drives)), folds.others(place))
-            known[key] = every.thresholds(system.judged_together, r, used=used)
-        found.append(shown_by(drive.clean, system, known[key]))
-    return found
+            thresholds_of[key] = every.thresholds(system.judged_together, r, used=used)
+        scores.append(shown_by(drive.clean, system, thresholds_of[key]))
+    return scores
 
 
 class Folds:
@@ -140,8 +140,8 @@ def _windows(stamps_ns: Integers) -> int:
     return len(np.unique(stamps_ns // int(TEMPORAL_WINDOW.seconds * NANOSECONDS)))
 
 
-def _groups(known: Sequence[Hashable], sources: Sequence[DriveSource]) -> list[int]:
+def _groups(owners: Sequence[Hashable], sources: Sequence[DriveSource]) -> list[int]:
     """The number of the group that each drive is in; what is not known is one of its own."""
-    keys = [one.recording_id if key is None else key for key, one in zip(known, sources, strict=True)]
+    keys = [one.recording_id if key is None else key for key, one in zip(owners, sources, strict=True)]
     number = {key: place for place, key in enumerate(sorted(set(keys), key=str))}
     return [number[key] % _FOLDS for key in keys]

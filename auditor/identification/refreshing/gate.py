@@ -85,13 +85,13 @@ class Step:
 
 def steps(before: RobustThresholds, after: RobustThresholds, system: System) -> list[Step]:
     """How far the thresholds of the checks that count move, the largest rise first."""
-    found = []
+    changes = []
     for column in system.counting(frozenset()).tolist():
         check = system.sensor_checks[column]
         old, new = before.expected[check], after.expected[check]
         theta, changed = old.mean + before.limit * old.deviation, new.mean + after.limit * new.deviation
-        found.append(Step(check, theta, changed, (changed - theta) / old.deviation))
-    return sorted(found, key=lambda step: -step.rise)
+        changes.append(Step(check, theta, changed, (changed - theta) / old.deviation))
+    return sorted(changes, key=lambda step: -step.rise)
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,13 @@ def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: Rob
     One is planted into each check that counts and each frame: its statistic is raised by so many log odds.
     """
     checks = [system.sensor_checks[column] for column in system.counting(frozenset()).tolist()]
-    found = []
-    for one in drives:
-        expected = for_clean_drive(thresholds, checks, one).expected
+    counts = []
+    for drive in drives:
+        expected = for_clean_drive(thresholds, checks, drive).expected
         theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
-        odds = log_odds(one.statistics_of(checks)) + GATE.planted
-        found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
-    return PlantedAttacks(tuple(one for one, _ in found), tuple(of for _, of in found))
+        odds = log_odds(drive.statistics_of(checks)) + GATE.planted
+        counts.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
+    return PlantedAttacks(tuple(one for one, _ in counts), tuple(of for _, of in counts))
 
 
 @dataclass(frozen=True)
@@ -150,12 +150,12 @@ def compared(
     system: System,
     before: RobustThresholds,
     after: RobustThresholds,
-    found: PlantedAttacks,
+    planted: PlantedAttacks,
 ) -> VersionComparison:
-    """Compare thresholds, on drives that attacks are planted into; `found` is what those of after find."""
+    """Compare thresholds, on drives that attacks are planted into; `planted` is what those of after find."""
     earlier = planted_found(drives, system, before)
     return VersionComparison(
-        before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share
+        before.drives, tuple(steps(before, after, system)), planted.lost_since(earlier), earlier.share
     )
 
 
@@ -213,19 +213,19 @@ def rates_by_condition(
     windows, raised = sum(one.windows for one in shown), sum(one.raised_windows for one in shown)
     of_all = raised / windows if windows else 0.0
     groups: dict[tuple[str, str], list[DriveScores]] = defaultdict(list)
-    for of_drive, one in zip(conditions, shown, strict=True):
+    for of_drive, scores in zip(conditions, shown, strict=True):
         for name, value in of_drive.items():
             if value is not None:
-                groups[name, value].append(one)
+                groups[name, value].append(scores)
     return [_rate(*key, drives, of_all) for key, drives in sorted(groups.items())]
 
 
 def doubtful(rates: Sequence[ConditionRate], r: Decimal) -> Iterator[str]:
     """The conditions under which clean drives are raised too often."""
-    for one in rates:
-        if one.enough and one.low > GATE.most_false_alarms * float(r):
+    for rate in rates:
+        if rate.enough and rate.low > GATE.most_false_alarms * float(r):
             yield (
-                f"{one.condition} {one.value}: {one.raised_windows} of {one.windows} windows are raised, more than "
+                f"{rate.condition} {rate.value}: {rate.raised_windows} of {rate.windows} windows are raised, more than "
                 f"{GATE.most_false_alarms:g} times r = {r}"
             )
 

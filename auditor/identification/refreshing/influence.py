@@ -42,9 +42,9 @@ def limited(sources: Sequence[DriveSource], waiting: Sequence[DriveSource] = ())
         yield place, f"{INFLUENCE.most_drives} recordings of later days are enough"
 
 
-def _of_a_day(one: DriveSource) -> Hashable:
+def _of_a_day(source: DriveSource) -> Hashable:
     """What the drives of one vehicle and day share."""
-    return one.vehicle, one.recording_id if one.day is None else one.day
+    return source.vehicle, source.recording_id if source.day is None else source.day
 
 
 def crowded(visited: Sequence[Set[Cell]]) -> Iterator[tuple[int, str]]:
@@ -68,18 +68,18 @@ def influential(drives: Sequence[Drive], new: Sequence[int], system: System, r: 
     """
     every = CleanDrives.of([one.clean for one in drives], system.sensor_checks, fitted_on=system.fitted_on)
     with_all = every.thresholds(system.judged_together, r)
-    for what in ("recording_id", "vehicle", "day"):
-        found: dict[int, str] = {}
-        of = [getattr(one.source, what) for one in drives]
+    for owner in ("recording_id", "vehicle", "day"):
+        reasons: dict[int, str] = {}
+        of = [getattr(one.source, owner) for one in drives]
         for who in dict.fromkeys(of[place] for place in new if of[place] is not None):
             others = np.array([other != who for other in of], dtype=np.bool_)
             without = replace(with_all, expected=every.expected(others))
             step = steps(without, with_all, system)[0]
             if others.any() and step.rise > allowed(GATE.most_step, int(np.count_nonzero(others))):
-                reason = f"{'it' if what == 'recording_id' else f'its {what}'} alone would raise {_threshold(step)}"
-                found |= {place: reason for place in new if of[place] == who}
-        if found:  # without these drives the others of their vehicle and day may have none
-            return found
+                reason = f"{'it' if owner == 'recording_id' else f'its {owner}'} alone would raise {_threshold(step)}"
+                reasons |= {place: reason for place in new if of[place] == who}
+        if reasons:  # without these drives the others of their vehicle and day may have none
+            return reasons
     return {}
 
 
@@ -88,7 +88,7 @@ def _threshold(step: Step) -> str:
     return f"the threshold of {name} of S_{step.check.sensor} by {step.rise:.1f} deviations"
 
 
-def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str) -> Iterator[tuple[int, str]]:
+def _beyond_share(order: Sequence[int], of: Sequence[Hashable], owner: str) -> Iterator[tuple[int, str]]:
     """The drives beyond the share of their vehicle or day, where there are three; what is not known has no limit.
 
     The share is reckoned from the drives of the others: nobody raises it by more drives of their own.
@@ -99,4 +99,4 @@ def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str) -> It
         most = max(1, int((len(order) - count[of[place]]) * share / (1 - share)))
         taken[of[place]] += 1
         if len(count) > 2 and of[place] is not None and taken[of[place]] > most:
-            yield place, f"its {what} has {most} others, and no {what} has more than its share"
+            yield place, f"its {owner} has {most} others, and no {owner} has more than its share"

@@ -43,11 +43,11 @@ class Difference:
 
     def __str__(self) -> str:
         others = " ".join(f"S_{one}" for one in self.check.others)
-        what = f"{self.check.check.value.replace('_', ' ')} of S_{self.check.sensor}{others and f' by {others}'}"
+        subject = f"{self.check.check.value.replace('_', ' ')} of S_{self.check.sensor}{others and f' by {others}'}"
         if self.deviations is None:
-            return f"its frames scatter otherwise than those of others in {what} (p = {self.p:.1g})"
+            return f"its frames scatter otherwise than those of others in {subject} (p = {self.p:.1g})"
         where = "above" if self.deviations > 0 else "below"
-        return f"its {what} lies {abs(self.deviations):.1f} deviations {where} that of others (p = {self.p:.1g})"
+        return f"its {subject} lies {abs(self.deviations):.1f} deviations {where} that of others (p = {self.p:.1g})"
 
 
 class _Frames(NamedTuple):
@@ -83,58 +83,58 @@ def differing(drives: Sequence[Drive], tested: Sequence[int], system: System) ->
     The others are those that may judge it; where they are too few nothing can be said, and nobody differs.
     """
     folds = Folds([drive.source for drive in drives])
-    found: list[tuple[float, int, Difference]] = []
+    differences: list[tuple[float, int, Difference]] = []
     for column in system.counting(frozenset()).tolist():
         check = system.sensor_checks[column]
         samples = _samples(drives, check)
         for place in tested:
             others = [samples[one] for one in folds.others(place, samples.keys())]
             if place in samples and len(others) >= TWO_SAMPLES.fewest_drives:
-                found += [(one.p, place, one) for one in _differences(check, samples[place], others)]
-    return dict(_rejected(sorted(found, key=lambda one: one[:2])))
+                differences += [(one.p, place, one) for one in _differences(check, samples[place], others)]
+    return dict(_rejected(sorted(differences, key=lambda one: one[:2])))
 
 
 def _rejected(tests: Sequence[tuple[float, int, Difference]]) -> Iterator[tuple[int, Difference]]:
     """Of tests in the order of their p those that Holm's correction rejects; the clearest of a drive is last."""
     clear = []
-    for number, (p, place, one) in enumerate(tests):
+    for number, (p, place, difference) in enumerate(tests):
         if p > TWO_SAMPLES.chance / (len(tests) - number):
             break
-        clear.append((place, one))
+        clear.append((place, difference))
     return reversed(clear)
 
 
-def _differences(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> Iterator[Difference]:
+def _differences(check: SensorCheck, sample: _Sample, others: Sequence[_Sample]) -> Iterator[Difference]:
     freedom = HIERARCHY.prior_drives + len(others) - 1
-    deviations = _of_level(check, one, others)
+    deviations = _of_level(check, sample, others)
     yield Difference(check, deviations, 2 * _beyond(abs(deviations), freedom))
     usual, scatter = _middle([other.distance for other in others])
     yield Difference(
-        check, None, _beyond((one.distance - usual) / _weighed(TWO_SAMPLES.shape, scatter, others), freedom)
+        check, None, _beyond((sample.distance - usual) / _weighed(TWO_SAMPLES.shape, scatter, others), freedom)
     )
 
 
 def _samples(drives: Sequence[Drive], check: SensorCheck) -> dict[int, _Sample]:
     """The samples of a check by the places of their drives; drives with too few measured frames have none."""
     measured = {place: _frames_of(drive.clean, check) for place, drive in enumerate(drives)}
-    known = {place: frames for place, frames in measured.items() if frames is not None}
-    if not known:
+    frames_of = {place: frames for place, frames in measured.items() if frames is not None}
+    if not frames_of:
         return {}
-    pool = np.sort(np.concatenate([frames.centred for frames in known.values()]))
-    return {place: _sample(frames, pool) for place, frames in known.items()}
+    pool = np.sort(np.concatenate([frames.centred for frames in frames_of.values()]))
+    return {place: _sample(frames, pool) for place, frames in frames_of.items()}
 
 
 def _frames_of(clean: CleanFrames, check: SensorCheck) -> _Frames | None:
     """The frames of a check in a drive; None where too few are measured."""
-    known = _OF_DRIVES.setdefault(clean, {})
-    if check not in known:
+    cache = _OF_DRIVES.setdefault(clean, {})
+    if check not in cache:
         values = clean.statistics.get(check, np.zeros(0))
         odds = log_odds(values[~np.isnan(values)])
         enough = odds.size >= TWO_SAMPLES.fewest_frames
-        known[check] = (
+        cache[check] = (
             _Frames(float(odds.mean()), effective_size(odds), np.sort(odds - np.median(odds))) if enough else None
         )
-    return known[check]
+    return cache[check]
 
 
 def _sample(frames: _Frames, pool: Floats) -> _Sample:
@@ -145,13 +145,13 @@ def _sample(frames: _Frames, pool: Floats) -> _Sample:
     return _Sample(frames.mean, frames.worth, log(distance))
 
 
-def _of_level(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> float:
+def _of_level(check: SensorCheck, sample: _Sample, others: Sequence[_Sample]) -> float:
     """How many deviations a drive's mean lies above the median of the others'."""
     prior = prior_of_check(check)
     usual, scatter = _middle([other.mean for other in others])
     between = _weighed(prior.between, scatter, others) ** 2
-    variance = between * (1 + 1 / len(others)) + prior.within**2 / one.worth
-    return (one.mean - usual) / (prior.tail * sqrt(variance))
+    variance = between * (1 + 1 / len(others)) + prior.within**2 / sample.worth
+    return (sample.mean - usual) / (prior.tail * sqrt(variance))
 
 
 def _middle(values: Sequence[float]) -> tuple[float, float]:

@@ -138,7 +138,7 @@ def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, flo
 
 
 def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
-    found: dict[CountedPair, Cells] = {}
+    grids: dict[CountedPair, Cells] = {}
     for (i, k), counts in of_pairs.items():
         for check, cells in (
             (Check.ADDED_LIGHT, counts.light),
@@ -146,9 +146,9 @@ def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
             (Check.COLOURED_LIGHT, counts.coloured),
         ):
             if cells is not None:
-                found[CountedPair(check, i, k, i)] = cells.source
-                found[CountedPair(check, i, k, k)] = cells.reference
-    return found
+                grids[CountedPair(check, i, k, i)] = cells.source
+                grids[CountedPair(check, i, k, k)] = cells.reference
+    return grids
 
 
 def collect_checks(
@@ -238,13 +238,15 @@ def _sums(seen: PairConsistency, light: LightDifference, places: PairPlaces, som
     return _PairSums(inconsistencies, of_light, coloured[0] if coloured else None)
 
 
-def with_scans(found: FrameChecks, from_nowhere: Points | None, views: Iterable[int], rig: Rig) -> FrameChecks:
+def with_scans(frame_checks: FrameChecks, from_nowhere: Points | None, views: Iterable[int], rig: Rig) -> FrameChecks:
     """The checks of a frame and of what conflicts with the LiDAR's last scan, (K, 3) points; None where none was."""
     if from_nowhere is None:
-        return found
+        return frame_checks
     said = {check: {(k,): measuring(check)(from_nowhere, rig, k) for k in views} for check in BY_SCANS}
     around = {SensorCheck(check, LIDAR, ()): measuring(check)(from_nowhere, rig) for check in _ALL_AROUND}
-    return replace(found, of_views={**found.of_views, **said}, of_lidars=around, from_nowhere=from_nowhere)
+    return replace(
+        frame_checks, of_views={**frame_checks.of_views, **said}, of_lidars=around, from_nowhere=from_nowhere
+    )
 
 
 def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:

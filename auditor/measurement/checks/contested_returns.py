@@ -107,9 +107,9 @@ def _alone(now: ScanFromAbove, passed: Indices, there: Image, way: Shift) -> Ind
     """
     beside = _still(way)
     alone = passed[~near(there, _STILL, beside).take(now.cell[passed])]
-    known = now.solid.copy()
-    known[alone] = False
-    moved = there * ~near(now.cells(known), _STILL, beside)
+    nearby = now.solid.copy()
+    nearby[alone] = False
+    moved = there * ~near(now.cells(nearby), _STILL, beside)
     return alone[~near(moved, _STILL, around_thing(way, NUMBERS.apart_s)).take(now.cell[alone])]
 
 
@@ -149,10 +149,10 @@ def _objects(now: ScanFromAbove, seen: Indices, alone: Indices, thing: Indices, 
     `thing` (M,) is the number of each point's thing, of `count`; 0 is none.
     """
     every, own = (np.bincount(thing[some], minlength=count) for some in (seen, alone))
-    found = own >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
-    found &= widths_m(thing[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
-    found &= _heights_m(thing[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
-    return _flags(now, alone[found[thing[alone]]])
+    objects = own >= np.maximum(NUMBERS.fewest, NUMBERS.least_share * every)
+    objects &= widths_m(thing[alone], now.xyz_m[:, alone], count) >= NUMBERS.narrowest_m
+    objects &= _heights_m(thing[alone], now.xyz_m[1, alone], count) >= NUMBERS.lowest_m
+    return _flags(now, alone[objects[thing[alone]]])
 
 
 def _flags(now: ScanFromAbove, places: Indices) -> Mask:

@@ -134,7 +134,7 @@ def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], Rang
     if not several:
         return {}
     clusters = _clusters([*pairs.values()])
-    found: dict[tuple[int, ...], RangesFound] = {}
+    ranges_of: dict[tuple[int, ...], RangesFound] = {}
     for cameras in several:
         some = [place for place, pair in enumerate(pairs) if set(pair) <= set(cameras)]
         shift = _shift([pair.farther_m for place, pair in enumerate(pairs.values()) if place in some])
@@ -142,8 +142,8 @@ def false_ranges(pairs: Mapping[Pair, PairRanges]) -> dict[tuple[int, ...], Rang
         false, scattered = (
             _surely(lot[some].mean(axis=0), against) for lot in (clusters.together, clusters.scattering)
         )
-        found[cameras] = RangesFound(max(false, shift / (shift + FALSE_RANGES.half_m)), scattered)
-    return found
+        ranges_of[cameras] = RangesFound(max(false, shift / (shift + FALSE_RANGES.half_m)), scattered)
+    return ranges_of
 
 
 def _surely(contradicted: Floats, against: Floats) -> float:
@@ -226,9 +226,9 @@ def _farther_m(points: DirectedPoints, view: LidarView, stereo: StereoMap, clear
     for sector in np.flatnonzero(bounds[_SECTOR:] - bounds[:-_SECTOR] >= FALSE_RANGES.sector_fewest).tolist():
         ordered = np.sort(farther[bounds[sector] : bounds[sector + _SECTOR]])
         quartiles[:, sector] = ordered[[int(share * (ordered.size - 1)) for share in _QUARTILES]]
-    known = ~np.isnan(quartiles[1])
-    lower, _, upper = quartiles - (median_of(np.sort(quartiles[1, known])) if known.any() else 0.0)
-    return np.asarray(np.where(known, np.maximum(lower, 0) + np.minimum(upper, 0), np.nan))
+    measured = ~np.isnan(quartiles[1])
+    lower, _, upper = quartiles - (median_of(np.sort(quartiles[1, measured])) if measured.any() else 0.0)
+    return np.asarray(np.where(measured, np.maximum(lower, 0) + np.minimum(upper, 0), np.nan))
 
 
 def _shift(farther_m: Sequence[Floats]) -> float:
@@ -237,7 +237,7 @@ def _shift(farther_m: Sequence[Floats]) -> float:
     Two pairs at least must know it, where there are two, and it is the smallest of what they say.
     """
     told = np.stack(farther_m)
-    known = ~np.isnan(told)
-    enough = known.sum(axis=0) >= min(len(told), 2)
-    least = np.maximum(np.where(known, told, np.inf).min(axis=0), np.where(known, -told, np.inf).min(axis=0))
+    measured = ~np.isnan(told)
+    enough = measured.sum(axis=0) >= min(len(told), 2)
+    least = np.maximum(np.where(measured, told, np.inf).min(axis=0), np.where(measured, -told, np.inf).min(axis=0))
     return max(float(least[enough].max(initial=0.0)) - FALSE_RANGES.usual_m, 0.0)

@@ -24,8 +24,8 @@ def measuring(check: Check) -> Callable[..., Any]:
 
 def _numbers(*of: Of) -> tuple["DataclassInstance", ...]:
     """The groups of numbers that checks of these sorts have in their modules, as NUMBERS."""
-    found = (getattr(_MODULES[check], "NUMBERS", None) for check in Check if check.kind.of in of)
-    return tuple(group for group in found if group is not None)
+    groups = (getattr(_MODULES[check], "NUMBERS", None) for check in Check if check.kind.of in of)
+    return tuple(group for group in groups if group is not None)
 
 
 _IN_VIEWS = _numbers(Of.VIEW, Of.OWN_SCANS)

@@ -201,14 +201,14 @@ class OwnScans:
         if cloud is None or rig.lidar is None:
             return None
         now = ScanFromAbove.of(cloud, rig)
-        found = None
+        points = None
         if before is not None and now.follows(before):
-            self._way, found = _compared(now, before)
-        self._last = now if found is None else replace(now, from_nowhere=found)
-        if found is None:
+            self._way, points = _compared(now, before)
+        self._last = now if points is None else replace(now, from_nowhere=points)
+        if points is None:
             return None
         self.asked_share = int(np.count_nonzero(now.clearly)) / max(len(cloud.xyz_m), 1)
-        return now.points(found)
+        return now.points(points)
 
 
 def measure_free_space_conflict(from_nowhere: Points, rig: Rig, *view: int) -> float:
@@ -261,9 +261,9 @@ def above_ground_m(row: Cells32, column: Cells32, down_m: Floats32) -> Floats32:
 def _compared(now: ScanFromAbove, before: ScanFromAbove) -> tuple[Shift, Mask | None]:
     """How what stands still moved, and what came from nowhere; unless nothing did, whether the vehicle has turned."""
     _, shift = _match(now.things, before.things)
-    found = _from_nowhere(now, before, shift)
-    if found is not None and not found.any():
-        return shift, found
+    points = _from_nowhere(now, before, shift)
+    if points is not None and not points.any():
+        return shift, points
     turns = np.radians(NUMBERS.turns_deg).tolist()
     matches = [_match(now.things, turned_cells(before.things, turn)) for turn in turns]
     turn, (_, shift) = max(zip(turns, matches, strict=True), key=lambda tried: tried[1])
@@ -305,9 +305,9 @@ def _from_nowhere(now: ScanFromAbove, before: ScanFromAbove, shift: Shift) -> Ma
         np.bincount(of.take(np.flatnonzero(mask)), minlength=count) for mask in (now.solid & alone, now.solid)
     )
     wide = widths_m(of[new], now.xyz_m[:, new], count) >= NUMBERS.narrowest_m
-    found = (np.bincount(of[new], minlength=count) >= NUMBERS.fewest) & wide
-    found &= no_other >= NUMBERS.least_share * every
-    return np.asarray(now.solid & found.take(of))
+    objects = (np.bincount(of[new], minlength=count) >= NUMBERS.fewest) & wide
+    objects &= no_other >= NUMBERS.least_share * every
+    return np.asarray(now.solid & objects.take(of))
 
 
 def _match(now: Image, before: Image) -> tuple[float, Shift]:

@@ -141,10 +141,10 @@ class _Candidates(NamedTuple):
 
     def all_by(self, of_sample: Mask, points: int) -> Mask:
         """(points,) what all are by what those of the sample are."""
-        found = np.zeros(points, dtype=np.bool_)
+        conflicts = np.zeros(points, dtype=np.bool_)
         # Points lie in row-major order: those left out are neighbours of the verified one.
-        found[self.flagged] = of_sample.repeat(self.stride)[: self.flagged.size]
-        return found
+        conflicts[self.flagged] = of_sample.repeat(self.stride)[: self.flagged.size]
+        return conflicts
 
 
 def _mirrored(view: LidarView, d0: Floats32, ds: Floats32) -> tuple[Mask, Mask]:

@@ -122,15 +122,15 @@ def count_lost_returns(
     be sky, stands on nothing or returns in part. `half_res` are the half-resolution grey images of the reference and
     the source.
     """
-    found = _surfaces(view, stereo, consistency, source)
-    u_px, (left, right) = found.u_px, scanned.span_px
-    found = found.chosen(np.flatnonzero((u_px >= left) & (u_px <= right)))
-    place, range_m, below_m = _directions(view, found, source)
+    surfaces = _surfaces(view, stereo, consistency, source)
+    u_px, (left, right) = surfaces.u_px, scanned.span_px
+    surfaces = surfaces.chosen(np.flatnonzero((u_px >= left) & (u_px <= right)))
+    place, range_m, below_m = _directions(view, surfaces, source)
     hole = scanned.hole_rad.take(place)
     # Wet ground loses returns, but not all of a sector down to the lowest beam.
     above_road = (below_m < scanned.road_m - LOST_RETURNS.above_road_m) | np.isinf(hole)
     inside = np.flatnonzero((place >= 0) & scanned.scanned.take(place // _COLUMNS) & above_road)
-    found, place = found.chosen(inside), place.take(inside)
+    surfaces, place = surfaces.chosen(inside), place.take(inside)
     range_m, hole, below_m = (one.take(inside) for one in (range_m, hole, below_m))
     within = scanned.within_rad.take(place)
     patch = HALF * PATCH_CORRELATION.radius_px / view.rig.camera(view.reference).focal_px
@@ -140,7 +140,7 @@ def count_lost_returns(
     lost &= within > patch  # a patch that reaches beyond the hole's edge may show what is there
     surface = ~lost
     surface[lost] = _has_to_return(scanned, range_m[lost], below_m[lost])
-    surface[lost] &= _no_sky(found.chosen(np.flatnonzero(lost)), half_res)
+    surface[lost] &= _no_sky(surfaces.chosen(np.flatnonzero(lost)), half_res)
     surface[lost] &= np.isinf(hole[lost]) | _all_lost(scanned.nearest_m, place[lost], range_m[lost])
     place, lost = place[surface], lost[surface]
     return cells_of_directions(place // _COLUMNS // _FINER, place % _COLUMNS // _FINER, lost)
@@ -254,12 +254,12 @@ def _has_to_return(scanned: ScannedView, range_m: Floats32, below_m: Floats32) -
     return np.asarray(begins & (scanned.road_m * range_m <= farthest_m * below_m))
 
 
-def _no_sky(found: _Surfaces, half_res: tuple[Image, Image]) -> Mask:
+def _no_sky(surfaces: _Surfaces, half_res: tuple[Image, Image]) -> Mask:
     """(M,) mask of the surfaces whose images match less well at the disparity of the sky, 0."""
-    if not found.row.size:
+    if not surfaces.row.size:
         return np.zeros(0, dtype=np.bool_)
-    at_infinity = ncc_at(*half_res, found.row, found.column, np.zeros(found.row.size, dtype=np.float32))
-    return np.asarray(at_infinity < found.ncc - np.float32(LOST_RETURNS.less_at_infinity))
+    at_infinity = ncc_at(*half_res, surfaces.row, surfaces.column, np.zeros(surfaces.row.size, dtype=np.float32))
+    return np.asarray(at_infinity < surfaces.ncc - np.float32(LOST_RETURNS.less_at_infinity))
 
 
 def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, source: int) -> _Surfaces:
@@ -278,15 +278,15 @@ def _surfaces(view: LidarView, stereo: StereoMap, consistency: PairConsistency, 
     return _Surfaces(row, column, disparity.take(chosen), ncc.take(chosen))
 
 
-def _directions(view: LidarView, found: _Surfaces, source: int) -> tuple[Indices, Floats32, Floats32]:
+def _directions(view: LidarView, surfaces: _Surfaces, source: int) -> tuple[Indices, Floats32, Floats32]:
     """(M,) places on the finer grid, -1 outside, distances from the LiDAR, and metres below it, of what a pair sees."""
     rig, camera = view.rig, view.rig.camera(view.reference)
     assert rig.lidar is not None
-    depth = (camera.focal_px * rig.baseline_m(source, view.reference) / found.disparity_px).astype(np.float32)
+    depth = (camera.focal_px * rig.baseline_m(source, view.reference) / surfaces.disparity_px).astype(np.float32)
     # X = K^-1 (z (u, v, 1) - p), with P = (K | p), seen from the LiDAR.
     inverse = np.linalg.inv(camera.projection[:, :3])
     start = inverse @ camera.projection[:, 3] + rig.lidar.rig_SE3_lidar[:3, 3]
-    pixels: Floats32 = np.stack([found.u_px, found.v_px, np.ones_like(found.u_px)])
+    pixels: Floats32 = np.stack([surfaces.u_px, surfaces.v_px, np.ones_like(surfaces.u_px)])
     points: Floats32 = inverse.astype(np.float32) @ (pixels * depth)
     points -= start.astype(np.float32)[:, None]
     return _places(points, np.hypot(points[0], points[2])), np.sqrt(np.einsum("cm,cm->m", points, points)), points[1]

@@ -169,10 +169,10 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
         if motion is not None:
             moved_m = float(np.linalg.norm(motion.translation_m))
             sought = _seen_before(now, some, motion)
-            agrees, found, place = _compared(now, before, sought)
+            agrees, conflicting, place = _compared(now, before, sought)
             valid[sought.point[agrees]] = True
-            alike = _alike(sought.chosen(found), place)
-            things, place = sought.chosen(found[alike]), place[alike]
+            alike = _alike(sought.chosen(conflicting), place)
+            things, place = sought.chosen(conflicting[alike]), place[alike]
             K = before.camera.intrinsics
             moves = moving(
                 K, before.nearest_m, FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
@@ -221,17 +221,21 @@ def _halvings(parallax_px: Floats) -> Indices:
 
 def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, Indices, Floats]:
     """The points that agree with the picture before, those found elsewhere on their lines, and where these are."""
-    agree, found, place = [], [], []
+    agree, conflicts, place = [], [], []
     for times in np.unique(sought.halvings).tolist():
         some = np.flatnonzero(sought.halvings == times)
         agrees, elsewhere, there = _compared_at(
             now.halved(times), before.halved(times), sought.chosen(some).halved(times)
         )
         agree.append(some[agrees])
-        found.append(some[elsewhere])
+        conflicts.append(some[elsewhere])
         place.append((there + 1 / 2) * HALF**times - 1 / 2 if times else there)
     none = np.zeros(0, dtype=np.intp)
-    return np.concatenate([none, *agree]), np.concatenate([none, *found]), np.concatenate([np.zeros((0, 2)), *place])
+    return (
+        np.concatenate([none, *agree]),
+        np.concatenate([none, *conflicts]),
+        np.concatenate([np.zeros((0, 2)), *place]),
+    )
 
 
 def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
@@ -249,9 +253,9 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     elsewhere = np.flatnonzero(best > np.maximum(PARALLAX_CONFLICT.consistent, clearly))
     agrees = at_range > PARALLAX_CONFLICT.agreeing
     agrees[doubtful[elsewhere]] = False
-    found = elsewhere[_in_halves(patches[elsewhere], before, some.chosen(elsewhere), offset[elsewhere])]
-    place = some.predicted[found] + offset[found, None] * some.along[found]
-    return np.flatnonzero(agrees), doubtful[found], place
+    conflicts = elsewhere[_in_halves(patches[elsewhere], before, some.chosen(elsewhere), offset[elsewhere])]
+    place = some.predicted[conflicts] + offset[conflicts, None] * some.along[conflicts]
+    return np.flatnonzero(agrees), doubtful[conflicts], place
 
 
 def _in_halves(patches: Floats32, before: Image, sought: _Sought, offset: Floats) -> Mask:

@@ -72,18 +72,18 @@ def _of_a_plume(points: Points) -> float:
     return float(np.clip(together, 0, ISOLATED_POINTS.together_most))
 
 
-def isolated_ratio(found: IsolatedShares) -> float | None:
+def isolated_ratio(shares: IsolatedShares) -> float | None:
     """The statistic of isolated points 8 to 40 m away, 0 to 1; half a per cent of the view's points give a half.
 
     Drops of rain are isolated nearby many times as often: half of the share there is subtracted. None where too few
     points are in view, or where drops outweigh what is isolated farther away.
     """
-    if isnan(found.isolated_beyond):
+    if isnan(shares.isolated_beyond):
         return None
-    drops = ISOLATED_POINTS.near_weight * found.isolated_near
-    if drops > found.isolated_beyond:
+    drops = ISOLATED_POINTS.near_weight * shares.isolated_near
+    if drops > shares.isolated_beyond:
         return None
-    more = found.isolated_beyond - drops
+    more = shares.isolated_beyond - drops
     return more / (more + ISOLATED_POINTS.half_share)
 
 
@@ -128,12 +128,12 @@ def rough_ranges(view: LidarView, focal_px: float) -> float | None:
     same row: leaves, edges and other clutter hardly ever cover three quarters of a sector, which holds some road. It
     counts times by how much more it is than that of the median sector.
     """
-    found = _roughness_m(view, focal_px)
-    if found.size < ROUGH_RANGES.sector_strips:
+    roughness_m = _roughness_m(view, focal_px)
+    if roughness_m.size < ROUGH_RANGES.sector_strips:
         return None
-    roughest = float(found.max())
+    roughest = float(roughness_m.max())
     # Of rounded coordinates most sectors are as smooth as steps are flat, and a few are as rough as steps are high.
-    usual = max(median_of(np.sort(found)), ROUGH_RANGES.least_usual_m, view.rounding_m / sqrt(12.0))
+    usual = max(median_of(np.sort(roughness_m)), ROUGH_RANGES.least_usual_m, view.rounding_m / sqrt(12.0))
     rough = roughest * roughest / usual
     return rough * rough / (rough * rough + ROUGH_RANGES.half_m * ROUGH_RANGES.half_m)
 
@@ -205,9 +205,9 @@ def _roughness_m(view: LidarView, focal_px: float) -> Floats:
     count = bounds[ROUGH_RANGES.sector_strips :] - bounds[: -ROUGH_RANGES.sector_strips]
     if not count.size or median_of(np.sort(count)) < ROUGH_RANGES.fewest:
         return np.zeros(0)
-    found = []
+    quantiles_m = []
     for sector in np.flatnonzero(count >= ROUGH_RANGES.fewest_of_sector).tolist():
         place = int(ROUGH_RANGES.quantile * (count[sector] - 1))
         some = order[bounds[sector] : bounds[sector + ROUGH_RANGES.sector_strips]]
-        found.append(np.partition(differs[some], place)[place])
-    return np.array(found)
+        quantiles_m.append(np.partition(differs[some], place)[place])
+    return np.array(quantiles_m)

@@ -58,19 +58,19 @@ def scatter(place: Floats32) -> float:
 
 def scattered(points: Points, rig: Rig) -> Mask:
     """(K,) which of some points (K, 3) belong to things that scatter along their beams."""
-    found = np.zeros(len(points), dtype=np.bool_)
+    scatters = np.zeros(len(points), dtype=np.bool_)
     if not len(points):
-        return found
+        return scatters
     assert rig.lidar is not None
     right, down, ahead = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ points.T
     level = np.hypot(right, ahead)
     range_m = np.hypot(level, down)
     place = np.stack([np.arctan2(right, ahead), np.arctan2(down, level), np.log(range_m)])
     thing = _things(np.stack([ahead, right]))
-    for one in range(1, int(thing.max()) + 1):
-        own = thing == one
-        found[own] = scatter(place[:, own]) * np.median(range_m[own]) > NUMBERS.least_m
-    return found
+    for number in range(1, int(thing.max()) + 1):
+        own = thing == number
+        scatters[own] = scatter(place[:, own]) * np.median(range_m[own]) > NUMBERS.least_m
+    return scatters
 
 
 def measure_scattered_returns(from_nowhere: Points, rig: Rig, *view: int) -> float:

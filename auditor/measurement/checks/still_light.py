@@ -165,7 +165,11 @@ def measure_still_light(
     point_m = point_m[:: max(-(-len(point_m) // STILL_LIGHT.most_points), 1)]
     here = pixels_of(now.intrinsics, point_m).T
     inside = _inside(now, here)
-    seen = [one for before in chosen if (one := _compared(now, before, point_m[inside], here[:, inside])) is not None]
+    seen = [
+        shown_cells
+        for before in chosen
+        if (shown_cells := _compared(now, before, point_m[inside], here[:, inside])) is not None
+    ]
     if not seen:
         return None
     cells = max(len(one.weight) for one in seen) * _cell_px(now) ** 2
@@ -178,12 +182,12 @@ def measure_still_light(
 def _chosen(now: Glimpse, held: Sequence[Glimpse]) -> list[Glimpse]:
     """The last pictures since which the camera moved far enough, for each of the ways that are asked for."""
     ways = [now.way_m - one.way_m for one in held]
-    found: dict[int, Glimpse] = {}
+    glimpses: dict[int, Glimpse] = {}
     for asked in STILL_LIGHT.ways_m:
         far = [place for place, way in enumerate(ways) if way >= asked]
         if far:
-            found[far[-1]] = held[far[-1]]
-    return list(found.values())
+            glimpses[far[-1]] = held[far[-1]]
+    return list(glimpses.values())
 
 
 def _cell_px(now: Glimpse) -> int:
@@ -302,20 +306,20 @@ def _shown(now: Glimpse, seen: Sequence[_ShownCells]) -> tuple[Floats, Floats]:
     the light changes along their way. A share of the light's own area counts as showing nothing, so that a light of
     which a corner alone is in view needs more; what saturates in both pictures counts less there.
     """
-    found, faded, cell_px = [], [], _cell_px(now)
+    strengths, faded, cell_px = [], [], _cell_px(now)
     height, width = now.levels.shape
     for sigma_px, across, down in _lights(height, width):
         count = down.size * across.size
         blind, weights, came, left = np.zeros(count), np.zeros((2, count)), np.zeros((count, 4)), np.zeros((count, 3))
-        for one in seen:
-            blind += _lit(one.blind, sigma_px, across, down) @ one.blind_weight.astype(np.float32)
-            added = _lit(one.now, sigma_px, across, down) - _lit(one.before, sigma_px, across, down)
+        for cells in seen:
+            blind += _lit(cells.blind, sigma_px, across, down) @ cells.blind_weight.astype(np.float32)
+            added = _lit(cells.now, sigma_px, across, down) - _lit(cells.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
-            shown, weight = one.weight * one.residual, one.weight.astype(np.float32)
+            shown, weight = cells.weight * cells.residual, cells.weight.astype(np.float32)
             inside, outside = np.maximum(changes, 0), np.maximum(-changes, 0)
             weights += [np.square(side) @ weight for side in (inside, outside)]
-            came += inside @ np.stack([shown, one.points, one.saturated, one.fading], axis=1, dtype=np.float32)
-            left += outside @ np.stack([-shown, one.points, one.were_saturated], axis=1, dtype=np.float32)
+            came += inside @ np.stack([shown, cells.points, cells.saturated, cells.fading], axis=1, dtype=np.float32)
+            left += outside @ np.stack([-shown, cells.points, cells.were_saturated], axis=1, dtype=np.float32)
         (into, of_inside, saturated, fading), (out, of_outside, were_saturated) = came.T, left.T
         area = 2 * np.pi * sigma_px**2 / cell_px**2 * len(seen)
         nothing = STILL_LIGHT.unseen_share * np.maximum(area - (1 - STILL_LIGHT.blind_counts) * blind, 0)
@@ -325,9 +329,9 @@ def _shown(now: Glimpse, seen: Sequence[_ShownCells]) -> tuple[Floats, Floats]:
         # What left a light that is not there any more says nothing of now.
         bright = np.maximum(came_bright, np.minimum(left_bright, blind / area))
         outshines = np.minimum(bright / STILL_LIGHT.saturated_share, 1)
-        found.append(np.clip(shown_by * outshines, 0, 1))
+        strengths.append(np.clip(shown_by * outshines, 0, 1))
         faded.append(np.divide(fading, saturated, out=np.zeros_like(fading), where=saturated > 0))
-    return np.concatenate(found), np.concatenate(faded)
+    return np.concatenate(strengths), np.concatenate(faded)
 
 
 def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats32:
@@ -342,9 +346,9 @@ def _lit(place: Floats, sigma_px: float, across: Floats, down: Floats) -> Floats
 @lru_cache(maxsize=8)
 def _lights(height: int, width: int) -> list[tuple[float, Floats, Floats]]:
     """The sizes of lights that are tried, and the columns and rows of their middles."""
-    found = []
+    lights = []
     for share in STILL_LIGHT.sizes:
         sigma_px = share * width
         step = STILL_LIGHT.apart * sigma_px
-        found.append((sigma_px, np.arange(0, width + step / 2, step), np.arange(0, height + step / 2, step)))
-    return found
+        lights.append((sigma_px, np.arange(0, width + step / 2, step), np.arange(0, height + step / 2, step)))
+    return lights

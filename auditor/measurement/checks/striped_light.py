@@ -65,11 +65,11 @@ class RowExcess:
         usable[1 : saturation_level(grey)] = 1
         upright = cv2.transpose(grey)
         share, total = (_by_block(cv2.LUT(upright, of_level)) for of_level in (usable, _LEVELS * usable))
-        known = share >= np.float32(NUMBERS.usable_share)
-        level = np.where(known, total / np.maximum(share, _LEAST), np.float32(0))
-        counts = known.astype(np.float32)
+        compared = share >= np.float32(NUMBERS.usable_share)
+        level = np.where(compared, total / np.maximum(share, _LEAST), np.float32(0))
+        counts = compared.astype(np.float32)
         sides = [_sums(level, side) / np.maximum(_sums(counts, side), _LEAST) for side in (_ABOVE, _BELOW)]
-        return cls(np.asarray(level - np.maximum(*sides), dtype=np.float32), known)
+        return cls(np.asarray(level - np.maximum(*sides), dtype=np.float32), compared)
 
     def above(self, other: "RowExcess") -> float | None:
         """By how much the most striking row exceeds all rows of the other camera nearby, 0 to 1: in most blocks.

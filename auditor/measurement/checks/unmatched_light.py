@@ -77,10 +77,10 @@ def sampled(seen: FrameViews, camera: int) -> SampledLevels:
     """The samples of a camera's levels."""
     view, whole = seen.once(view_of, camera), seen.valid_masks.get(camera)
     highest = np.asarray(cv2.dilate(view.levels, _NEARBY)[::_STEP, ::_STEP], dtype=np.uint8)
-    known = np.ones(highest.shape, dtype=np.bool_)
+    inside = np.ones(highest.shape, dtype=np.bool_)
     if whole is not None:
-        known = cv2.erode(whole[::HALF, ::HALF].astype(np.uint8), _NEARBY)[::_STEP, ::_STEP] > 0
-    return SampledLevels(view.levels[::_STEP, ::_STEP], highest, known, np.asarray(highest >= view.saturation))
+        inside = cv2.erode(whole[::HALF, ::HALF].astype(np.uint8), _NEARBY)[::_STEP, ::_STEP] > 0
+    return SampledLevels(view.levels[::_STEP, ::_STEP], highest, inside, np.asarray(highest >= view.saturation))
 
 
 def _reach(seen: FrameViews, i: int, k: int) -> int:

@@ -33,21 +33,21 @@ def saturated_by_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int
         if counted.check is Check.ADDED_LIGHT:
             compared[counted.sensor].append(grid)
     saturated = {camera: image >= saturation_level(image) for camera, image in half_res.items()}
-    found = {}
+    counts = {}
     for camera, voters in compared.items():
         said = _smallest_means(voters)
         if camera in saturated and np.isfinite(said).any():
             row, column = (int(place) for place in np.unravel_index(np.argmax(said), said.shape))
-            found[camera] = _alone_near(row, column, saturated, camera)
-    return found
+            counts[camera] = _alone_near(row, column, saturated, camera)
+    return counts
 
 
 def _smallest_means(voters: list[Cells]) -> Floats32:
     """(rows, columns) the least of what the voters say of the window around each cell; -inf where one alone can."""
     valid, total = (np.stack([_window_sums(getattr(one, name)) for one in voters]) for name in ("valid", "total"))
-    known = valid >= IMAGE_WINDOW.pseudo_count
-    means = np.where(known, total / (valid + IMAGE_WINDOW.pseudo_count) / LIGHT_STEPS, np.inf).min(axis=0)
-    enough = np.count_nonzero(known, axis=0) >= min(FEWEST_VOTERS, len(voters))
+    full = valid >= IMAGE_WINDOW.pseudo_count
+    means = np.where(full, total / (valid + IMAGE_WINDOW.pseudo_count) / LIGHT_STEPS, np.inf).min(axis=0)
+    enough = np.count_nonzero(full, axis=0) >= min(FEWEST_VOTERS, len(voters))
     return np.where(enough, means, -np.inf).astype(np.float32)
 
 

@@ -194,28 +194,28 @@ class CalibrationMonitor:
     def _lidar_warnings(self, rig: Rig) -> Iterator[str]:
         pairs = [pair for pair in self._features if pair[1] == rig.n]
         agreeing = {pair: better_quarter([s.agreement.agreeing for s in self._features[pair]]) for pair in pairs}
-        known = [pair for pair in pairs if not isnan(agreeing[pair])]
-        if not known or rig.lidar is None:
+        measured = [pair for pair in pairs if not isnan(agreeing[pair])]
+        if not measured or rig.lidar is None:
             return
-        best = max(known, key=lambda pair: agreeing[pair])
-        sentence = self._lidar_warning(best, agreeing[best], known)
+        best = max(measured, key=lambda pair: agreeing[pair])
+        sentence = self._lidar_warning(best, agreeing[best], measured)
         if sentence is not None:
             yield f"the LiDAR {rig.lidar.name} and stereo {sentence}"
             return
-        for pair in known:
+        for pair in measured:
             if agreeing[pair] < CALIBRATION_CHECK.least_agreeing:
                 yield (
                     f"the LiDAR {rig.lidar.name} and stereo agree at {agreeing[best]:.0%} of points within 1 px by "
                     f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera rotated?"
                 )
 
-    def _lidar_warning(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
+    def _lidar_warning(self, best: Pair, agreeing: float, measured: list[Pair]) -> str | None:
         agreements = [s.agreement for s in self._features[best]]
         excesses = [
             _median(
                 [relative_excess(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]]
             )
-            for pair in known
+            for pair in measured
         ]
         rotated = _median([one.rotated for one in agreements])
         moved = min(excesses) >= CALIBRATION_CHECK.least_excess and rotated >= CALIBRATION_CHECK.least_agreeing
@@ -234,8 +234,8 @@ class CalibrationMonitor:
 
 def _mostly_before(better: Iterable[float]) -> bool:
     """Whether data fit another frame so much better in most of the frames in which both fits are known."""
-    known = [by for by in better if not isnan(by)]
-    return len(known) >= CALIBRATION_CHECK.fewest_successive and _median(known) >= CALIBRATION_CHECK.better_before
+    measured = [by for by in better if not isnan(by)]
+    return len(measured) >= CALIBRATION_CHECK.fewest_successive and _median(measured) >= CALIBRATION_CHECK.better_before
 
 
 def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
@@ -243,13 +243,13 @@ def lags(fault_features: Mapping[Pair, PairFaultFeatures]) -> dict[int, float]:
 
     NaN where it was not measured.
     """
-    found: dict[int, list[float]] = {}
+    gains_of: dict[int, list[float]] = {}
     for (i, k), seen in fault_features.items():
         agreement, rows = seen.agreement, seen.rows
-        found.setdefault(LIDAR, []).append(relative_excess(agreement.before_only, agreement.now_only))
+        gains_of.setdefault(LIDAR, []).append(relative_excess(agreement.before_only, agreement.now_only))
         for camera, lagged in ((i, rows.lagged_i), (k, rows.lagged_k)):
-            found.setdefault(camera, []).append(lagged - max(rows.row_aligned, rows.offset_share))
-    return {sensor: min((by for by in gains if not isnan(by)), default=nan) for sensor, gains in found.items()}
+            gains_of.setdefault(camera, []).append(lagged - max(rows.row_aligned, rows.offset_share))
+    return {sensor: min((by for by in gains if not isnan(by)), default=nan) for sensor, gains in gains_of.items()}
 
 
 def _row_misfit(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> tuple[str, str] | None:
@@ -305,8 +305,8 @@ def _is_cropped(view: LidarView) -> bool:
 
 def _median(values: list[float]) -> float:
     """The median of the measured values; NaN where there is none."""
-    known = [value for value in values if not isnan(value)]
-    return float(np.median(known)) if known else float("nan")
+    measured = [value for value in values if not isnan(value)]
+    return float(np.median(measured)) if measured else float("nan")
 
 
 def _way(right_px: float, down_px: float) -> str:

@@ -122,9 +122,9 @@ class FaultFeatures:
             self._pairs = {pair: self._pairs.get(pair, FaultFeatures()) for pair in arrays.pairs}
             return {pair: self._pairs[pair].update(part.own)[OF_TWO] for pair, part in arrays.pairs.items()}
         now = feature_inputs(arrays)
-        found = fault_features_of(now, self._before)
+        features = fault_features_of(now, self._before)
         self._before = now
-        return found
+        return features
 
 
 def _at(stereo: StereoMap, points: Floats32) -> Floats32:

@@ -80,8 +80,8 @@ def better_quarter(shares: Iterable[float]) -> float:
 
     So an attack on up to three quarters of them is not taken for a rig that does not fit.
     """
-    known = np.sort(_measured(shares))
-    return quantile_of(known, GEOMETRY_FIT.better_quantile) if known.size else nan
+    measured = np.sort(_measured(shares))
+    return quantile_of(measured, GEOMETRY_FIT.better_quantile) if measured.size else nan
 
 
 def views_of_sides(arrays: FrameArrays) -> dict[Pair, LidarView]:
@@ -167,8 +167,8 @@ def _region(row: NDArray[np.integer], column: NDArray[np.integer], shape: tuple[
 def _better_regions(region: Indices, good: Mask, fewest: int) -> float:
     """The share that is good in the better regions; NaN where too few regions have enough to tell."""
     count = np.bincount(region, minlength=_ROWS * _COLUMNS)
-    known = count >= fewest
-    shares: Floats = np.bincount(region, weights=good, minlength=_ROWS * _COLUMNS)[known] / count[known]
+    enough = count >= fewest
+    shares: Floats = np.bincount(region, weights=good, minlength=_ROWS * _COLUMNS)[enough] / count[enough]
     return better_quarter(shares) if shares.size >= GEOMETRY_FIT.fewest_regions else nan
 
 

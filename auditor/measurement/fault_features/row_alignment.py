@@ -45,8 +45,8 @@ def corners(half: Image, sees: Mask | None = None) -> Points:
     row = np.arange(_ROWS)[:, None] * height + place // width
     column = np.arange(_COLUMNS) * width + place % width
     strongest = blocks.max(axis=2)
-    found = strongest if sees is None else strongest[strongest > 0]
-    weakest = quantile_of(np.sort(found, axis=None), 1 - ROW_ALIGNMENT.kept_share) if found.size else 0.0
+    strengths = strongest if sees is None else strongest[strongest > 0]
+    weakest = quantile_of(np.sort(strengths, axis=None), 1 - ROW_ALIGNMENT.kept_share) if strengths.size else 0.0
     kept = (strongest >= weakest) & (strongest > 0)
     return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
 
@@ -64,7 +64,7 @@ def register(
     the lag of cameras that `before` lacks is not measured.
     """
     flows = {k: _follow(now[k], before[k], points[k], points[k]) for k in points if k in before}
-    found = {}
+    rows = {}
     for (i, k), disparity in disparities_px.items():
         start = points[k].copy()
         start[:, 0] -= np.nan_to_num(disparity)
@@ -78,8 +78,8 @@ def register(
             # Where i lags it shows the scene of the frame before, where k's points lay then; and the other way round.
             lagged_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
             lagged_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
-            found[i, k] = _features(apart, tracked, lagged_i, lagged_k)
-    return found
+            rows[i, k] = _features(apart, tracked, lagged_i, lagged_k)
+    return rows
 
 
 def _features(apart: Points, tracked: Mask, lagged_i: float, lagged_k: float) -> RowMatches:
@@ -102,7 +102,7 @@ def _follow(source: Image, target: Image, points: Points, start: Points) -> tupl
     """Where (P, 2) points of one image lie in another, and which of them were found."""
     if len(points) == 0:
         return points, np.zeros(0, dtype=np.bool_)
-    moved, found, residue = cv2.calcOpticalFlowPyrLK(
+    moved, status, residue = cv2.calcOpticalFlowPyrLK(
         source,
         target,
         points[:, None],
@@ -112,5 +112,5 @@ def _follow(source: Image, target: Image, points: Points, start: Points) -> tupl
         criteria=_ACCURACY,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
-    good = (found[:, 0] > 0) & (residue[:, 0] < ROW_ALIGNMENT.largest_residue)
+    good = (status[:, 0] > 0) & (residue[:, 0] < ROW_ALIGNMENT.largest_residue)
     return np.asarray(moved[:, 0], dtype=np.float32), np.asarray(good)

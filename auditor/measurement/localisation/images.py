@@ -100,7 +100,7 @@ def _nearness(
 
     (h, w) each; pixels that neither the LiDAR nor stereo measured get the nearest known value.
     """
-    known = np.zeros(shape, dtype=np.float32)
+    nearness = np.zeros(shape, dtype=np.float32)
     sure = np.zeros(shape, dtype=np.bool_)
 
     def put(k: int, u: Floats32, v: NDArray[np.integer], value: Floats32) -> tuple[Indices, Indices]:
@@ -109,7 +109,7 @@ def _nearness(
         column, row = (moved / np.float32(REGION_STEP)).astype(np.intp), (v // REGION_STEP).astype(np.intp)
         inside = (moved >= 0) & (column < shape[1]) & (row < shape[0])
         row, column = row[inside], column[inside]
-        known[row, column] = value[inside]
+        nearness[row, column] = value[inside]
         return row, column
 
     for k, view in views.items():
@@ -125,12 +125,12 @@ def _nearness(
         place = put(k, u, row * REGION_STEP, disparity / np.float32(rig.baseline_m(i, k)))
         if camera in (i, k):
             sure[place] = True
-    missing = (known <= 0).astype(np.uint8)
+    missing = (nearness <= 0).astype(np.uint8)
     if missing.all():
-        return known, sure
+        return nearness, sure
     _, nearest = cv2.distanceTransformWithLabels(missing, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
     values = np.zeros(int(nearest.max()) + 1, dtype=np.float32)
-    values[nearest[missing == 0]] = known[missing == 0]
+    values[nearest[missing == 0]] = nearness[missing == 0]
     return np.asarray(cv2.medianBlur(values[nearest], _MEDIAN_PX), dtype=np.float32), sure
 
 

@@ -59,8 +59,8 @@ def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflic
 
 def among(points: Points, others: Points) -> Mask:
     """(N,) mask of the (N, 3) points that are one of the (M, 3) others, to the last bit."""
-    known = {point.tobytes() for point in others}
-    return np.array([point.tobytes() in known for point in points], dtype=np.bool_)
+    keys = {point.tobytes() for point in others}
+    return np.array([point.tobytes() in keys for point in points], dtype=np.bool_)
 
 
 def things(points: Points, rig: Rig) -> list[Points]:

@@ -166,12 +166,12 @@ def counting_checks(sensor_checks: Sequence[SensorCheck], absent: frozenset[int]
         return sensor_checks[place].check, sensor_checks[place].sensor
 
     there = [place for place, one in enumerate(sensor_checks) if absent.isdisjoint(one.needed)]
-    found: list[int] = []
+    columns: list[int] = []
     for (check, _), group in groupby(sorted(there, key=subject), key=subject):
         places = list(group)
         most = max(len(sensor_checks[place].others) for place in places)
-        found += [place for place in places if check in _BY_VIEW or len(sensor_checks[place].others) == most]
-    return tuple(sorted(found))
+        columns += [place for place in places if check in _BY_VIEW or len(sensor_checks[place].others) == most]
+    return tuple(sorted(columns))
 
 
 def cameras_of(pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:

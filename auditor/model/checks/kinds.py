@@ -386,14 +386,14 @@ FORMER = {"brightness_difference": "S_{i} or S_{k} alone sees light"}
 
 def label_of(name: str) -> str:
     """The name of a check for readers; another name with spaces."""
-    known = _of_name(name)
-    return known.label if known else name.replace("_", " ")
+    check = _of_name(name)
+    return check.label if check else name.replace("_", " ")
 
 
 def found_of(name: str, *, by_two: bool) -> str:
     """That a check fires, as a page says it of one sensor, or of one of two; its name where nothing is declared."""
-    known = _of_name(name)
-    return (known and (known.found_by_two if by_two else known.found)) or label_of(name)
+    check = _of_name(name)
+    return (check and (check.found_by_two if by_two else check.found)) or label_of(name)
 
 
 def _of_name(name: str) -> Words | None:

@@ -86,8 +86,8 @@ class Lens:
     def __post_init__(self) -> None:
         model = _known(self.model)
         if model is None:
-            known = ", ".join(name for name in MODELS if name)
-            raise RigError(f"the distortion model {self.model!r} is not known", where="lens", remedy=f"use {known}")
+            models = ", ".join(name for name in MODELS if name)
+            raise RigError(f"the distortion model {self.model!r} is not known", where="lens", remedy=f"use {models}")
         # Zeros at the end are not said: models without a tilted sensor are often written with those of one.
         given = self.coefficients
         fitting = [size for size in _SIZES[model] if size <= len(given) and not any(given[size:])]

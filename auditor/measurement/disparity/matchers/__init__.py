@@ -32,8 +32,8 @@ def find_matcher(name: str, options: MatcherOptions = NO_NETWORK) -> Matcher:
         options.only(name)
         factory: Callable[[], Matcher] = plugins[name].load()
         return factory()
-    known = ", ".join([*BUILT_IN, *(f"{kind}:FILE" for kind in MODEL_FILES), *plugins])
-    raise SettingError(f"no matcher is called {name!r}", where="--matcher", remedy=f"use one of: {known}")
+    names = ", ".join([*BUILT_IN, *(f"{kind}:FILE" for kind in MODEL_FILES), *plugins])
+    raise SettingError(f"no matcher is called {name!r}", where="--matcher", remedy=f"use one of: {names}")
 
 
 def _sgbm(options: MatcherOptions) -> Matcher:

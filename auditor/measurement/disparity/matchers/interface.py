@@ -82,8 +82,8 @@ def pairs_at_once(matcher: Matcher) -> int:
 
 def libraries(matcher: Matcher) -> Mapping[str, str]:
     """Versions by name of what a matcher runs on and others do not: what was measured may depend on them."""
-    found: Mapping[str, str] = getattr(matcher, "libraries", {})
-    return found
+    versions: Mapping[str, str] = getattr(matcher, "libraries", {})
+    return versions
 
 
 @dataclass(frozen=True)

@@ -145,10 +145,10 @@ def described(path: Path, kind: type[Kind], table: object, tables: Mapping[str, 
 
 def _fields_of(path: Path, kind: type[ModelTable], table: object) -> dict[str, Any]:
     """A table of the file as arguments of its dataclass, lists as tuples."""
-    known = [field.name for field in dataclasses.fields(kind)]
-    if not isinstance(table, dict) or not set(table) <= set(known):
-        odd = ", ".join(sorted(set(table) - set(known))) if isinstance(table, dict) else repr(table)
-        raise SettingError(f"{odd} is not known here", where=path, remedy=f"use: {', '.join(known)}")
+    names = [field.name for field in dataclasses.fields(kind)]
+    if not isinstance(table, dict) or not set(table) <= set(names):
+        odd = ", ".join(sorted(set(table) - set(names))) if isinstance(table, dict) else repr(table)
+        raise SettingError(f"{odd} is not known here", where=path, remedy=f"use: {', '.join(names)}")
     return {name: tuple(value) if isinstance(value, list) else value for name, value in table.items()}
 
 

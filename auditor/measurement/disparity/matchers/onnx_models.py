@@ -45,13 +45,13 @@ class OnnxModel:
 
     def check_names(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
         """Raises SettingError unless these are all inputs of the model and some of its outputs."""
-        for what, there, named in (
+        for side, there, named in (
             ("inputs", list(self.inputs), inputs),
             ("outputs", [entry.name for entry in self._session.get_outputs()], outputs),
         ):
-            if set(named) - set(there) or (what == "inputs" and set(there) - set(named)):
+            if set(named) - set(there) or (side == "inputs" and set(there) - set(named)):
                 raise SettingError(
-                    f"the model's {what} are {', '.join(there)}, its description names {', '.join(named)}",
+                    f"the model's {side} are {', '.join(there)}, its description names {', '.join(named)}",
                     where=self._path.with_suffix(".toml"),
                     remedy="use the model's names",
                 )
@@ -59,13 +59,13 @@ class OnnxModel:
     def run(self, outputs: Sequence[str], inputs: Mapping[str, NDArray[np.generic]]) -> list[NDArray[np.generic]]:
         """The named outputs. Raises SettingError where the model fails."""
         try:
-            found: list[NDArray[np.generic]] = self._session.run(list(outputs), dict(inputs))
+            arrays: list[NDArray[np.generic]] = self._session.run(list(outputs), dict(inputs))
         except _UNREADABLE as error:
             shapes = ", ".join(str(values.shape) for values in inputs.values())
             raise SettingError(
                 f"the model fails on {shapes} ({_line(error)})", where=self._path, remedy="correct its TOML file"
             ) from error
-        return found
+        return arrays
 
 
 def _session(path: Path, content: bytes, device: str, threads: int) -> onnxruntime.InferenceSession:

@@ -193,8 +193,10 @@ def _device(name: str, precision: str) -> torch.device:
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
         raise SettingError(f"there is no GPU {name}", where="--device", remedy="use --device cpu")
     if precision not in PRECISIONS:
-        known = ", ".join(PRECISIONS)
-        raise SettingError(f"no precision is called {precision!r}", where="--precision", remedy=f"use one of: {known}")
+        precisions = ", ".join(PRECISIONS)
+        raise SettingError(
+            f"no precision is called {precision!r}", where="--precision", remedy=f"use one of: {precisions}"
+        )
     if device.type == "cpu" and precision != "fp32":
         raise SettingError(f"{precision} is for a GPU", where="--precision", remedy="leave it out with --device cpu")
     return device

@@ -223,12 +223,12 @@ def _problems(file: WeightsFile) -> tuple[str, ...]:
     if unexpected:
         problems.append(f"{len(unexpected)} unexpected: {_some(unexpected)}")
     shapes = _shapes(_width(file.tensors))
-    known = [name for name in file.tensors if name in shapes]
-    found = {name: tuple(file.tensors[name].shape) for name in known}
-    wrong = [f"{name} {found[name]} for {shapes[name]}" for name in known if found[name] != shapes[name]]
+    names = [name for name in file.tensors if name in shapes]
+    stored = {name: tuple(file.tensors[name].shape) for name in names}
+    wrong = [f"{name} {stored[name]} for {shapes[name]}" for name in names if stored[name] != shapes[name]]
     if wrong:
         problems.append(f"{len(wrong)} of another shape: {_some(wrong)}")
-    elif odd := [name for name in known if not _plain(file.tensors[name])]:
+    elif odd := [name for name in names if not _plain(file.tensors[name])]:
         problems.append(f"{len(odd)} are no plain finite numbers: {_some(odd)}")
     return tuple(problems)
 
