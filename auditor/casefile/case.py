@@ -62,14 +62,16 @@ class Redaction:
     @classmethod
     def of_store(cls, store: Store) -> "Redaction":
         """All names and paths that a store knows, and those of this machine."""
-        found: set[str] = {str(store.folder), socket.gethostname(), user(), str(Path.home())}
+        secrets: set[str] = {str(store.folder), socket.gethostname(), user(), str(Path.home())}
         for record in store.recordings():
-            found |= {record.name, record.path, *record.files, record.vehicle or "", record.drive or ""}
-            found |= {text for one in record.sightings for text in (one.name, one.path, str(Path(one.path).parent))}
+            secrets |= {record.name, record.path, *record.files, record.vehicle or "", record.drive or ""}
+            secrets |= {text for one in record.sightings for text in (one.name, one.path, str(Path(one.path).parent))}
         for rig_id in store.ids("rigs"):
-            found |= set(_names_of(store.rig(rig_id)))
-        found |= {row["author"] for row in rows_of(run_sql(store, "SELECT DISTINCT author FROM reviews"))}
-        return cls(tuple(sorted({one for one in found if len(one) >= _SHORTEST and one != "/"}, key=len, reverse=True)))
+            secrets |= set(_names_of(store.rig(rig_id)))
+        secrets |= {row["author"] for row in rows_of(run_sql(store, "SELECT DISTINCT author FROM reviews"))}
+        return cls(
+            tuple(sorted({one for one in secrets if len(one) >= _SHORTEST and one != "/"}, key=len, reverse=True))
+        )
 
     @cached_property
     def _pattern(self) -> re.Pattern[str]:

@@ -79,8 +79,8 @@ def _checked(path: Path, files: _Files, key: "PublicKey | None") -> CheckedCase:
         raise SettingError(f"it is no case: it has no {MANIFEST}", where=path)
     content = _small(files, MANIFEST)
     subjects = _subjects(content, path)
-    found = {name: _hash(files, name) for name in sorted(names - _BESIDE)}
-    problems = [*_differences(subjects, found), *_of_sums(files, names, subjects, content)]
+    hashes = {name: _hash(files, name) for name in sorted(names - _BESIDE)}
+    problems = [*_differences(subjects, hashes), *_of_sums(files, names, subjects, content)]
     signer, unsigned = _signature(files, names, content, key)
     return CheckedCase((*problems, *unsigned), len(names), signer)
 
@@ -101,13 +101,13 @@ def _subjects(content: bytes, path: Path) -> dict[str, str]:
     return subjects
 
 
-def _differences(subjects: Mapping[str, str], found: Mapping[str, str]) -> Iterator[str]:
-    for name in sorted(subjects.keys() | found.keys()):
-        if name not in found:
+def _differences(subjects: Mapping[str, str], hashes: Mapping[str, str]) -> Iterator[str]:
+    for name in sorted(subjects.keys() | hashes.keys()):
+        if name not in hashes:
             yield f"{name}: it is missing"
         elif name not in subjects:
             yield f"{name}: it was added: the manifest does not name it"
-        elif subjects[name] != found[name]:
+        elif subjects[name] != hashes[name]:
             yield f"{name}: it is not as it was written"
 
 

@@ -228,10 +228,10 @@ def write_ticket(case: Case, remarks: tuple[str, ...]) -> str:
     """Write ticket.json, one flat object; gives its title. Raises OSError."""
     incident = case.incident
     sensors = " + ".join(f"S_{sensor}" for sensor in incident.attacked)
-    what = f"{sensors} attacked" if sensors else f"{incident.row['kind']} finding"
+    subject = f"{sensors} attacked" if sensors else f"{incident.row['kind']} finding"
     # a name too short to be searched for is left out before it is part of a sentence
     described = case.redaction.value(_ticket(incident, remarks))
-    title = f"{what} for {incident.row['seconds']:.1f} s in {described['name']}"
+    title = f"{subject} for {incident.row['seconds']:.1f} s in {described['name']}"
     case.write("ticket.json", as_json({"title": title, **described}))
     return title
 
@@ -280,15 +280,15 @@ def _timeline(case: Case) -> Iterator[dict[str, Any]]:
     incident, row = case.incident, case.incident.row
     clock = _CLOCKS[incident.recording.clock]
     same = {"incident_id": incident.incident_id, "name": incident.recording.name, "data_type": "auditor:incident"}
-    what = " + ".join(map(in_words, incident.attacked)) or "no sensor named"
-    first = f"incident begins: {row['kind']}, {what}; {row['evidence'] or 'no evidence in words'}"
+    subject = " + ".join(map(in_words, incident.attacked)) or "no sensor named"
+    first = f"incident begins: {row['kind']}, {subject}; {row['evidence'] or 'no evidence in words'}"
     yield {**_at(incident.part["from_ns"], first, f"Incident begins{clock}"), **same}
     for frame in case.frames:
         if frame["in_incident"]:
             gap = "" if frame["gap"] is None else f", gap {frame['gap']:.2f}"
-            message = f"frame {frame['frame']}: {frame['kind']}, {what}{gap}"
+            message = f"frame {frame['frame']}: {frame['kind']}, {subject}{gap}"
             yield {**_at(frame["stamp_ns"], message, f"Frame captured{clock}"), **same, "frame": frame["frame"]}
-    last = f"incident ends after {row['frames']} frames: {row['kind']}, {what}"
+    last = f"incident ends after {row['frames']} frames: {row['kind']}, {subject}"
     yield {**_at(incident.part["to_ns"], last, f"Incident ends{clock}"), **same}
 
 

@@ -152,9 +152,9 @@ def _warn_of_findings(results: "Sequence[LeftOut]", names: Mapping[str, str], ju
         )
 
 
-def _found(one: "LeftOut") -> str:
+def _found(recording: "LeftOut") -> str:
     """Its incidents; where it has none, its frames that are findings."""
-    return _number(one.incidents) if one.incidents else f"{one.findings} of {one.frames} frames"
+    return _number(recording.incidents) if recording.incidents else f"{recording.findings} of {recording.frames} frames"
 
 
 def _share(results: "Sequence[LeftOut]") -> str:

@@ -61,10 +61,10 @@ def tell_altered(store: "StoreFolder", *, every: bool) -> bool:
         return False
     from auditor.store.maintenance.verify import verify_changes, verify_hashes  # noqa: PLC0415 - heavier still
 
-    found = verify_hashes(store) if every else verify_changes(store)
-    for problem in found.grave:
+    result = verify_hashes(store) if every else verify_changes(store)
+    for problem in result.grave:
         say(f"{store.folder}: {problem}")
-    return bool(found.grave)
+    return bool(result.grave)
 
 
 def _altered(folder: Path) -> str:

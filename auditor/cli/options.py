@@ -102,10 +102,10 @@ class _Sensor(click.ParamType[int]):
     name = "S_k"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
-        if not found:
+        match = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not match:
             self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
-        return int(found[1])
+        return int(match[1])
 
 
 SENSOR = _Sensor()

@@ -289,8 +289,8 @@ class _Pace:
             return None, 0.0
         a_frame = done / sum(self._frames[item] for item in new)
         done += sum(min(self._sizes[item], a_frame * self._frames.get(item, 0)) for item in self._left)
-        known = sum(size for item, size in self._sizes.items() if item not in self._left and item not in new)
-        return (known + done) / every, (monotonic() - self._began) * (every - known - done) / done
+        total = sum(size for item, size in self._sizes.items() if item not in self._left and item not in new)
+        return (total + done) / every, (monotonic() - self._began) * (every - total - done) / done
 
 
 def _bytes(count: float) -> str:
@@ -332,10 +332,10 @@ def progress(
     with Progress(*columns, console=console, transient=True, disable=not bars) as bar:
         task = bar.add_task(doing, total=total, pace=pace)
 
-        def advanced(item: object, what: str, done: int) -> None:
+        def advanced(item: object, message: str, done: int) -> None:
             nonlocal counted_at
             if done == 0:
-                remark(f"{item}: {what}", item=str(item))
+                remark(f"{item}: {message}", item=str(item))
             pace.advance(item, done)
             bar.update(task)
             if not bars and monotonic() - counted_at >= _COUNT_EACH_S:

@@ -34,8 +34,8 @@ def check_thresholds(target: Path) -> None:
         raise _foreign(target, "not a thresholds artefact")
 
 
-def _foreign(target: Path, what: str) -> SettingError:
-    there = "a folder" if target.is_dir() else what
+def _foreign(target: Path, contents: str) -> SettingError:
+    there = "a folder" if target.is_dir() else contents
     return SettingError(
         f"it exists already and is {there}", where=target, remedy="name another file with --out; nothing was written"
     )

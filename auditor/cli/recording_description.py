@@ -70,8 +70,8 @@ def describe(
             if shown:
                 raise
             missing = error.what
-        found, first, health = looked
-        rigs = tuple(one.rig for one in found.rigs)
+        in_force, first, health = looked
+        rigs = tuple(one.rig for one in in_force.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
         if rigs and pictured:
@@ -93,7 +93,7 @@ def describe(
             "labels": len(recording.labels()),
             "topics": list(_topics(recording, rigs, coverage)),
             "damage": damage,
-            "problems": [*found.remarks, *surveyed.problems],
+            "problems": [*in_force.remarks, *surveyed.problems],
             "rigs": [
                 {**_rig(rig, one), **_doubts(seen.doubts), "reading": list(reading.remarks)}
                 for rig, one, seen, reading in zip(rigs, health, first, readings, strict=True)
@@ -131,19 +131,21 @@ def _looked_through(recording: Recording, surveyed: Survey, shown: Path | None) 
     """
     beginning = rigs_to_begin_with(recording, surveyed) if shown is None else None
     if beginning is not None:
-        found, changes = beginning
-        looked = _looked_by(recording, found, changes)
+        rigs, changes = beginning
+        looked = _looked_by(recording, rigs, changes)
         if not changes.any:
             return looked
     return _looked_by(recording, rigs_through(recording, surveyed, shown))
 
 
-def _looked_by(recording: Recording, found: RigsInForce, changes: Changes | None = None) -> _Inspection:
+def _looked_by(recording: Recording, rigs: RigsInForce, changes: Changes | None = None) -> _Inspection:
     first: dict[str, FirstFrames] = {}
-    for one in found.rigs:
-        larger = (first[rig.rig_id].doubts.withheld for rig in found.larger_than(one) if rig.rig_id in first)
-        first[one.rig.rig_id] = first_frames_of(recording, one, found.withheld or next(filter(None, larger), ""))
-    return _Inspection(found, list(first.values()), _health_of(recording, found.rigs, changes))
+    for in_force in rigs.rigs:
+        larger = (first[rig.rig_id].doubts.withheld for rig in rigs.larger_than(in_force) if rig.rig_id in first)
+        first[in_force.rig.rig_id] = first_frames_of(
+            recording, in_force, rigs.withheld or next(filter(None, larger), "")
+        )
+    return _Inspection(rigs, list(first.values()), _health_of(recording, rigs.rigs, changes))
 
 
 def _health_of(recording: Recording, rigs: Sequence[RigInForce], changes: Changes | None) -> list[Health]:
@@ -196,15 +198,15 @@ def _topics(
     # A name with messages of two types is two topics.
     for topic in sorted({*recording.topics(), *traffic}, key=lambda topic: (topic.name, topic.schema)):
         messages = traffic[topic].messages if topic in traffic else 0
-        sensor, one = sensors.get(topic.name), covered.get((topic.name, topic.schema))
+        sensor, topic_coverage = sensors.get(topic.name), covered.get((topic.name, topic.schema))
         yield {
             "topic": topic.name,
             "schema": topic.schema,
             "messages": messages,
             "sensor": sensor,
-            "state": _state(sensor, one, messages),
-            "why": one.reason if one is not None and sensor is None else "",
-            "remedy": one.remedy if one is not None and sensor is None else "",
+            "state": _state(sensor, topic_coverage, messages),
+            "why": topic_coverage.reason if topic_coverage is not None and sensor is None else "",
+            "remedy": topic_coverage.remedy if topic_coverage is not None and sensor is None else "",
         }
 
 
@@ -266,8 +268,8 @@ def _size(camera: Camera) -> str:
 
 
 def _sensor_health(health: Health, sensor: int) -> dict[str, Any]:
-    one = health.sensors[sensor]
-    balance = one.balance
+    sensor_health = health.sensors[sensor]
+    balance = sensor_health.balance
     covered = next(topic for topic in health.coverage if topic.sensor == sensor)
     return {
         "read": balance.read,
@@ -275,10 +277,14 @@ def _sensor_health(health: Health, sensor: int) -> dict[str, Any]:
         "unused": balance.unused,
         "damaged": balance.damaged,
         "skipped": dict(sorted(balance.skipped.items())),
-        "present": one.present,
-        "from_s": None if one.first_ns is None or health.first_ns is None else (one.first_ns - health.first_ns) / 1e9,
-        "to_s": None if one.last_ns is None or health.first_ns is None else (one.last_ns - health.first_ns) / 1e9,
-        "offset_ms": one.offset_ns / 1e6,
+        "present": sensor_health.present,
+        "from_s": None
+        if sensor_health.first_ns is None or health.first_ns is None
+        else (sensor_health.first_ns - health.first_ns) / 1e9,
+        "to_s": None
+        if sensor_health.last_ns is None or health.first_ns is None
+        else (sensor_health.last_ns - health.first_ns) / 1e9,
+        "offset_ms": sensor_health.offset_ns / 1e6,
         "messages_share": covered.messages_share,
         "time_share": covered.time_share,
         "against": dict(covered.against),

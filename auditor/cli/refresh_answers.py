@@ -23,8 +23,8 @@ def gauge(name: str, text: str, rows: Iterable[tuple[str, float]]) -> Iterator[s
     """The lines of one metric: each row has its labels, as `labels` gives them, and its number."""
     yield f"# HELP {name} {text}"
     yield f"# TYPE {name} gauge"
-    for known, number in rows:
-        yield f"{name}{known} {number!r}"
+    for values, number in rows:
+        yield f"{name}{values} {number!r}"
 
 
 def labels(**known: str) -> str:
@@ -36,20 +36,20 @@ def _escaped(text: str) -> str:
     return one_line(text).replace("\\", "\\\\").replace('"', '\\"')
 
 
-def drift_metrics(found: "FleetDrift") -> Iterator[str]:
+def drift_metrics(drift: "FleetDrift") -> Iterator[str]:
     """The lines of what drifts and has changed in a fleet."""
 
-    def of(one: "SensorDrift") -> str:
-        return labels(vehicle=one.vehicle, sensor=f"S_{one.sensor}", check=one.check)
+    def of(sensor: "SensorDrift") -> str:
+        return labels(vehicle=sensor.vehicle, sensor=f"S_{sensor.sensor}", check=sensor.check)
 
-    drifting = [one for one in found.named if one.drifting]
-    changes = [(one, one.change) for one in found.named if one.change is not None]
+    drifting = [one for one in drift.named if one.drifting]
+    changes = [(one, one.change) for one in drift.named if one.change is not None]
     for name, text, rows in (
-        ("levels", "Levels of sensors and checks that were looked at.", [("", len(found.sensors))]),
-        ("vehicles", "Vehicles with enough days.", [("", found.vehicles)]),
-        ("false_alarm_chance", "Chance of any alarm in a fleet without drift.", [("", found.false_alarms)]),
+        ("levels", "Levels of sensors and checks that were looked at.", [("", len(drift.sensors))]),
+        ("vehicles", "Vehicles with enough days.", [("", drift.vehicles)]),
+        ("false_alarm_chance", "Chance of any alarm in a fleet without drift.", [("", drift.false_alarms)]),
         ("per_day", "Change of a drifting level in a day.", [(of(one), one.per_day) for one in drifting]),
-        ("level", "Level of what drifts or has changed.", [(of(one), one.level) for one in found.named]),
+        ("level", "Level of what drifts or has changed.", [(of(one), one.level) for one in drift.named]),
         (
             "days_left",
             "Days until frames are raised as those of a displaced camera.",
@@ -116,40 +116,40 @@ def json_line(refresh: "Refresh") -> str:
     return json.dumps(answer, ensure_ascii=False)
 
 
-def _rig_kind(one: "Decision", store: "Path") -> dict[str, object]:
+def _rig_kind(decision: "Decision", store: "Path") -> dict[str, object]:
     from auditor.store.versions.decisions import next_steps  # noqa: PLC0415 - keeps --help quick
 
     return {
-        "kind": one.kind,
-        "matcher": one.matcher,
-        "decided": one.decided.value,
-        "reasons": list(one.reasons),
-        "calibration": one.calibration_id,
-        "before": one.before,
-        "in_force": one.in_force,
-        "provisional": one.provisional,
-        "recordings": len(one.included),
-        "new": one.new,
-        "by_others": one.by_others and one.by_others._asdict(),
-        "new_by_others": one.new_by_others and one.new_by_others._asdict(),
-        "new_before": one.new_before and one.new_before._asdict(),
-        "planted_found_before": one.found_before and one.found_before._asdict(),
-        "planted_found": one.found_after and one.found_after._asdict(),
-        "planted_lost": one.lost and one.lost._asdict(),
-        "planted_lost_in_all": one.lost_in_all and one.lost_in_all._asdict(),
-        "largest_rise": max((rise.deviations for rise in one.rises), default=None),
-        "creep": one.creep,
-        "to_do": [step._asdict() for step in next_steps(one, store)],
-        "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
-        "left_out": [{"recording": used.name, "reason": used.reason} for used in one.left_out],
+        "kind": decision.kind,
+        "matcher": decision.matcher,
+        "decided": decision.decided.value,
+        "reasons": list(decision.reasons),
+        "calibration": decision.calibration_id,
+        "before": decision.before,
+        "in_force": decision.in_force,
+        "provisional": decision.provisional,
+        "recordings": len(decision.included),
+        "new": decision.new,
+        "by_others": decision.by_others and decision.by_others._asdict(),
+        "new_by_others": decision.new_by_others and decision.new_by_others._asdict(),
+        "new_before": decision.new_before and decision.new_before._asdict(),
+        "planted_found_before": decision.found_before and decision.found_before._asdict(),
+        "planted_found": decision.found_after and decision.found_after._asdict(),
+        "planted_lost": decision.lost and decision.lost._asdict(),
+        "planted_lost_in_all": decision.lost_in_all and decision.lost_in_all._asdict(),
+        "largest_rise": max((rise.deviations for rise in decision.rises), default=None),
+        "creep": decision.creep,
+        "to_do": [step._asdict() for step in next_steps(decision, store)],
+        "look_at": [{"recording": used.name, "reason": used.reason} for used in decision.look_at],
+        "left_out": [{"recording": used.name, "reason": used.reason} for used in decision.left_out],
     }
 
 
-def left_out_lines(one: "Decision") -> Iterator[str]:
+def left_out_lines(decision: "Decision") -> Iterator[str]:
     """One line for each recording that is not learnt from, with its reason; of very many the first."""
-    for used in one.left_out[:_MOST_LEFT_OUT]:
+    for used in decision.left_out[:_MOST_LEFT_OUT]:
         yield f"left out: {used.name}: {used.reason}"
-    more = len(one.left_out) - _MOST_LEFT_OUT
+    more = len(decision.left_out) - _MOST_LEFT_OUT
     if more > 0:
         yield f"left out: {more} more recordings, which the line of JSON names"
 
@@ -160,9 +160,9 @@ def planned_lines(refresh: "Refresh") -> Iterator[str]:
     measured = Counter(kind for one in refresh.planned if one.measured for kind in one.rig_kinds)
     for kind, count in kinds.items():
         yield f"{kind}: {count} recording{'s' * (count > 1)} given, {measured[kind]} measured so far"
-    for one in refresh.planned:
-        if one.error:
-            yield one.error
+    for recording in refresh.planned:
+        if recording.error:
+            yield recording.error
 
 
 def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
@@ -207,5 +207,5 @@ def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
         yield from gauge(_PREFIX + name, text, [(known, number) for known, number in rows if number is not None])
 
 
-def _of(one: "Decision") -> dict[str, str]:
-    return {"kind": one.kind, "matcher": one.matcher}
+def _of(decision: "Decision") -> dict[str, str]:
+    return {"kind": decision.kind, "matcher": decision.matcher}

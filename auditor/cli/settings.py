@@ -51,20 +51,20 @@ def read_file(path: Path, group: click.Group, context: click.Context) -> dict[st
     shared = tables.pop(EVERY_VERB, {})
     if not isinstance(shared, dict):
         raise SettingError(f"{EVERY_VERB} is no table", where=path, remedy=f"write [{EVERY_VERB}]")
-    known = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
     for name in tables:
-        if name not in known:
+        if name not in commands:
             raise SettingError(f"there is no verb {name!r}", where=path, remedy=_REMEDY)
     used = set[str]()
-    found = {
+    values = {
         name: _of_command(path, name, command, tables.get(name, {}), shared, used)
-        for name, command in known.items()
+        for name, command in commands.items()
         if command is not None
     }
     for key in shared:
         if key not in used:
             raise SettingError(f"no verb has an option {key!r}", where=f"{path} [{EVERY_VERB}]", remedy=_REMEDY)
-    return found
+    return values
 
 
 def announced(command: click.Command) -> None:
@@ -81,11 +81,11 @@ def announced(command: click.Command) -> None:
     @wraps(run)
     def said_first(*values: Any, **named: Any) -> Any:  # noqa: ANN401 - handed on
         context = click.get_current_context()
-        found = [*_taken(context)]
-        if found:
-            say(f"settings: {', '.join(f'{words} ({where})' for words, where in found)}")
+        sources = [*_taken(context)]
+        if sources:
+            say(f"settings: {', '.join(f'{words} ({where})' for words, where in sources)}")
             root = context.find_root()
-            root.obj = [*(root.obj or ()), *(words for words, _ in found)]
+            root.obj = [*(root.obj or ()), *(words for words, _ in sources)]
         return run(*values, **named)
 
     said_first.__wrapped_by_settings__ = True  # type: ignore[attr-defined]
@@ -133,19 +133,19 @@ def _of_command(
         raise SettingError(f"{name} is no table", where=path, remedy=f"write [{name}]")
     options = {_key(option): option for option in _options(command)}
     below = dict(_below(command))
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in {**{key: shared[key] for key in options.keys() & shared.keys()}, **given}.items():
         if key in below:
             continue
         where = f"{path} [{name if key in given else EVERY_VERB}]"
         if key not in options:
-            known = f"its options are {', '.join([*options, *below])}" if options or below else "it has no options"
-            raise SettingError(f"{name} has no option {key!r}", where=where, remedy=known)
-        found[str(options[key].name)] = _checked(options[key], value, where)
+            names = f"its options are {', '.join([*options, *below])}" if options or below else "it has no options"
+            raise SettingError(f"{name} has no option {key!r}", where=where, remedy=names)
+        values[str(options[key].name)] = _checked(options[key], value, where)
     used |= options.keys() & shared.keys()
     for key, inner in below.items():
-        found[key] = _of_command(path, f"{name}.{key}", inner, given.get(key, {}), shared, used)
-    return found
+        values[key] = _of_command(path, f"{name}.{key}", inner, given.get(key, {}), shared, used)
+    return values
 
 
 def _checked(option: click.Parameter, value: object, where: str) -> object:
@@ -180,12 +180,12 @@ def _options(command: click.Command) -> Iterator[click.Parameter]:
 
     The store is one also where it is an argument that may be left out.
     """
-    for one in command.params:
-        if isinstance(one, click.Option):
-            if not one.is_eager and _key(one) not in _OF_THIS_RUN:
-                yield one
-        elif one.name == _STORE and not one.required:
-            yield one
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            if not parameter.is_eager and _key(parameter) not in _OF_THIS_RUN:
+                yield parameter
+        elif parameter.name == _STORE and not parameter.required:
+            yield parameter
 
 
 def _below(command: click.Command) -> Iterator[tuple[str, click.Command]]:

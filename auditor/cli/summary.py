@@ -73,10 +73,10 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
     if before and not batch.shows_known:
         say(f"{_count(before)} measured before")
     remarks: Remarks = {}
-    for one in scan.measured:
-        tally.recordings.add(one.recording_id)
-        for warning in (*one.calibration_warnings, *one.remarks):
-            remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
+    for result in scan.measured:
+        tally.recordings.add(result.recording_id)
+        for warning in (*result.calibration_warnings, *result.remarks):
+            remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(result.recording))
     _say_once(remarks)
 
 
@@ -93,8 +93,8 @@ def show_unjudged(measured: "Sequence[MeasureResult]", tally: Tally) -> None:
     if measured:
         say("measured only: no verdicts were reached; auditor judge reaches them")
         tally.incomplete = True
-    for one in measured:
-        name, path = storable(one.recording.name), storable(str(one.recording))
+    for result in measured:
+        name, path = storable(result.recording.name), storable(str(result.recording))
         tally.not_audited.append(NotAudited(name, path, "measured only"))
 
 
@@ -114,29 +114,29 @@ def show_judging(results: "Iterable[JudgeResult]", store: "Store | None", tally:
     remarks: Remarks = {}
     said: set[tuple[str, str]] = set()
     counted = store.counted_by() if store is not None and judged else {}
-    for one in judged:
+    for result in judged:
         assert store is not None, "what is judged was measured into a store"
-        measurement = store.measurement(one.measurement_id)
+        measurement = store.measurement(result.measurement_id)
         counts_as = counted.get(measurement.recording_id, measurement.recording_id)
         kind = str(store.rig(measurement.rig_id).kind)
-        for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
-            remarks.setdefault((kind, remark), []).append(one.recording)
+        for remark in (*result.warnings, *([str(result.error)] if result.error else [])):
+            remarks.setdefault((kind, remark), []).append(result.recording)
         tally.recordings.discard(measurement.recording_id)
         tally.recordings.add(counts_as)
         if counts_as == measurement.recording_id:
-            counting.append(one)
-            tally.found |= one.found
-            if one.judgement is not None and one.found:
-                graded = tally.with_incidents if one.judgement.in_incidents else tally.with_alerts
+            counting.append(result)
+            tally.found |= result.found
+            if result.judgement is not None and result.found:
+                graded = tally.with_incidents if result.judgement.in_incidents else tally.with_alerts
                 graded.add(counts_as)
-        gaps = "; ".join((one.error.what,) if one.error else one.gaps)
+        gaps = "; ".join((result.error.what,) if result.error else result.gaps)
         if gaps and (counts_as, gaps) not in said:
             said.add((counts_as, gaps))
             path = store.recording(measurement.recording_id).path
-            tally.not_audited.append(NotAudited(one.recording, path, gaps))
-        tally.failed |= one.error is not None
-        tally.incomplete |= one.error is None and not one.complete
-        tally.audited |= one.judgement is not None
+            tally.not_audited.append(NotAudited(result.recording, path, gaps))
+        tally.failed |= result.error is not None
+        tally.incomplete |= result.error is None and not result.complete
+        tally.audited |= result.judgement is not None
     _say_once(remarks)
     return counting
 
@@ -224,9 +224,9 @@ def _excuse(tally: Tally, incidents: Sequence[Mapping[str, Any]]) -> None:
     """Leave out of what was found the recordings all of whose incidents are excused."""
     failing = {part["recording_id"] for row in incidents if not row["excuse"] for part in row["parts"]}
     excused = {part["recording_id"] for row in incidents if row["excuse"] for part in row["parts"]} - failing
-    found = tally.with_incidents | tally.with_alerts
-    tally.excused = found & excused
-    tally.found = tally.found and bool(found - tally.excused)
+    count = tally.with_incidents | tally.with_alerts
+    tally.excused = count & excused
+    tally.found = tally.found and bool(count - tally.excused)
 
 
 def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]], tally: Tally) -> None:
@@ -346,16 +346,16 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _named(one: Mapping[str, Any]) -> str:
+def _named(row: Mapping[str, Any]) -> str:
     """A set of attacked sensors with its number of frames, as 'S_0 + S_2 (3)'."""
-    return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
+    return f"{' + '.join(f'S_{sensor}' for sensor in row['attacked'])} ({row['frames']})"
 
 
 def _each_once(incidents: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The incidents with the number of rigs that say each; those that say the same as one of them are left out."""
-    known = {row["incident_id"] for row in incidents}
+    ids = {row["incident_id"] for row in incidents}
     said = Counter(row["same_as"] for row in incidents)
-    return [_incident(row) | {"rigs": 1 + said[row["incident_id"]]} for row in incidents if row["same_as"] not in known]
+    return [_incident(row) | {"rigs": 1 + said[row["incident_id"]]} for row in incidents if row["same_as"] not in ids]
 
 
 def _incident(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -143,18 +143,18 @@ def _listed(row: Row, recording: RecordingRecord) -> Row:
     return {**row, "when": clock.moment(row["from_ns"]), "excuse": excuse(row), "file": file}
 
 
-def _write_incident(store: Store, one: OneIncident, folder: Path, former: Iterable[str]) -> None:
+def _write_incident(store: Store, incident: OneIncident, folder: Path, former: Iterable[str]) -> None:
     """Write the page of an incident under its name, and under those of its former names that have a page."""
-    for name in (one.row["incident_id"], *former):
-        known_as = replace(one, former=name) if name in former else one
+    for name in (incident.row["incident_id"], *former):
+        known_as = replace(incident, former=name) if name in former else incident
         store.write_page(folder / f"{name}.html", render_one(known_as, index=f"../{INDEX}"))
 
 
 def _former_names(store: Store, rows: Iterable[Row], folder: Path) -> dict[str, list[str]]:
     """Names of pages in a folder that are those of incidents no more, by the ids of the incidents that they lead to."""
     left = {path.stem for path in folder.glob("*.html")} - {row["incident_id"] for row in rows}
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, incident_id in sorted(incidents_named(store, left).items()) if left else ():
         if name in left:
-            found.setdefault(incident_id, []).append(name)
-    return found
+            names.setdefault(incident_id, []).append(name)
+    return names

@@ -184,8 +184,8 @@ def draw(
     charts: list[Chart] = []
     height = 84.0 if len(series) <= 4 else 52.0 if len(series) <= 10 else 34.0
     highest = _highest(series)
-    for one in series:
-        charts.append(_chart(one, stamps_ns, axis, highest=highest, top=top, bottom=top + height))
+    for curve in series:
+        charts.append(_chart(curve, stamps_ns, axis, highest=highest, top=top, bottom=top + height))
         top += height + 12
     strips: list[Strip] = []
     top += 4 if charts else 0

@@ -62,15 +62,15 @@ class Plot:
     changed_px: float | None
 
 
-def render_drift_page(found: FleetDrift, store: Store, *, out: Path) -> Path:
+def render_drift_page(drift: FleetDrift, store: Store, *, out: Path) -> Path:
     """Write the page of a fleet's drift; answer `out`. Raises StoreError where it cannot be written.
 
     All of its text is escaped; it refers to nothing outside itself.
     """
     values = {
-        "found": found,
-        "plots": [_plot(one) for one in found.named[:_MOST_PLOTS]],
-        "headline": _drift_headline(found),
+        "found": drift,
+        "plots": [_plot(one) for one in drift.named[:_MOST_PLOTS]],
+        "headline": _drift_headline(drift),
         "auditor_version": __version__,
         "store": str(store.folder),
         "size": (_WIDTH_PX, _HEIGHT_PX, _LEFT_PX),
@@ -78,20 +78,20 @@ def render_drift_page(found: FleetDrift, store: Store, *, out: Path) -> Path:
     return store.write_page(out, fill("drift.html", values))
 
 
-def _drift_headline(found: FleetDrift) -> str:
-    if not found.sensors:
+def _drift_headline(drift: FleetDrift) -> str:
+    if not drift.sensors:
         return "No vehicle has enough days."
-    if not found.named:
+    if not drift.named:
         return "Nothing drifts."
-    sensors = {(one.vehicle, one.sensor) for one in found.named}
+    sensors = {(one.vehicle, one.sensor) for one in drift.named}
     vehicles = len({vehicle for vehicle, _ in sensors})
     several = "s drift or have" if len(sensors) > 1 else " drifts or has"
     return f"{len(sensors)} sensor{several} changed, of {vehicles} vehicle{'s' * (vehicles > 1)}."
 
 
-def _plot(one: SensorDrift) -> Plot:
-    first, last = one.levels[0][0], one.levels[-1][0]
-    values = [level for _, level in one.levels]
+def _plot(sensor: SensorDrift) -> Plot:
+    first, last = sensor.levels[0][0], sensor.levels[-1][0]
+    values = [level for _, level in sensor.levels]
     low, high = min(values), max(values)
     days, span = max((last - first).days, 1), (high - low) or 1.0
 
@@ -101,6 +101,6 @@ def _plot(one: SensorDrift) -> Plot:
     def down(level: float) -> float:
         return _TOP_PX + (_HEIGHT_PX - 2 * _TOP_PX) * (high - level) / span
 
-    points = " ".join(f"{at((day - first).days):.1f},{down(level):.1f}" for day, level in one.levels)
-    changed = at((one.change.on_day - first).days - 0.5) if one.change is not None else None
-    return Plot(one, f"M{points}", low, high, changed)
+    points = " ".join(f"{at((day - first).days):.1f},{down(level):.1f}" for day, level in sensor.levels)
+    changed = at((sensor.change.on_day - first).days - 0.5) if sensor.change is not None else None
+    return Plot(sensor, f"M{points}", low, high, changed)

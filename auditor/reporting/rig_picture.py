@@ -76,17 +76,17 @@ def rig_picture(rigs: Sequence[PlacedRig], unused: Sequence[UnusedLidar] = ()) -
     )
 
 
-def _at(one: DrawnSensor, scale: float) -> tuple[float, float]:
-    return _MIDDLE[0] - one.left_m * scale, _MIDDLE[1] - one.ahead_m * scale
+def _at(sensor: DrawnSensor, scale: float) -> tuple[float, float]:
+    return _MIDDLE[0] - sensor.left_m * scale, _MIDDLE[1] - sensor.ahead_m * scale
 
 
 def _towards(deg: float, radius_px: float) -> tuple[float, float]:
     return -radius_px * math.sin(math.radians(deg)), -radius_px * math.cos(math.radians(deg))
 
 
-def _rim(one: DrawnSensor, deg: float, scale: float) -> tuple[float, float]:
+def _rim(sensor: DrawnSensor, deg: float, scale: float) -> tuple[float, float]:
     """Where a ray of a sensor meets the circle about the middle that all views end at."""
-    x, y = _at(one, scale)
+    x, y = _at(sensor, scale)
     dx, dy = _towards(deg, 1.0)
     ox, oy = x - _MIDDLE[0], y - _MIDDLE[1]
     along = -(ox * dx + oy * dy)
@@ -135,23 +135,25 @@ def _arc(camera: DrawnSensor, first_deg: float, last_deg: float, scale: float) -
 
 def _pairs(plan: Plan, scale: float) -> Iterator[str]:
     """A line between each two LiDARs that are compared with each other."""
-    for one, other in chain.from_iterable(combinations(lidars, 2) for lidars in plan.together):
-        (x, y), (to_x, to_y) = _at(one, scale), _at(other, scale)
+    for lidar, other in chain.from_iterable(combinations(lidars, 2) for lidars in plan.together):
+        (x, y), (to_x, to_y) = _at(lidar, scale), _at(other, scale)
         yield f'<path class="pair" d="M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}"/>'
 
 
 def _lidar_labels(plan: Plan, scale: float) -> Iterator[str]:
     """Names of the LiDARs that are compared with each other, beside their dots; none on top of another."""
     below = -math.inf
-    for one in sorted(chain.from_iterable(plan.together), key=lambda one: -one.ahead_m):
-        x, y = _at(one, scale)
+    for lidar in sorted(chain.from_iterable(plan.together), key=lambda one: -one.ahead_m):
+        x, y = _at(lidar, scale)
         below = max(y + 4, below + _LINE_PX)
-        yield f'<text class="beside" x="{x + 12:.1f}" y="{below:.1f}">{_named(one.name)}</text>'
+        yield f'<text class="beside" x="{x + 12:.1f}" y="{below:.1f}">{_named(lidar.name)}</text>'
 
 
-def _dot(one: DrawnSensor, scale: float, kind: str, radius: float) -> str:
-    x, y = _at(one, scale)
-    return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"><title>{_named(one.name)}</title></circle>'
+def _dot(sensor: DrawnSensor, scale: float, kind: str, radius: float) -> str:
+    x, y = _at(sensor, scale)
+    return (
+        f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"><title>{_named(sensor.name)}</title></circle>'
+    )
 
 
 def _named(name: str) -> str:

@@ -88,12 +88,12 @@ def planned(rigs: Sequence[PlacedRig], unused: Sequence[UnusedLidar]) -> Plan:
         for camera in rig.cameras:
             if camera.topic not in cameras:
                 cameras[camera.topic] = _camera(placed, camera, axes)
-    known = {one.name: one.centre_m for one in unused if one.centre_m is not None}
-    middle = _middle_m([*(place for _, place in places.values()), *known.values()], list(cameras.values()), axes)
+    centres = {one.name: one.centre_m for one in unused if one.centre_m is not None}
+    middle = _middle_m([*(place for _, place in places.values()), *centres.values()], list(cameras.values()), axes)
     return Plan(
         tuple(_moved(one, middle) for one in cameras.values()),
         tuple(_moved(DrawnSensor(name, *_flat(place, axes)), middle) for name, place in places.values()),
-        tuple(_moved(DrawnSensor(name, *_flat(place, axes)), middle) for name, place in known.items()),
+        tuple(_moved(DrawnSensor(name, *_flat(place, axes)), middle) for name, place in centres.items()),
         tuple(one.name for one in unused if one.centre_m is None),
         tuple(tuple(_together(placed, axes, middle)) for placed in rigs if placed.rig.others),
         tuple(dict.fromkeys(one.rig.lidar.name for one in rigs if one.rig.lidar and not one.rig.others)),
@@ -150,8 +150,8 @@ def _middle_m(places: Sequence[Matrix], cameras: Sequence[DrawnSensor], axes: Ma
     return float(ahead_m), float(left_m)
 
 
-def _moved(one: DrawnSensor, middle: tuple[float, float]) -> DrawnSensor:
-    return DrawnSensor(one.name, one.ahead_m - middle[0], one.left_m - middle[1], one.yaw_deg, one.parts)
+def _moved(sensor: DrawnSensor, middle: tuple[float, float]) -> DrawnSensor:
+    return DrawnSensor(sensor.name, sensor.ahead_m - middle[0], sensor.left_m - middle[1], sensor.yaw_deg, sensor.parts)
 
 
 def _camera(placed: PlacedRig, camera: Camera, axes: Matrix) -> DrawnSensor:

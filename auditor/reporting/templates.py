@@ -23,9 +23,9 @@ def thousands(number: int) -> str:
     return f"{number:,}".replace(",", THIN_SPACE)
 
 
-def count(number: int, what: str) -> str:
+def count(number: int, noun: str) -> str:
     """A number of things, in words."""
-    return f"{thousands(number)}{NO_BREAK_SPACE}{what}{'' if number == 1 else 's'}"
+    return f"{thousands(number)}{NO_BREAK_SPACE}{noun}{'' if number == 1 else 's'}"
 
 
 def percent(share: float) -> str:

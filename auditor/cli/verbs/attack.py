@@ -30,9 +30,9 @@ class _Kinds(click.ParamType[str]):
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The kind. Fails as click does, with the nearest one."""
-        known = tuple(_catalogue())
-        if value not in known:
-            near = get_close_matches(value, known, 1)
+        kinds = tuple(_catalogue())
+        if value not in kinds:
+            near = get_close_matches(value, kinds, 1)
             guess = f"did you mean {near[0]!r}? " if near else ""
             self.fail(f"there is no kind {value!r}; {guess}auditor attack --help lists all", param, ctx)
         return value
@@ -55,8 +55,8 @@ class _Attack(click.Command):
             )
             for kind, one in _options()
         ]
-        *known, shown = super().get_params(ctx)
-        return [*known, *own, shown]
+        *params, shown = super().get_params(ctx)
+        return [*params, *own, shown]
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """A line a kind, made from the catalogue."""
@@ -131,10 +131,10 @@ def command(
     given = {one.name: wanted.pop(one.name) for _, one in _options()}
     told = _AttackOptions(**wanted, options={name: value for name, value in given.items() if value is not None})
     _check_span(told.from_s, told.to_s)
-    for kind, one in _options():
-        if one.name in told.options and told.kind != kind:
-            only = f"only a {kind} has a {one.flag} of its own"
-            raise SettingError(only, where=f"--{one.flag}", remedy=f"use --kind {kind}")
+    for kind, option in _options():
+        if option.name in told.options and told.kind != kind:
+            only = f"only a {kind} has a {option.flag} of its own"
+            raise SettingError(only, where=f"--{option.flag}", remedy=f"use --kind {kind}")
     with no_remains(target):
         run_within(limits(source), _attack, source, target, rig, told)
     answer(target)
@@ -164,16 +164,20 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _AttackOptions
 
     with open_recording(source) as recording:
         surveyed = survey(recording)
-        known = rigs_of(surveyed, rig)[0]
-        start_ns = min(sample.time_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
-        attackers = [Attacker(plan, known) for plan in _plans(wanted, start_ns)]
+        recording_rig = rigs_of(surveyed, rig)[0]
+        start_ns = min(
+            sample.time_ns
+            for sensor in recording_rig.sensors
+            for sample in surveyed.samples(recording_rig.topic(sensor))
+        )
+        attackers = [Attacker(plan, recording_rig) for plan in _plans(wanted, start_ns)]
         changes = {
-            known.topic(attacker.plan.sensor): attacker.change_cloud
-            if attacker.plan.sensor in known.lidars
+            recording_rig.topic(attacker.plan.sensor): attacker.change_cloud
+            if attacker.plan.sensor in recording_rig.lidars
             else attacker.change_image
             for attacker in attackers
         }
-        depths = {camera.topic: camera.depth_bits for camera in known.cameras if camera.depth_bits is not None}
+        depths = {camera.topic: camera.depth_bits for camera in recording_rig.cameras if camera.depth_bits is not None}
         rewrite(recording, target, changes, _labels(attackers, start_ns), depths)
 
 

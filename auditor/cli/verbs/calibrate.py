@@ -163,13 +163,13 @@ def _show(
 
 def _say_in_force(made: "CalibrationEntry", store: Path) -> None:
     """What scans judge by from now on: a later calibration is a candidate until a person promotes it."""
-    known = made.version.calibration_id[:12]
+    short_id = made.version.calibration_id[:12]
     if made.in_force:
-        say(f"calibration {known} is in force for its rig kind: scans judge by it")
+        say(f"calibration {short_id} is in force for its rig kind: scans judge by it")
         return
     say(
-        f"calibration {known} is a candidate: {(made.version.parent or '')[:12]} stays in force for its rig kind; "
-        f"auditor calibration promote {known} --store {shlex.quote(str(store))} puts it in force"
+        f"calibration {short_id} is a candidate: {(made.version.parent or '')[:12]} stays in force for its rig kind; "
+        f"auditor calibration promote {short_id} --store {shlex.quote(str(store))} puts it in force"
     )
 
 
@@ -197,7 +197,7 @@ def _check_rate(made: "MadeCalibration", method: str, *, strict: bool) -> None:
     fewest, r = min(made.samples.values()), made.asked.r
     if resolvable(r, fewest):
         return
-    what = f"r = {r} is not resolvable with {fewest} clean samples"
+    problem = f"r = {r} is not resolvable with {fewest} clean samples"
     if strict:
-        raise SettingError(what, where="-r", remedy=f"take r = 0, or calibrate on {ceil(1 / r)} frames or more")
-    say(f"{what}: its thresholds are those of r = 0")
+        raise SettingError(problem, where="-r", remedy=f"take r = 0, or calibrate on {ceil(1 / r)} frames or more")
+    say(f"{problem}: its thresholds are those of r = 0")

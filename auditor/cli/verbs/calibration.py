@@ -82,13 +82,13 @@ def list_versions(store: Path, form: str) -> None:
     from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
     from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
-    found = run_query(Store.open(store), "versions", {})
+    versions = run_query(Store.open(store), "versions", {})
     if form != "table":
-        emit(found, form)
+        emit(versions, form)
         return
     rows = [
         {**row, "state": f"{row['state']}{', provisional' * bool(row['provisional'])}", "parent": _brief(row["parent"])}
-        for row in rows_of(found)
+        for row in rows_of(versions)
     ]
     print_rows(rows, _LIST_COLUMNS, expendable=("made_by", "parent", "made_at"), wrapped=("kind",))
 
@@ -111,13 +111,13 @@ def show(calibration: str, store: Path, form: str) -> None:
     from auditor.store.versions.records import read_version  # noqa: PLC0415
 
     kept = Store.open(store)
-    known = _named(kept, calibration)
-    [row] = rows_of(run_query(kept, "versions", {"calibration": known}))
-    version = read_version(kept, known)
+    calibration_id = _named(kept, calibration)
+    [row] = rows_of(run_query(kept, "versions", {"calibration": calibration_id}))
+    version = read_version(kept, calibration_id)
     made = {name: getattr(version, name) for name in _MADE} if version else {}
     used = [vars(one) for one in version.recordings] if version else []
     conditions = [vars(one) for one in version.conditions] if version else []
-    moves = [vars(move) for one in histories(kept) for move in one.moves if move.calibration_id == known]
+    moves = [vars(move) for one in histories(kept) for move in one.moves if move.calibration_id == calibration_id]
     if form == "json":
         write_bytes(as_json({**row, **made, "moves": moves, "used": used, "conditions": conditions}))
         return
@@ -232,8 +232,8 @@ def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
         f"{_brief(history.in_force)}; {len(judged)} measurements judged again"
     )
     failed = [one for one in judged if one.judgement is None]
-    for one in failed:
-        say(f"{one.recording}: not judged again: {one.error or '; '.join(one.gaps)}")
+    for result in failed:
+        say(f"{result.recording}: not judged again: {result.error or '; '.join(result.gaps)}")
     return Exit.INCOMPLETE if failed else Exit.CLEAN
 
 
@@ -276,15 +276,15 @@ def verify(calibration: str | None, store: Path) -> Exit:
     from auditor.store.versions.records import lost_line, lost_versions, missing_calibrations  # noqa: PLC0415
 
     kept = Store.open(store)
-    known = [_named(kept, calibration)] if calibration is not None else kept.ids("calibrations")
-    problems = [f"{one}: {problem}" for one in known for problem in problems_of(kept, one)]
+    ids = [_named(kept, calibration)] if calibration is not None else kept.ids("calibrations")
+    problems = [f"{one}: {problem}" for one in ids for problem in problems_of(kept, one)]
     if calibration is None:
         every = histories(kept)
         problems += [*missing_calibrations(kept, every), *map(lost_line, lost_versions(kept, every))]
     for problem in problems:
         answer(shown(problem))
-    again = sum(remade(kept, one) for one in known)
-    say(f"{len(known)} calibrations, {again} of them made again from what was measured: {len(problems)} problems")
+    again = sum(remade(kept, one) for one in ids)
+    say(f"{len(ids)} calibrations, {again} of them made again from what was measured: {len(problems)} problems")
     return Exit.INCOMPLETE if problems else Exit.CLEAN
 
 
@@ -319,17 +319,17 @@ def _brief(calibration_id: str | None) -> str | None:
     return calibration_id and calibration_id[:_BRIEF]
 
 
-def _used(one: Mapping[str, Any]) -> dict[str, object]:
+def _used(row: Mapping[str, Any]) -> dict[str, object]:
     return {
-        **one,
-        "recording": one["name"],
-        "in": one["included"],
-        "findings": one["findings_by_others"],
-        "look at": "yes" if one["look_at"] else None,
+        **row,
+        "recording": row["name"],
+        "in": row["included"],
+        "findings": row["findings_by_others"],
+        "look at": "yes" if row["look_at"] else None,
     }
 
 
-def _condition(one: Mapping[str, Any]) -> dict[str, object]:
+def _condition(row: Mapping[str, Any]) -> dict[str, object]:
     """A condition as it is printed: without a share where there are too few windows to say anything."""
-    shares = {name: one[name] if one["enough"] else None for name in ("share", "low", "high")}
-    return {**one, "raised": one["raised_windows"], **shares}
+    shares = {name: row[name] if row["enough"] else None for name in ("share", "low", "high")}
+    return {**row, "raised": row["raised_windows"], **shares}

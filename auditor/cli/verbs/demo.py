@@ -111,12 +111,12 @@ def _unlimited(_: object) -> "Limits":
     return Limits()
 
 
-def _picture(kept: "Store", found: Sequence[str], jobs: int) -> None:
+def _picture(kept: "Store", recordings: Sequence[str], jobs: int) -> None:
     """Keep pictures of what was found in these measurements."""
     from auditor.model.pictures import Pictures  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.pictures import picture_incidents  # noqa: PLC0415
 
-    for pictured in picture_incidents(kept, found, Pictures.INCIDENTS, _unlimited, jobs):
+    for pictured in picture_incidents(kept, recordings, Pictures.INCIDENTS, _unlimited, jobs):
         if pictured.remark:
             say(f"{pictured.recording}: {pictured.remark}")
 
@@ -174,19 +174,19 @@ def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
     incidents = rows_of(run_query(store, "incidents", {}))
     rows = []
     for take in takes:
-        found = summary[take.file.name]
+        verdict = summary[take.file.name]
         planted = [] if take.attacked is None else [take.attacked]
         rows.append(
             {
                 "recording": take.file.name,
                 "vehicle": take.vehicle.name,
                 "planted": [f"S_{sensor}" for sensor in planted],
-                "found": [f"S_{sensor}" for sensor in found["attacked_sensors"]],
+                "found": [f"S_{sensor}" for sensor in verdict["attacked_sensors"]],
                 "frames attacked": len(take.attacked_frames),
                 "frames named": sum(
                     row["frames"] for row in incidents if row["attacked"] and row["name"] == take.file.name
                 ),
-                "exact": found["attacked_sensors"] == planted,
+                "exact": verdict["attacked_sensors"] == planted,
             }
         )
     click.echo()

@@ -63,39 +63,39 @@ def command(store: Path, days: int, vehicle: str | None, page: Path | None, form
 
     kept = Store.open(store)
     with reading(kept.folder):
-        found = fleet_drift(kept, days)
-    shown = [one for one in (found.sensors if every else found.named) if vehicle in (None, one.vehicle)]
+        drift = fleet_drift(kept, days)
+    shown = [one for one in (drift.sensors if every else drift.named) if vehicle in (None, one.vehicle)]
     rows = [row_of(one) for one in shown]
     if form == "table":
         print_rows(rows, _COLUMNS, expendable=("calibrated_anew", "before", "now"))
     else:
         emit(table_of(rows, COLUMNS), form)
     if page is not None:
-        _write_page(found, kept, page)
-    _remark(found)
-    if not found.sensors:
+        _write_page(drift, kept, page)
+    _remark(drift)
+    if not drift.sensors:
         return Exit.INCOMPLETE
     return Exit.FINDINGS if any(one.named for one in shown) else Exit.CLEAN
 
 
-def _remark(found: "FleetDrift") -> None:
+def _remark(drift: "FleetDrift") -> None:
     """Say what was looked at, and how sure it is."""
-    if found.of_nobody:
+    if drift.of_nobody:
         say(
-            f"{found.of_nobody} of {found.recordings} recordings have no vehicle, or no day that has come, and are "
+            f"{drift.of_nobody} of {drift.recordings} recordings have no vehicle, or no day that has come, and are "
             "left out"
         )
-    if not found.sensors:
+    if not drift.sensors:
         say("no vehicle has enough days: six of 20 measured frames each are needed")
         return
     say(
-        f"{found.first_day} to {found.last_day}: {len(found.sensors)} levels of {found.vehicles} vehicles, "
-        f"{len(found.named)} drift or have changed; without drift any would be named on {found.false_alarms:.0%} of "
+        f"{drift.first_day} to {drift.last_day}: {len(drift.sensors)} levels of {drift.vehicles} vehicles, "
+        f"{len(drift.named)} drift or have changed; without drift any would be named on {drift.false_alarms:.0%} of "
         "evenings"
     )
 
 
-def _write_page(found: "FleetDrift", store: "Store", page: Path) -> None:
+def _write_page(drift: "FleetDrift", store: "Store", page: Path) -> None:
     """Write the page, into the store's log where it lies in the store."""
     from auditor.cli.output_files import check_page  # noqa: PLC0415 - keeps --help quick
     from auditor.reporting.refresh_page import render_drift_page  # noqa: PLC0415
@@ -103,4 +103,4 @@ def _write_page(found: "FleetDrift", store: "Store", page: Path) -> None:
     check_page(page)
     inside = page.resolve().is_relative_to(store.folder)
     with logged(store.folder) if inside else reading(store.folder):
-        say(str(render_drift_page(found, store, out=page)))
+        say(str(render_drift_page(drift, store, out=page)))

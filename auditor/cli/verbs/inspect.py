@@ -68,15 +68,15 @@ def command(
     for written in filter(None, (write_rig, picture)):
         check_new(written)
     tally = Tally()
-    found = _found(recordings, tally)
-    if (write_rig or picture) and len(found) > 1:
+    located = _found(recordings, tally)
+    if (write_rig or picture) and len(located) > 1:
         raise SettingError(
-            f"these are {len(found)} recordings, and each may have a rig of its own",
+            f"these are {len(located)} recordings, and each may have a rig of its own",
             where="--write-rig" if write_rig else "--picture",
             remedy="name one of them",
         )
     descriptions = []
-    for where in copies_of(found):
+    for where in copies_of(located):
         try:
             if isinstance(where, AuditorError):
                 raise where
@@ -104,9 +104,9 @@ def command(
 def _say_written(rig: Path | None, picture: Path | None) -> None:
     from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
 
-    for what, path in (("rig", rig), ("picture", picture)):
+    for name, path in (("rig", rig), ("picture", picture)):
         if path:
-            say(f"the {what} is in {path}")
+            say(f"the {name} is in {path}")
 
 
 def _found(recordings: "Sequence[Path | Address]", tally: "Tally") -> "tuple[Location, ...]":
@@ -114,13 +114,13 @@ def _found(recordings: "Sequence[Path | Address]", tally: "Tally") -> "tuple[Loc
     from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.remote.finding import find_all  # noqa: PLC0415
 
-    found = find_all(recordings)
-    for note in found.notes:
+    located = find_all(recordings)
+    for note in located.notes:
         say(f"{note}: it is text and no recording, and was not read")
-    for error in found.errors:
+    for error in located.errors:
         say(f"auditor: {error}")
         tally.failed = True
-    return found.recordings
+    return located.recordings
 
 
 def _show(description: dict[str, Any]) -> None:

@@ -64,15 +64,15 @@ def command(
     if described and (attack is None or (sensor is None) == (topic is None)):
         raise click.UsageError("an attack has a name (--attack), and either --sensor or --topic")
     kept = Store.open(store)
-    known = recording_called(kept, recording)
+    recording_id = recording_called(kept, recording)
     with nullcontext() if listed else logged(kept.folder):
         if attack is not None:
-            label_attack(kept, known, attack, sensor=sensor, topic=topic, first=first, last=last)
+            label_attack(kept, recording_id, attack, sensor=sensor, topic=topic, first=first, last=last)
         elif clean:
-            label_clean(kept, known)
+            label_clean(kept, recording_id)
         elif remove is not None:
-            remove_label(kept, known, remove)
-    _list(kept, known)
+            remove_label(kept, recording_id, remove)
+    _list(kept, recording_id)
 
 
 def _list(store: "Store", recording: "RecordingRecord") -> None:

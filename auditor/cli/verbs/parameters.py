@@ -53,5 +53,5 @@ def _rows() -> Iterator[dict[str, object]]:
         ("drift", DRIFTING),
     )
     for changes, groups in parts:
-        for one in list_parameters(*groups):
-            yield {"changes": changes, **asdict(one), "value": json.dumps(one.value, default=str)}
+        for parameter in list_parameters(*groups):
+            yield {"changes": changes, **asdict(parameter), "value": json.dumps(parameter.value, default=str)}

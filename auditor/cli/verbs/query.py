@@ -145,8 +145,8 @@ def _show(store: "StoreFolder", sql: str, answer: "Table", form: str) -> None:
     if not measured:
         say("nothing has been measured: auditor scan audits recordings")
     elif missing:
-        what = f"{missing} of {len(measured)} measurements {'is' if missing == 1 else 'are'}"
-        say(f"{what} not judged: whether they were attacked is unknown; auditor judge reaches verdicts")
+        subject = f"{missing} of {len(measured)} measurements {'is' if missing == 1 else 'are'}"
+        say(f"{subject} not judged: whether they were attacked is unknown; auditor judge reaches verdicts")
     elif not learnt and _OF_CALIBRATIONS.search(sql):
         say(
             "it asks of thresholds learnt from clean recordings, and no verdict is by such: auditor calibrate learns "
@@ -181,8 +181,8 @@ def _describe(name: str) -> None:
 
 def _values(parameters: tuple[str, ...], asked: "SqlFile | None") -> dict[str, str]:
     """The parameters by name; those of a query that needs some may be given without names, in their order."""
-    known = asked.parameters if asked is not None else ()
-    in_order = [one.name for one in known] if any(one.required for one in known) else []
+    declared = asked.parameters if asked is not None else ()
+    in_order = [one.name for one in declared] if any(one.required for one in declared) else []
     values: dict[str, str] = {}
     for place, parameter in enumerate(parameters):
         key, equals, value = parameter.partition("=")

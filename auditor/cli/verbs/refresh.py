@@ -69,22 +69,22 @@ def command(
     others = [Store.open(path) for path in stores]
     recordings = [one for one in sources if one not in stores]
     if dry_run:
-        found = _tried(recordings, others, store, r, measuring.rig, no_sensors, clean=clean)
+        night = _tried(recordings, others, store, r, measuring.rig, no_sensors, clean=clean)
     else:
         kept = Store.open(store, create=bool(sources))
-        found = _refreshed(recordings, others, kept, r, metrics, measuring, no_sensors, clean=clean)
-    for line in planned_lines(found):
+        night = _refreshed(recordings, others, kept, r, metrics, measuring, no_sensors, clean=clean)
+    for line in planned_lines(night):
         say(line)
-    for one in found.decisions:
-        say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
-        for line in left_out_lines(one):
+    for decision in night.decisions:
+        say(f"{decision.kind}: {decision.decided}{': ' * bool(decision.reasons)}{'; '.join(decision.reasons)}")
+        for line in left_out_lines(decision):
             say(f"  {line}")
-        for step in next_steps(one, found.store):
+        for step in next_steps(decision, night.store):
             say(f"  {step.what}: {step.command}")
-    for finding in found.found:
+    for finding in night.found:
         say(f"{finding.recording}: to be looked at: {finding.reason}")
-    answer(json_line(found))
-    return exit_code(found)
+    answer(json_line(night))
+    return exit_code(night)
 
 
 def _tried(
@@ -108,8 +108,8 @@ def _tried(
         first = (recordings or others) and not (store.exists() and any(store.iterdir()))
         kept = Store.open(empty, create=True) if first else Store.open(store)
         named = [known for other in others for known in other.ids("measurements")] if clean else []
-        found = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
-        return replace(found, store=store.resolve(), planned=tuple(plan(recordings, kept, rig)))
+        night = refresh(kept, others, named, r, no_sensors=no_sensors, dry_run=True)
+        return replace(night, store=store.resolve(), planned=tuple(plan(recordings, kept, rig)))
 
 
 def _refreshed(
@@ -138,19 +138,19 @@ def _refreshed(
         scan, failed = _measure(recordings, kept, measuring)
         measured = scan.measurement_ids
         judged = list(scan.judge(*new_ones(kept, r, no_sensors)))
-        for one in judged:
-            if one.error is not None:
-                say(f"{one.recording}: {one.error}")
+        for result in judged:
+            if result.error is not None:
+                say(f"{result.recording}: {result.error}")
         for remark in scan.finish():
             say(remark)
         named = [known for other in others for known in other.ids("measurements")] + measured
         named = named if clean else []
         new = [one.measurement_id for one in judged]
-        found = refresh(kept, others, named, r, measured=measured, judged=new, failed=failed, no_sensors=no_sensors)
-        render_refresh_page(found, kept, out=default_page(kept.folder))
+        night = refresh(kept, others, named, r, measured=measured, judged=new, failed=failed, no_sensors=no_sensors)
+        render_refresh_page(night, kept, out=default_page(kept.folder))
         if metrics:
-            write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
-    return found
+            write_metrics((*refresh_metrics(night), *drift_metrics(fleet_drift(kept))), metrics)
+    return night
 
 
 def _measure(

@@ -66,13 +66,13 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
-    found = find_removable(kept, recordings)
-    names = ", ".join(f"{one.name} ({one.recording_id[:12]})" for one in found)
+    removable = find_removable(kept, recordings)
+    names = ", ".join(f"{one.name} ({one.recording_id[:12]})" for one in removable)
     if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
         say("nothing was removed; --yes removes without asking")
         return Exit.FAILED
     with logged(kept.folder):
-        removed = remove_recordings(kept, [one.recording_id for one in found])
+        removed = remove_recordings(kept, [one.recording_id for one in removable])
         superseded = relate(kept)
     say(
         f"{store}: removed {names}: {removed.measurements} measurements, {removed.judgements} judgements, "
@@ -80,8 +80,8 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     )
     for calibration in removed.calibrations:
         say(f"calibration {calibration} was made of what is removed; it stays")
-    for one in superseded:
-        say(str(one))
+    for recording in superseded:
+        say(str(recording))
     return Exit.CLEAN
 
 

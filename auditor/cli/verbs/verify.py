@@ -55,43 +55,43 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     if is_case(store):
         return _verify_case(store, key)
     kept = Store.open(store)
-    found = verify(kept, key)
-    for problem in found.problems:
+    result = verify(kept, key)
+    for problem in result.problems:
         click.echo(shown(str(problem)))
-    for run in found.open_runs:
-        what = " ".join(run.what.get("command", ()))
-        say(f"under way, or killed: {what} since {run.at[:19]}Z on {run.what.get('host')}")
-    if private_key is not None and not found.grave:
+    for run in result.open_runs:
+        words = " ".join(run.what.get("command", ()))
+        say(f"under way, or killed: {words} since {run.at[:19]}Z on {run.what.get('host')}")
+    if private_key is not None and not result.grave:
         with logged(kept.folder, private_key):
             say(f"{store}: signed with {private_key}")
-    say(f"{store}: {_summary(found, signed=public_key is not None)}")
-    if found.grave:
+    say(f"{store}: {_summary(result, signed=public_key is not None)}")
+    if result.grave:
         return Exit.FINDINGS
-    return Exit.INCOMPLETE if found.problems else Exit.CLEAN
+    return Exit.INCOMPLETE if result.problems else Exit.CLEAN
 
 
 def _verify_case(path: Path, key: "PublicKey | None") -> Exit:
     """Check a case, which needs no store."""
     from auditor.casefile.checking import check_case  # noqa: PLC0415 - keeps --help quick
 
-    found = check_case(path, key)
-    for problem in found.problems:
+    problems = check_case(path, key)
+    for problem in problems.problems:
         click.echo(shown(problem))
-    count = len(found.problems)
-    what = f"{count} problem{'s' * (count != 1)}" if count else "everything is as it was written"
+    count = len(problems.problems)
+    sentence = f"{count} problem{'s' * (count != 1)}" if count else "everything is as it was written"
     signed = "not signed"
-    if found.signer is not None:
+    if problems.signer is not None:
         checked = "signed by this key" if key is not None else "signed, which only its public key can check"
         signed = checked if not count else "signed"
-    say(f"{path}: {what}; {found.files} files, {signed}")
-    return Exit.FINDINGS if found.problems else Exit.CLEAN
+    say(f"{path}: {sentence}; {problems.files} files, {signed}")
+    return Exit.FINDINGS if problems.problems else Exit.CLEAN
 
 
-def _summary(found: "VerifyResult", *, signed: bool) -> str:
+def _summary(result: "VerifyResult", *, signed: bool) -> str:
     """One line on everything."""
-    grave, left = len(found.grave), len(found.problems) - len(found.grave)
-    what = f"{grave} problem{'s' * (grave != 1)}" if grave else "everything is as it was written"
-    what += f", {left} left by killed runs" if left else ""
-    what += " and signed" if signed and not grave else ""
-    chains = f"{found.chains} chain{'s' * (found.chains != 1)}"
-    return f"{what}; {found.files} files, {found.entries} entries of {chains}"
+    grave, left = len(result.grave), len(result.problems) - len(result.grave)
+    sentence = f"{grave} problem{'s' * (grave != 1)}" if grave else "everything is as it was written"
+    sentence += f", {left} left by killed runs" if left else ""
+    sentence += " and signed" if signed and not grave else ""
+    chains = f"{result.chains} chain{'s' * (result.chains != 1)}"
+    return f"{sentence}; {result.files} files, {result.entries} entries of {chains}"

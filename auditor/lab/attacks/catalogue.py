@@ -48,9 +48,9 @@ def check_kind(kind: str, *, lidar: bool) -> None:
     """Raise SettingError where a kind cannot be put on this sort of sensor."""
     if kind in (DELAYED, FROZEN) or kind in (ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)):
         return
-    known = [*(ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)), DELAYED, FROZEN]
+    kinds = [*(ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)), DELAYED, FROZEN]
     sensor = "the LiDAR" if lidar else "a camera"
-    raise SettingError(f"{kind} cannot be done to {sensor}", where="--kind", remedy=f"use {', '.join(known)}")
+    raise SettingError(f"{kind} cannot be done to {sensor}", where="--kind", remedy=f"use {', '.join(kinds)}")
 
 
 class Memory:

@@ -128,11 +128,11 @@ class ElectromagneticStripes(DescribedEffect):
 
 def _taken_for_each_other(pixels: Image) -> Image:
     """(..., 3) pixels whose rows of blue and green were taken for rows of green and red, and these for those."""
-    found = np.empty(pixels.shape, dtype=np.float32)
-    found[..., _GREEN] = sum(pixels[..., channel] / np.float32(gain) for channel, gain in _BALANCE.items()) / 2
+    ranges = np.empty(pixels.shape, dtype=np.float32)
+    ranges[..., _GREEN] = sum(pixels[..., channel] / np.float32(gain) for channel, gain in _BALANCE.items()) / 2
     for channel, gain in _BALANCE.items():
-        found[..., channel] = pixels[..., _GREEN] * np.float32(gain)
-    return np.clip(np.rint(found), 0, 255).astype(np.uint8)
+        ranges[..., channel] = pixels[..., _GREEN] * np.float32(gain)
+    return np.clip(np.rint(ranges), 0, 255).astype(np.uint8)
 
 
 _STRIPES_PX = 40.0

@@ -80,8 +80,8 @@ class Attacker:
     def __post_init__(self) -> None:
         plan = self.plan
         if plan.sensor not in self.rig.sensors:
-            known = ", ".join(f"S_{sensor}" for sensor in self.rig.sensors)
-            raise SettingError(f"the rig has no S_{plan.sensor}", where="--on", remedy=f"it has {known}")
+            names = ", ".join(f"S_{sensor}" for sensor in self.rig.sensors)
+            raise SettingError(f"the rig has no S_{plan.sensor}", where="--on", remedy=f"it has {names}")
         if plan.kind is not None:
             check_kind(plan.kind, lidar=plan.sensor in self.rig.lidars)
         if plan.kind == PATTERN and plan.pattern is None:

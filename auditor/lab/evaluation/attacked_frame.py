@@ -189,8 +189,8 @@ class AttackedFrame:
         of_image = {image: attacks for key, attacks in missing.items() for image in key}
         images = {image: self._matched(image[0], attacks) for image, attacks in of_image.items()}
         texture = {image: self._texture(image[0], attacks) for image, attacks in of_image.items()}
-        for (source, reference), found in stereo_maps(self._matcher, images, texture, missing).items():
-            self._made[_map_key(source, reference)] = found
+        for (source, reference), stereo in stereo_maps(self._matcher, images, texture, missing).items():
+            self._made[_map_key(source, reference)] = stereo
 
     def forget_attacks(self) -> None:
         """Keep only results of clean data."""
@@ -306,10 +306,10 @@ class AttackedFrame:
         return self.memoise("pixels", camera, attacks, (camera,), change)
 
     def memoise(
-        self, what: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
+        self, subject: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
     ) -> Made:
         """A result that depends only on the data of these sensors: made once for each attack on them, then kept."""
-        key = (what, which, *(attacks.get(sensor) for sensor in sensors))
+        key = (subject, which, *(attacks.get(sensor) for sensor in sensors))
         if key not in self._made:
             self._made[key] = make()
         return cast(Made, self._made[key])
@@ -337,9 +337,9 @@ class _AttackedPair(AttackedFrame):
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{1,2}, where both cameras see."""
-        found, valid_masks = super().stereo_map(i, k, attacks), self._view.valid_masks
+        stereo, valid_masks = super().stereo_map(i, k, attacks), self._view.valid_masks
         return self.memoise(
-            "masked map", (i, k), attacks, (i, k), lambda: within(found, valid_masks[k], valid_masks[i])
+            "masked map", (i, k), attacks, (i, k), lambda: within(stereo, valid_masks[k], valid_masks[i])
         )
 
     def cloud(self, attacks: Attacks) -> PointCloud:

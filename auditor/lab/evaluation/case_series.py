@@ -88,35 +88,35 @@ class CaseSeries:
         self._cases = cases
         rows: dict[tuple[str, str], list[int]] = defaultdict(list)
         self._intervals: dict[tuple[object, ...], list[int]] = defaultdict(list)
-        for place, one in enumerate(cases.known):
-            if one.experiment == "clean":
-                rows[one.drive].append(place)
-            elif one.experiment == "intervals":
+        for place, case in enumerate(cases.known):
+            if case.experiment == "clean":
+                rows[case.drive].append(place)
+            elif case.experiment == "intervals":
                 self._intervals[self._interval(place)].append(place)
         self._drives = {drive: self._drive(places) for drive, places in rows.items()}
 
     def has(self, place: int) -> bool:
         """True where the frame of the case at this place was also measured clean, so that it has a drive around it."""
-        one = self._cases.known[place]
-        return one.drive in self._drives and one.frame in self._drives[one.drive].row_of
+        case = self._cases.known[place]
+        return case.drive in self._drives and case.frame in self._drives[case.drive].row_of
 
     def clean(self, system: System) -> list[CleanSeries]:
         """The clean frames of each drive, as thresholds are learnt from them."""
         return [self._clean(drive, system) for drive in self._drives.values()]
 
     def _clean(self, drive: _Drive, system: System) -> CleanSeries:
-        known = [self._cases.known[place] for place in drive.places]
+        cases = [self._cases.known[place] for place in drive.places]
         statistics = self._statistics(drive.places, system)
         features = self._cases.features[drive.places]
         frames = CleanFrames(
-            known[0].recording_id,
+            cases[0].recording_id,
             drive.stamps_ns,
             {},
             dict(zip(system.sensor_checks, statistics.T, strict=True)),
             fault_scores(self._observed(system, drive.places, features), drive.stamps_ns, system.sensors, drive.runs),
             returns=self._cases.returns[drive.places] if LIDAR in system.sensors else np.zeros(0),
         )
-        return CleanSeries(known[0].family, np.array([one.block[1] for one in known], dtype=np.int64), frames)
+        return CleanSeries(cases[0].family, np.array([one.block[1] for one in cases], dtype=np.int64), frames)
 
     def series(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
         """The parts of drives around the cases at these places, one after the other, and the row of each case.
@@ -152,21 +152,21 @@ class CaseSeries:
 
     def _shared(self, place: int) -> tuple[object, ...]:
         """The key of the cases that are judged in one series."""
-        one = self._cases.known[place]
-        if one.experiment == "clean":
-            return one.experiment, one.drive
-        return self._interval(place) if one.experiment == "intervals" else (place,)
+        case = self._cases.known[place]
+        if case.experiment == "clean":
+            return case.experiment, case.drive
+        return self._interval(place) if case.experiment == "intervals" else (place,)
 
     def _part(self, judged: Sequence[int]) -> _Part:
         """The part of a drive around cases that share a series."""
-        one = self._cases.known[judged[0]]
-        drive = self._drives[one.drive]
-        together = list(judged) if one.experiment != "clean" else []
-        if one.experiment == "intervals":
+        case = self._cases.known[judged[0]]
+        drive = self._drives[case.drive]
+        together = list(judged) if case.experiment != "clean" else []
+        if case.experiment == "intervals":
             together = self._intervals[self._interval(judged[0])]
         rows = [drive.row_of[self._cases.known[place].frame] for place in (together or judged)]
         first, end = int(drive.first[min(rows)]), int(drive.end[max(rows)])
-        if one.experiment == "clean":
+        if case.experiment == "clean":
             first, end = 0, len(drive.places)
         places, features = drive.places[first:end].copy(), self._cases.features[drive.places[first:end]]
         changed = {drive.row_of[self._cases.known[other].frame] - first: other for other in together}
@@ -204,19 +204,19 @@ class CaseSeries:
 
     def _interval(self, place: int) -> tuple[object, ...]:
         """The key that the cases of one interval share, or of all intervals where an attack lasts."""
-        one = self._cases.known[place]
-        where = (one.drive,) if one.strength == LASTING else (one.evaluation_id, one.frame // INTERVAL_FRAMES)
-        return *where, one.draw, one.attacked, one.strength
+        case = self._cases.known[place]
+        where = (case.drive,) if case.strength == LASTING else (case.evaluation_id, case.frame // INTERVAL_FRAMES)
+        return *where, case.draw, case.attacked, case.strength
 
     def _drive(self, unordered: Sequence[int]) -> _Drive:
         places = np.array(sorted(unordered, key=lambda place: self._cases.known[place].frame), dtype=np.intp)
-        known = [self._cases.known[place] for place in places]
-        stamps = np.array([one.stamp_ns for one in known], dtype=np.int64)
+        cases = [self._cases.known[place] for place in places]
+        stamps = np.array([one.stamp_ns for one in cases], dtype=np.int64)
         runs = runs_of(stamps)
         first, end = window_bounds(stamps, _around_s(), runs)
         # Whether a frame's sensors are frozen follows from the frames beside it, also across a gap.
         wider = max(MIN_FRAMES + 1, QUIET_FRAMES + STRETCHES.fewest_frames)
-        row_of = {one.frame: row for row, one in enumerate(known)}
+        row_of = {one.frame: row for row, one in enumerate(cases)}
         return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))
 
 

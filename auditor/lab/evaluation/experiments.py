@@ -327,8 +327,8 @@ def ladder_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterat
     `size` is what is varied, `strength` says what that is.
     """
     for sensor in rig.sensors:
-        for what, size, attack in _on_lidar(draws) if sensor == LIDAR else _on_camera(rig, sensor, draws):
-            yield AttackCase({sensor: attack}, what, size)
+        for attack_kind, size, attack in _on_lidar(draws) if sensor == LIDAR else _on_camera(rig, sensor, draws):
+            yield AttackCase({sensor: attack}, attack_kind, size)
 
 
 def _on_camera(rig: Rig, sensor: int, draws: SeededDraws) -> Iterator[Step]:

@@ -55,20 +55,20 @@ class FeaturesOfCases:
     ) -> Mapping[Pair, FeatureInputs | None]:
         """The frame before, prepared for each pair: it is clean, except inside an interval."""
         if now.before is None:
-            found: Mapping[Pair, FeatureInputs | None] = dict.fromkeys(pairs)
+            inputs: Mapping[Pair, FeatureInputs | None] = dict.fromkeys(pairs)
         else:
-            found = {pair: now.before.earlier(pair, {}) for pair in pairs}
+            inputs = {pair: now.before.earlier(pair, {}) for pair in pairs}
         if experiment.together == 1:
-            return found
-        known, number = (experiment.name, draw, case.attacked, case.strength), now.attacked_frame.frame.number
-        last = self._attacked.get(known)
+            return inputs
+        key, number = (experiment.name, draw, case.attacked, case.strength), now.attacked_frame.frame.number
+        last = self._attacked.get(key)
         if last and now.before and last.frame == now.before.frame.number and _same(last.frame, number, experiment):
-            found = {**found, **{pair: last.pairs.get(pair) for pair in pairs}}
+            inputs = {**inputs, **{pair: last.pairs.get(pair) for pair in pairs}}
         every = now.attacked_frame.rig.pairs
-        self._attacked[known] = _AttackedFrame(
+        self._attacked[key] = _AttackedFrame(
             number, {pair: now.attacked_frame.earlier(pair, case.attacks) for pair in every}
         )
-        return found
+        return inputs
 
 
 def _same(frame: int, other: int, experiment: Experiment) -> bool:
@@ -77,8 +77,8 @@ def _same(frame: int, other: int, experiment: Experiment) -> bool:
 
 
 def _fingerprint(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -> int | None:
-    known = attacked_frame.fingerprint(sensor, attacks) if sensor in attacked_frame.sensors else NO_FINGERPRINT
-    return None if known == NO_FINGERPRINT else known
+    fingerprint = attacked_frame.fingerprint(sensor, attacks) if sensor in attacked_frame.sensors else NO_FINGERPRINT
+    return None if fingerprint == NO_FINGERPRINT else fingerprint
 
 
 def _coverage(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks, saturated: Mapping[int, int]) -> Coverage:

@@ -71,9 +71,9 @@ def keep_missed(
     earlier = missed_pictures(store)
     kept = {one.key: earlier[one.key] for one in cases if one.key in earlier and earlier[one.key].jpeg}
     by_source: dict[Source, list[MissedCase]] = defaultdict(list)
-    for one in cases:
-        if one.key not in kept and one.recording_id in sources:
-            by_source[sources[one.recording_id]].append(one)
+    for case in cases:
+        if case.key not in kept and case.recording_id in sources:
+            by_source[sources[case.recording_id]].append(case)
     tasks = [PicturesTask(source, patterns, tuple(wanted)) for source, wanted in by_source.items()]
     of_task = (lambda task: limits(task.source.path)) if limits else None
     for outcome in run_all(take_pictures, tasks, jobs, lambda *_: None, of_task):
@@ -109,17 +109,19 @@ def _of_drive(
     progress: Progress,
 ) -> Iterator[tuple[CaseKey, bytes]]:
     wanted: dict[int, list[MissedCase]] = defaultdict(list)
-    for one in cases:
-        if (one.recording_id, one.rig_id) == (drive.recording_id, drive.rig.rig_id):
-            wanted[one.frame].append(one)
+    for missed in cases:
+        if (missed.recording_id, missed.rig_id) == (drive.recording_id, drive.rig.rig_id):
+            wanted[missed.frame].append(missed)
     past: deque[Frame] = deque(maxlen=max(DELAYS))
     frames = drive.frames if wanted else ()
     for frame in frames:
         if isinstance(frame, Frame):
-            for one in wanted.pop(frame.number, ()):
-                case = _again(one, frame, drive.rig, tuple(past), experiments.get((one.experiment, one.inputs)))
+            for missed in wanted.pop(frame.number, ()):
+                case = _again(
+                    missed, frame, drive.rig, tuple(past), experiments.get((missed.experiment, missed.inputs))
+                )
                 if case is not None:
-                    yield one.key, _picture(case, frame, drive.rig)
+                    yield missed.key, _picture(case, frame, drive.rig)
             past.append(frame)
             progress(drive.name, frame.number + 1)
         if not wanted:
@@ -127,12 +129,12 @@ def _of_drive(
 
 
 def _again(
-    one: MissedCase, frame: Frame, rig: Rig, past: Sequence[Frame], experiment: Experiment | None
+    missed: MissedCase, frame: Frame, rig: Rig, past: Sequence[Frame], experiment: Experiment | None
 ) -> AttackCase | None:
     """The case with the same attacks, drawn again; None where there is none any more."""
-    draws = SeededDraws(one.seed or 0, int(one.recording_id[:8], 16), frame.number, one.key[2])
+    draws = SeededDraws(missed.seed or 0, int(missed.recording_id[:8], 16), frame.number, missed.key[2])
     cases = experiment.cases(rig, draws, past) if experiment else ()
-    same = (case for case in cases if json.dumps(parameters_of(case.attacks), sort_keys=True) == one.parameters)
+    same = (case for case in cases if json.dumps(parameters_of(case.attacks), sort_keys=True) == missed.parameters)
     return next(same, None)
 
 

@@ -110,10 +110,10 @@ def all_finished(parts: Callable[[int], Sequence[bool | None]], *, share: int, o
     `parts` gives the parts of a chunk: None where one is not finished, else whether the recording ends in it.
     """
     for chunk in itertools.count():
-        found = parts(chunk)
-        if (chunk % of == share and None in found) or all(part is None for part in found):
+        chunk_parts = parts(chunk)
+        if (chunk % of == share and None in chunk_parts) or all(part is None for part in chunk_parts):
             return False
-        if any(found):
+        if any(chunk_parts):
             return True
     raise AssertionError  # counting has no end
 
@@ -261,9 +261,9 @@ class DriveEvaluation(ABC):
         """The attacked frame with its neighbours; results of the same clean frame are used again."""
         before = chunks.past[-1] if chunks.past else None
         near = [one for one in (before, frame, chunks.following) if one is not None]
-        known = self._attacked_frames
+        frames = self._attacked_frames
         self._attacked_frames = {
-            f.number: known.get(f.number) or AttackedFrame(f, self._drive.rig, self._matcher) for f in near
+            f.number: frames.get(f.number) or AttackedFrame(f, self._drive.rig, self._matcher) for f in near
         }
         return InTime(
             self._attacked_frames[frame.number],

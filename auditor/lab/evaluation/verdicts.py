@@ -39,8 +39,8 @@ def judge_cases(store: Store) -> int:
         verdicts: dict[str, list[CaseVerdict]] = defaultdict(list)
         for evaluation_id, verdict in judged(cases):
             verdicts[evaluation_id].append(verdict)
-        for evaluation_id, found in verdicts.items():
-            write_case_verdicts(store, evaluation_id, found)
+        for evaluation_id, case_verdicts in verdicts.items():
+            write_case_verdicts(store, evaluation_id, case_verdicts)
     return len(old)
 
 
@@ -51,9 +51,9 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
     """
     blocks: dict[Block, list[int]] = defaultdict(list)
     around = CaseSeries(cases)
-    for place, one in enumerate(cases.known):
+    for place, case_of in enumerate(cases.known):
         if around.has(place):
-            blocks[one.block].append(place)
+            blocks[case_of.block].append(place)
     for sensors in systems(cases.rig) if blocks else ():
         system = _system(cases, sensors)
         thresholds = _thresholds(around.clean(system), system, cases.rig)
@@ -64,19 +64,19 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
             series, rows = around.series(chosen, system)
             for left_out, learnt in thresholds(block).items():
                 for place, verdict in zip(chosen, judge_frames(series, system, learnt, only=rows), strict=True):
-                    known = cases.known[place]
-                    yield known.evaluation_id, _kept(known, verdict, sensors, left_out, learnt)
+                    case = cases.known[place]
+                    yield case.evaluation_id, _kept(case, verdict, sensors, left_out, learnt)
 
 
 def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
     """Each triple of the leftmost camera; all sensors; of more than three cameras with a LiDAR also those of n = 3."""
     everyone = {sensor for triple in rig.triples for sensor in triple}
-    found = [tuple(triple) for triple in rig.triples if triple.k == rig.n]
+    triples = [tuple(triple) for triple in rig.triples if triple.k == rig.n]
     if len(everyone) > 4 and LIDAR in everyone:
-        found.append((LIDAR, 1, 2, rig.n))
+        triples.append((LIDAR, 1, 2, rig.n))
     if len(everyone) > 3:
-        found.append(tuple(sorted(everyone)))
-    return tuple(found)
+        triples.append(tuple(sorted(everyone)))
+    return tuple(triples)
 
 
 def _system(cases: Cases, sensors: Sequence[int]) -> System:
@@ -110,10 +110,10 @@ def _thresholds(
 
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
-        found = thresholds_of(clean, system, JUDGED_R)
+        thresholds = thresholds_of(clean, system, JUDGED_R)
         halvings = halvings_of_points(clean, rig, returns[recording])
-        found = for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
-        return for_drive(found, system.sensor_checks, statistics[recording], stamps_ns[recording])
+        thresholds = for_sparser_lidar(thresholds, halvings) if is_another_lidar(halvings) else thresholds
+        return for_drive(thresholds, system.sensor_checks, statistics[recording], stamps_ns[recording])
 
     @cache
     def of_recording(recording: str) -> dict[str, RobustThresholds]:

@@ -288,30 +288,32 @@ def _meet_together(target: _Target, pieces: Indices, hits: Hits) -> None:
 def _met(target: _Target, pieces: Indices, hits: Hits) -> _PieceHits:
     """Meet the planes of pieces, each with the rays of its window, where none is met nearer."""
     rays = target.rays
-    one, at = _pairs(target, pieces)
-    kept = np.flatnonzero(hits.distance.take(at) >= target.nearest[pieces].take(one))
-    one, at = one.take(kept), at.take(kept)
+    piece, at = _pairs(target, pieces)
+    kept = np.flatnonzero(hits.distance.take(at) >= target.nearest[pieces].take(piece))
+    piece, at = piece.take(kept), at.take(kept)
     x, y = rays.camera_directions(at)
     corner, normal, across, up = target.planes[pieces].transpose(1, 2, 0)
     start = [axis - of_corners for axis, of_corners in zip(rays.origin, corner, strict=True)]
-    distance = -_dot(normal, start).take(one) / _towards(normal, one, x, y)
+    distance = -_dot(normal, start).take(piece) / _towards(normal, piece, x, y)
     old = hits.distance.take(at)
     # Of pieces that are equally far the one stays that would have come first.
-    first = (distance == old) & (target.rank[pieces].take(one) < target.rank.take(hits.piece.take(at)))
+    first = (distance == old) & (target.rank[pieces].take(piece) < target.rank.take(hits.piece.take(at)))
     kept = np.flatnonzero((distance > 0) & ((distance < old) | first))
-    one, at, distance, x, y = one.take(kept), at.take(kept), distance.take(kept), x.take(kept), y.take(kept)
-    s = _towards(across, one, x, y) * distance + _dot(across, start).take(one)
-    t = _towards(up, one, x, y) * distance + _dot(up, start).take(one)
-    return _PieceHits(at, pieces.take(one), s, t, distance)
+    piece, at, distance, x, y = piece.take(kept), at.take(kept), distance.take(kept), x.take(kept), y.take(kept)
+    s = _towards(across, piece, x, y) * distance + _dot(across, start).take(piece)
+    t = _towards(up, piece, x, y) * distance + _dot(up, start).take(piece)
+    return _PieceHits(at, pieces.take(piece), s, t, distance)
 
 
 def _pairs(target: _Target, pieces: Indices) -> tuple[Indices, Indices]:
     """Pairs of a piece, by its place among `pieces`, and a ray of its window, by its flat place; piece by piece."""
     top, _, left, right = target.boxes[pieces].T.astype(np.intp)
     areas = _areas(target.boxes[pieces])
-    one = np.repeat(np.arange(pieces.size), areas)
-    row, column = np.divmod(np.arange(one.size) - np.repeat(np.cumsum(areas) - areas, areas), (right - left).take(one))
-    return one, (row + top.take(one)) * target.rays.shape[1] + column + left.take(one)
+    piece = np.repeat(np.arange(pieces.size), areas)
+    row, column = np.divmod(
+        np.arange(piece.size) - np.repeat(np.cumsum(areas) - areas, areas), (right - left).take(piece)
+    )
+    return piece, (row + top.take(piece)) * target.rays.shape[1] + column + left.take(piece)
 
 
 def _dot(a: Floats32, b: Sequence[Floats32]) -> Floats32:
@@ -319,9 +321,9 @@ def _dot(a: Floats32, b: Sequence[Floats32]) -> Floats32:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _towards(axis: Floats32, one: Indices, x: Floats32, y: Floats32) -> Floats32:
+def _towards(axis: Floats32, piece: Indices, x: Floats32, y: Floats32) -> Floats32:
     """The products of the axes (3, P) of pieces with rays (x, y, 1), each with its own."""
-    return np.asarray(axis[0].take(one) * x + axis[1].take(one) * y + axis[2].take(one))
+    return np.asarray(axis[0].take(piece) * x + axis[1].take(piece) * y + axis[2].take(piece))
 
 
 def _within(surfaces: Surfaces, piece: Indices, s: Floats32, t: Floats32) -> Mask:

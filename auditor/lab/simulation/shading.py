@@ -290,15 +290,15 @@ def emissions(pieces: Sequence[Piece], day: Day, seed: int) -> Floats32 | None:
     """(N, LAYERS, 4) radiances that pieces emit by layer and band: lamps, tail lamps and lit windows. None by day."""
     if not day.emitted:
         return None
-    found = np.zeros((len(pieces), LAYERS, 4), dtype=np.float32)
+    radiances = np.zeros((len(pieces), LAYERS, 4), dtype=np.float32)
     for row, piece in enumerate(pieces):
         if piece.tile is _LAMP_TILE:
-            found[row] = day.emitted * day.lamp
+            radiances[row] = day.emitted * day.lamp
         elif piece.tile is Tile.REAR:
-            found[row, 1] = day.emitted * NIGHT_AND_RAIN.tail_lamp * np.array(MATERIALS.tail_lamp)
+            radiances[row, 1] = day.emitted * NIGHT_AND_RAIN.tail_lamp * np.array(MATERIALS.tail_lamp)
         elif piece.tile is Tile.WINDOWS and _lit(piece, seed):
-            found[row, 1] = day.emitted * NIGHT_AND_RAIN.window * np.array(ILLUMINANTS.sodium)
-    return found
+            radiances[row, 1] = day.emitted * NIGHT_AND_RAIN.window * np.array(ILLUMINANTS.sodium)
+    return radiances
 
 
 def _lit(piece: Piece, seed: int) -> bool:

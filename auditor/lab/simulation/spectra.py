@@ -133,17 +133,17 @@ def reflectances(pieces: Sequence[Piece], seed: int) -> Floats32:
 
     Pieces of one body and material are alike; `seed` is the street's.
     """
-    known: dict[tuple[int, int], Floats] = {}
-    found = np.empty((len(pieces), LAYERS, 4), dtype=np.float32)
+    cache: dict[tuple[int, int], Floats] = {}
+    table = np.empty((len(pieces), LAYERS, 4), dtype=np.float32)
     for row, piece in enumerate(pieces):
         material = _SAME_AS.get(piece.tile, piece.tile)
         key = piece.body, int(material)
-        if key not in known:
+        if key not in cache:
             rng = np.random.default_rng([seed, *key])
-            known[key] = np.stack([_body(material, piece, rng), _detail(material), _NEUTRAL])
-        found[row] = known[key]
-        found[row, :, :3] = np.minimum(found[row, :, :3], MATERIALS.brightest / max(piece.albedo, 1e-3))
-    return found
+            cache[key] = np.stack([_body(material, piece, rng), _detail(material), _NEUTRAL])
+        table[row] = cache[key]
+        table[row, :, :3] = np.minimum(table[row, :, :3], MATERIALS.brightest / max(piece.albedo, 1e-3))
+    return table
 
 
 def _body(material: Tile, piece: Piece, rng: np.random.Generator) -> Bands:

@@ -95,8 +95,8 @@ def _kernel(height: int, width: int, veil: float, bloom: float, scale: float) ->
     far = np.hypot(*(np.minimum(np.arange(n), n - np.arange(n))[s] for n, s in zip(shape, _AXES, strict=True)))
     spread = np.zeros(shape)
     for share, width_px in ((veil, CAMERAS.veil_px), (bloom, CAMERAS.bloom_px)):
-        one = np.exp(-far * _STEP / (width_px * scale))
-        spread += share * one / one.sum()
+        profile = np.exp(-far * _STEP / (width_px * scale))
+        spread += share * profile / profile.sum()
     return np.asarray(np.fft.rfft2(spread), dtype=np.complex64)
 
 

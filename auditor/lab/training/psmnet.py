@@ -86,10 +86,10 @@ def _one_of_four(truth: NDArray[np.floating]) -> NDArray[np.floating]:
     """(ceil(H / 2), ceil(W / 2)): of 2 x 2 disparities the first known one; their mean would be wrong at every edge."""
     padding = [(0, length % 2) for length in truth.shape]
     even = np.pad(truth, padding, constant_values=np.nan)
-    found = even[::2, ::2]
+    chosen = even[::2, ::2]
     for other in (even[::2, 1::2], even[1::2, ::2], even[1::2, 1::2]):
-        found = np.where(np.isnan(found), other, found)
-    return found
+        chosen = np.where(np.isnan(chosen), other, chosen)
+    return chosen
 
 
 def _varied(images: tuple[Image, Image], rng: np.random.Generator) -> tuple[Image, Image]:
@@ -130,8 +130,10 @@ def train(
     check_settings(settings)
     checkpoint = folder / CHECKPOINT
     if checkpoint.exists() != resume:
-        what = "no training to resume" if resume else "a training is here already"
-        raise SettingError(what, where=checkpoint, remedy="start one" if resume else "resume it, or use another folder")
+        problem = "no training to resume" if resume else "a training is here already"
+        raise SettingError(
+            problem, where=checkpoint, remedy="start one" if resume else "resume it, or use another folder"
+        )
     run = _started(settings)
     if resume:
         restore(run, checkpoint)
@@ -218,12 +220,12 @@ def _rate(done: int, steps: int) -> float:
 
 
 def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Tensor:
-    known = (truth > 0) & (truth < max_disparity)  # False where it is NaN
-    target = torch.where(known, truth, torch.zeros_like(truth))
-    count = known.sum().clamp(min=1)
+    labelled = (truth > 0) & (truth < max_disparity)  # False where it is NaN
+    target = torch.where(labelled, truth, torch.zeros_like(truth))
+    count = labelled.sum().clamp(min=1)
     losses = [functional.smooth_l1_loss(output, target, reduction="none") for output in outputs]
     return sum(
-        (weight * (loss * known).sum() / count for weight, loss in zip(_OUTPUT_WEIGHTS, losses, strict=True)),
+        (weight * (loss * labelled).sum() / count for weight, loss in zip(_OUTPUT_WEIGHTS, losses, strict=True)),
         start=torch.zeros((), device=truth.device),
     )
 
@@ -267,7 +269,7 @@ def check_settings(settings: TrainingSettings) -> None:
     rows, columns = settings.crop
     pooled = settings.batch * math.prod(max(1, length // _LARGEST_POOL_PX) for length in settings.crop)
     multiple = MULTIPLE * settings.step
-    for wrong, what, remedy in (
+    for wrong, problem, remedy in (
         (
             settings.max_disparity < multiple or settings.max_disparity % multiple,
             "--max-disparity",
@@ -283,7 +285,7 @@ def check_settings(settings: TrainingSettings) -> None:
         (settings.device != "cpu" and not torch.cuda.is_available(), "--device", "cpu where there is no GPU"),
     ):
         if wrong:
-            raise SettingError("training is not possible with this value", where=what, remedy=f"it is {remedy}")
+            raise SettingError("training is not possible with this value", where=problem, remedy=f"it is {remedy}")
 
 
 __all__ = [

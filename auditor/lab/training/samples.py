@@ -53,18 +53,18 @@ def score(matcher: Matcher, samples: Iterable[Sample], *, least_px: float = 0.0)
 
     Give two matchers the same samples and they are compared on the same pixels, at full resolution.
     """
-    pixels = found = far = 0
+    pixels = matched = far = 0
     total = 0.0
     for left, right, truth in samples:
         inputs = (left, right) if matcher.colour else (grey(left), grey(right))
         disparity = matcher.match(*inputs).repeat(matcher.step, axis=0).repeat(matcher.step, axis=1)
-        known = truth > least_px  # False where it is NaN
-        error = np.abs(disparity[: truth.shape[0], : truth.shape[1]][known] - truth[known])
+        labelled = truth > least_px  # False where it is NaN
+        error = np.abs(disparity[: truth.shape[0], : truth.shape[1]][labelled] - truth[labelled])
         pixels += error.size
-        found += int(np.count_nonzero(~np.isnan(error)))
+        matched += int(np.count_nonzero(~np.isnan(error)))
         far += int(np.count_nonzero(~(error <= _FAR_PX)))
         total += float(np.nansum(error, dtype=np.float64))
-    return Score(pixels, total / found if found else None, far / pixels if pixels else None)
+    return Score(pixels, total / matched if matched else None, far / pixels if pixels else None)
 
 
 Pair = tuple[int, int]
@@ -129,8 +129,8 @@ class StreetSamples:
         style = list(STYLES)[self.seed % len(STYLES)]
         drive = make_drive(self.seed, _STREET_FRAMES, n_cameras=_STREET_CAMERAS, style=style, vehicle=self.seed)
         numbers = np.linspace(0, _STREET_FRAMES - 1, self.frames).astype(int).tolist()
-        known = content_id("training street", __version__, self.seed, self.frames)
-        yield Samples(known, "streets", ((number, dense_sample(drive, number)) for number in numbers))
+        sample_id = content_id("training street", __version__, self.seed, self.frames)
+        yield Samples(sample_id, "streets", ((number, dense_sample(drive, number)) for number in numbers))
 
 
 SampleSource = RecordingSamples | StreetSamples
@@ -267,8 +267,8 @@ class SampleFiles(Sequence[Sample]):
 
 def _pack(sample: Sample, file: Path) -> None:
     left, right, disparity = sample
-    known = np.nan_to_num(disparity, nan=0.0)
-    np.savez_compressed(file, left=left, right=right, disparity=np.rint(known * _UNITS).astype(np.uint16))
+    filled = np.nan_to_num(disparity, nan=0.0)
+    np.savez_compressed(file, left=left, right=right, disparity=np.rint(filled * _UNITS).astype(np.uint16))
 
 
 def _unpacked(file: Path) -> Sample:

@@ -70,9 +70,10 @@ def _histograms(answers: Answers, triple: Triple) -> dict[tuple[Sensors, str | N
 
 def _distributions(answers: Answers, number: int) -> Sheet:
     triple = answers.scenarios[number]
-    found = _histograms(answers, triple)
+    histograms = _histograms(answers, triple)
     panels = [
-        histogram_panel(names(attacked), _against(found, attacked, answers.strengths)) for attacked in subsets(triple)
+        histogram_panel(names(attacked), _against(histograms, attacked, answers.strengths))
+        for attacked in subsets(triple)
     ]
     title = f"Distributions of E, Scenario {number}: {names(triple)}"
     return Sheet(title, published.DISTRIBUTIONS[number], tuple(panels), _BARS_LEGEND)
@@ -84,10 +85,10 @@ def _panel(answers: Answers) -> Iterator[Sheet]:
         triples = [t for t in answers.rig.triples if t.k == answers.rig.n and set(t) <= set(system)]
         panels = []
         for triple in triples:
-            found = _histograms(answers, triple)
+            histograms = _histograms(answers, triple)
             for attacked in ((), *((sensor,) for sensor in system)):
                 title = f"E of {names(triple)}; {names(attacked) or 'none'} attacked"
-                panels.append(histogram_panel(title, _against(found, attacked, answers.strengths)))
+                panels.append(histogram_panel(title, _against(histograms, attacked, answers.strengths)))
         yield Sheet("Distributions by triple and attacked sensor", published.PANEL, tuple(panels), _BARS_LEGEND)
 
 
@@ -128,12 +129,12 @@ _BARS_LEGEND = (("bar clean", "clean"), ("bar mild", "mild"), ("bar opaque", "op
 
 
 def _against(
-    found: Mapping[tuple[Sensors, str | None], list[int]], attacked: Sensors, strengths: Sequence[str]
+    histograms: Mapping[tuple[Sensors, str | None], list[int]], attacked: Sensors, strengths: Sequence[str]
 ) -> list[tuple[str, list[int]]]:
     """Clean frames below, the weakest and the strongest attack over them."""
-    drawn = [("bar clean", found[(), None])]
+    drawn = [("bar clean", histograms[(), None])]
     ends = dict.fromkeys((*strengths[:1], *strengths[-1:]))
-    drawn += [(f"bar {s}", found[attacked, s]) for s in ends if (attacked, s) in found]
+    drawn += [(f"bar {s}", histograms[attacked, s]) for s in ends if (attacked, s) in histograms]
     return drawn
 
 
@@ -218,9 +219,9 @@ def _attacked(answers: Answers) -> Iterator[tuple[str, dict[str, object]]]:
 def _sensitivity(answers: Answers) -> Iterator[tuple[str, Lookup]]:
     kinds = {(row["sensor"], row["strength"] or "", row["size"]): row for row in answers.rows["sensitivity"]}
     for (sensor, strength, size), row in sorted(kinds.items()):
-        what = f"{strength} facula on the {SHORT_ROLES[sensor]}" if strength else "wall"
+        attack = f"{strength} facula on the {SHORT_ROLES[sensor]}" if strength else "wall"
         where = {"sensor": sensor, "strength": strength or None, "size": size}
-        yield f"{what}, {size_of(row)}", _looking("sensitivity", "detected", **where)
+        yield f"{attack}, {size_of(row)}", _looking("sensitivity", "detected", **where)
 
 
 def _further(answers: Answers) -> Iterator[tuple[str, Lookup]]:

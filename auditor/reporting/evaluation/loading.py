@@ -80,12 +80,12 @@ def _false(shown: Mapping[str, Answers]) -> Grid:
 def _intervals(method: str, answers: Answers) -> Grid:
     modes = _modes({method: answers})
     rows = [row for row in answers.rows["incidents"] if row["attacked"]]
-    found = {(row["left_out"], tuple(row["attacked"]), row["variant"]): row for row in rows}
-    kinds = list(dict.fromkeys((attacked, variant) for _, attacked, variant in found))
+    row_of = {(row["left_out"], tuple(row["attacked"]), row["variant"]): row for row in rows}
+    kinds = list(dict.fromkeys((attacked, variant) for _, attacked, variant in row_of))
 
     def cells(kind: tuple[tuple[int, ...], str]) -> Iterator[Cell]:
         for mode in modes:
-            row = found.get((mode, *kind))
+            row = row_of.get((mode, *kind))
             yield _rate(row, "found", "low", "high") if row else None
             yield _rate(row, "named", "naming_low", "naming_high") if row else None
             yield f"{row['delay_s']:.1f} s" if row and row["delay_s"] is not None else None
@@ -142,8 +142,8 @@ def load_evaluation(store: Store) -> EvaluationPage:
         "objects": {"r": list(OBJECT_RATES)},
         "average_precision": {},
     }
-    found = run_queries(store, {f"evaluation_{name}": parameters for name, parameters in wanted.items()})
-    answers = {name: rows_of(found[f"evaluation_{name}"]) for name in wanted}
+    tables = run_queries(store, {f"evaluation_{name}": parameters for name, parameters in wanted.items()})
+    answers = {name: rows_of(tables[f"evaluation_{name}"]) for name in wanted}
     by_setup: dict[str, Rows] = defaultdict(list)
     for part in parts:
         by_setup[part["setup"]].append(part)
@@ -165,7 +165,7 @@ def load_evaluation(store: Store) -> EvaluationPage:
 
 
 def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
-    found, robust = (Answers(rig, by_method(answers, method)) for method in METHODS)
+    paper, robust = (Answers(rig, by_method(answers, method)) for method in METHODS)
     first = parts[0]
     clean = [part for part in parts if part["experiment"] == "clean"]
     drawn = [part for part in parts if part["draws"] is not None]
@@ -188,15 +188,15 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
         grids={
             name: tuple(tables)
             for name, tables in (
-                grids(found)
-                | object_grids(found)
-                | method_grids(found, robust)
-                | incident_grids(dict(zip(METHODS, (found, robust), strict=True)))
+                grids(paper)
+                | object_grids(paper)
+                | method_grids(paper, robust)
+                | incident_grids(dict(zip(METHODS, (paper, robust), strict=True)))
                 | {"unseen": unseen_grids(answers["unseen"])}
             ).items()
         },
-        sheets={name: tuple(plots) for name, plots in (sheets(found) | object_sheets(found)).items()},
-        unseen=tuple(_unseen(robust if robust.modes else found)),
+        sheets={name: tuple(plots) for name, plots in (sheets(paper) | object_sheets(paper)).items()},
+        unseen=tuple(_unseen(robust if robust.modes else paper)),
     )
 
 
@@ -204,9 +204,9 @@ def _recordings(clean: Rows) -> Iterator[EvaluatedRecording]:
     by_recording: dict[str, Rows] = defaultdict(list)
     for part in clean:
         by_recording[part["recording_id"]].append(part)
-    for known, parts in by_recording.items():
+    for recording_id, parts in by_recording.items():
         frames, skipped = (sum(part[name] for part in parts) for name in ("frames", "skipped"))
-        yield EvaluatedRecording(parts[0]["name"], known, frames, skipped)
+        yield EvaluatedRecording(parts[0]["name"], recording_id, frames, skipped)
 
 
 def _unseen(answers: Answers) -> Iterator[str]:
@@ -216,14 +216,14 @@ def _unseen(answers: Answers) -> Iterator[str]:
     mode = "block" if "block" in answers.modes else answers.modes[0]
     for row in answers.rows["sensitivity"]:
         if row["left_out"] == mode and row["rate"] < CLEARLY_SEEN:
-            what = f"{row['strength']} facula" if row["strength"] else "bogus wall"
-            where = f"{'An' if what[0] == 'o' else 'A'} {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]}"
+            attack = f"{row['strength']} facula" if row["strength"] else "bogus wall"
+            where = f"{'An' if attack[0] == 'o' else 'A'} {attack}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]}"
             yield f"{where} was detected in {row['detected']} of {row['cases']} frames."
     for row in answers.rows["further"]:
         everyone = len(row["system"]) == len(answers.rig.sensors)
         if row["left_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
-            what = f"{described(row)} on {names(row['attacked'])}"
-            yield f"{what[0].upper()}{what[1:]}, {_how_seldom(row, _raised_clean(answers, mode))}"
+            attack = f"{described(row)} on {names(row['attacked'])}"
+            yield f"{attack[0].upper()}{attack[1:]}, {_how_seldom(row, _raised_clean(answers, mode))}"
     for number, triple in answers.scenarios.items():
         for strength in answers.strengths:
             for attacked in subsets(triple):
@@ -300,12 +300,12 @@ def _data_uri(jpeg: bytes) -> str:
 
 def _in_words(row: Mapping[str, Any], sensor: int) -> str:
     """An attack with its strength and size, beginning with a capital."""
-    known = json.loads(row["parameters"]).get(f"S_{sensor}", {})
+    values = json.loads(row["parameters"]).get(f"S_{sensor}", {})
     name, written = _PAPER_SIZES.get(row["attack"], ("", ""))
     words = described({**row, "variant": row["strength"], "size": None if name else row["size"]})
     if name:
         strength = row["strength"] if row["attack"] == "facula" else None
-        size = written.format(known[name]) if name in known else None
+        size = written.format(values[name]) if name in values else None
         words = ", ".join(filter(None, (" ".join(filter(None, (strength, words))), size)))
     return words[:1].upper() + words[1:]
 

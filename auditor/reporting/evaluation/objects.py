@@ -44,16 +44,18 @@ def object_sheets(answers: Answers) -> dict[str, list[Sheet]]:
 
 def _detectors(rows: Rows) -> list[tuple[str, Rows]]:
     """Rows by detector; those of one name are distinguished by their id."""
-    found: dict[tuple[str, str], Rows] = {}
+    rows_of: dict[tuple[str, str], Rows] = {}
     for row in rows:
-        found.setdefault((row["detector"], row["detector_id"]), []).append(row)
-    alone = [name for name, _ in found]
-    return [(name if alone.count(name) == 1 else f"{name} ({known})", of_it) for (name, known), of_it in found.items()]
+        rows_of.setdefault((row["detector"], row["detector_id"]), []).append(row)
+    alone = [name for name, _ in rows_of]
+    return [
+        (name if alone.count(name) == 1 else f"{name} ({known})", of_it) for (name, known), of_it in rows_of.items()
+    ]
 
 
 def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> Iterator[Grid]:
     """Detection averaged over the seven combinations, with the clean frames that are raised as well."""
-    found = {
+    row_of = {
         (row["iou"], row["r"], row["i"], row["j"], row["strength"]): row
         for row in rows
         if row["left_out"] == mode and row["attacked"] is None
@@ -62,13 +64,13 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
 
     def cells(iou: str, r: float | None) -> Iterator[Cell]:
         for number, (i, j, _) in answers.scenarios.items():
-            of_it = [found.get((float(iou), r, i, j, strength)) for strength in answers.strengths]
+            of_it = [row_of.get((float(iou), r, i, j, strength)) for strength in answers.strengths]
             calm = next((row for row in of_it if row), None)
             yield published.BASELINE[iou][number - 1]
             yield from (_detected(row) if row else None for row in of_it)
             yield _raised(calm) if calm else None
 
-    if found:
+    if row_of:
         width = 2 + len(answers.strengths)
         yield Grid(
             title=f"{detector}; {LEFT_OUT[mode] if mode else _LEARNT_NOTHING}",
@@ -97,7 +99,7 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
     """By attacked sensors at one r, left out by blocks where that could be done."""
     triple: Triple = answers.scenarios[number]
     mode = "block" if "block" in answers.modes else answers.modes[0]
-    found = {
+    row_of = {
         (row["iou"], row["strength"], tuple(row["attacked"])): rate_of(row, "detected")
         for row in rows
         if (row["left_out"], row["r"], row["i"], row["j"]) == (mode, R_SHOWN, triple.i, triple.j) and row["attacked"]
@@ -109,7 +111,7 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
         rows=tuple(
             PageRow(
                 names(attacked),
-                tuple(found.get((float(iou), s, attacked)) for iou in published.BASELINE for s in answers.strengths),
+                tuple(row_of.get((float(iou), s, attacked)) for iou in published.BASELINE for s in answers.strengths),
             )
             for attacked in subsets(triple)
         ),
@@ -118,21 +120,21 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
 
 def _kinds(rows: Rows) -> list[tuple[str, Rows]]:
     """Rows of average precision by detector, sensor and kind of object, named; kinds without a label are left out."""
-    found: dict[str, Rows] = {}
+    rows_of: dict[str, Rows] = {}
     for detector, of_it in _detectors(rows):
         for row in of_it:
-            what = f"{row['label']} by {detector} in the {'point cloud' if row['sensor'] == 'lidar' else 'image'}"
-            found.setdefault(f"{what}, IoU {row['iou']:g}", []).append(row)
-    return [(name, of_it) for name, of_it in found.items() if any(row["truths"] for row in of_it)]
+            objects = f"{row['label']} by {detector} in the {'point cloud' if row['sensor'] == 'lidar' else 'image'}"
+            rows_of.setdefault(f"{objects}, IoU {row['iou']:g}", []).append(row)
+    return [(name, of_it) for name, of_it in rows_of.items() if any(row["truths"] for row in of_it)]
 
 
 def _precisions(title: str, rows: Rows) -> Grid:
     strengths = list(dict.fromkeys(row["strength"] for row in rows if row["size"] is not None))
-    found = {(row["size"], row["strength"]): row for row in rows}
+    row_of = {(row["size"], row["strength"]): row for row in rows}
     sizes = {row["size"]: row for row in rows if row["size"] is not None}
 
     def cell(size: float | None, strength: str | None) -> Cell:
-        row = found.get((size, strength))
+        row = row_of.get((size, strength))
         return None if row is None or row["average_precision"] is None else f"{row['average_precision']:.3f}"
 
     truths = max((row["truths"] for row in rows), default=0)

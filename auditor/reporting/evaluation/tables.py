@@ -118,7 +118,7 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
         of_it = [row for row in rows if row["sensor"] == sensor]
         columns = list(dict.fromkeys((row["left_out"], row["strength"]) for row in of_it))
         columns.sort(key=lambda column: (answers.modes.index(column[0]), column[1] or ""))
-        found = {(row["left_out"], row["strength"], row["size"]): rate_of(row, "detected") for row in of_it}
+        rates = {(row["left_out"], row["strength"], row["size"]): rate_of(row, "detected") for row in of_it}
         sizes = {row["size"]: row for row in of_it}
         if of_it:
             strengths = len(columns) // len(answers.modes)
@@ -127,7 +127,7 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
                 groups=tuple((LEFT_OUT[mode], strengths) for mode in answers.modes),
                 columns=tuple(strength or "wall" for _, strength in columns),
                 rows=tuple(
-                    PageRow(size_of(row), tuple(found.get((*column, size)) for column in columns))
+                    PageRow(size_of(row), tuple(rates.get((*column, size)) for column in columns))
                     for size, row in sorted(sizes.items())
                 ),
             )
@@ -136,13 +136,13 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
 def _further(answers: Answers) -> Iterator[Grid]:
     """One table for each sensor's attacks beyond the paper's, by the largest system."""
     rows = [row for row in answers.rows["further"] if len(row["system"]) == len(answers.rig.sensors)]
-    found = {(row["left_out"], tuple(row["attacked"]), described(row)): row for row in rows}
-    for attacked in dict.fromkeys(attacked for _, attacked, _ in found):
-        kinds = list(dict.fromkeys(kind for _, of_it, kind in found if of_it == attacked))
+    row_of = {(row["left_out"], tuple(row["attacked"]), described(row)): row for row in rows}
+    for attacked in dict.fromkeys(attacked for _, attacked, _ in row_of):
+        kinds = list(dict.fromkeys(kind for _, of_it, kind in row_of if of_it == attacked))
 
         def cells(kind: str, attacked: Sensors = attacked) -> Iterator[Cell]:
             for mode in answers.modes:
-                row = found.get((mode, attacked, kind))
+                row = row_of.get((mode, attacked, kind))
                 yield rate_of(row, "detected") if row else None
                 if answers.rig.max_attacked:
                     interval = {"low": row["naming_low"], "high": row["naming_high"]} if row else {}
@@ -168,13 +168,13 @@ def described(row: Mapping[str, Any]) -> str:
 def _false_alarms(answers: Answers, mode: str) -> Grid:
     rows = [row for row in answers.rows["false_alarms"] if row["left_out"] == mode]
     systems = list(dict.fromkeys(tuple(row["system"]) for row in rows))
-    found = {(tuple(row["system"]), row["r"]): row for row in rows}
+    row_of = {(tuple(row["system"]), row["r"]): row for row in rows}
 
     def cells(system: Sensors) -> Iterator[Cell]:
         for r in published.TABLE_RATES:
-            row = found[system, float(r)]
+            row = row_of[system, float(r)]
             yield rate_of(row, "raised")
-        hourly = found[system, R_SHOWN]["raised_an_hour"]
+        hourly = row_of[system, R_SHOWN]["raised_an_hour"]
         yield None if hourly is None else f"{hourly:,.0f}"
 
     return Grid(

@@ -74,13 +74,13 @@ def camera_rigs(store: Store, recording_id: str, rig: Rig) -> list[CameraRig]:
     if not rig.others:
         return []
     numbers = {rig.topic(sensor): sensor for sensor in rig.sensors}
-    found = {}
+    rigs = {}
     for row in rows_of(run_sql(store, _RIGS.format(recording_id))):
         other = store.rig(row["rig_id"])
         if other.cameras and other.topic(LIDAR) in numbers:
-            one = CameraRig(row["measurement_id"], other, numbers[other.topic(LIDAR)])
-            found[row["rig_id"]] = one
-    return list(found.values())
+            camera_rig = CameraRig(row["measurement_id"], other, numbers[other.topic(LIDAR)])
+            rigs[row["rig_id"]] = camera_rig
+    return list(rigs.values())
 
 
 def beside(
@@ -104,18 +104,18 @@ def named_by_pasts(
     return tuple(NamedByPast(rig.name(1), rig.name(sensor), frames) for rig, sensor, frames in rows if rig.n == 1)
 
 
-def _said(store: Store, one: CameraRig, from_ns: int, to_ns: int) -> dict[str, int]:
-    asked = _VERDICTS.format(LIDAR=LIDAR, measurement=one.measurement_id, from_ns=from_ns, to_ns=to_ns)
+def _said(store: Store, camera_rig: CameraRig, from_ns: int, to_ns: int) -> dict[str, int]:
+    asked = _VERDICTS.format(LIDAR=LIDAR, measurement=camera_rig.measurement_id, from_ns=from_ns, to_ns=to_ns)
     return dict(*rows_of(run_sql(store, asked)))
 
 
-def _showing(rig: Rig, one: CameraRig, told: Contradiction) -> tuple[str, ...]:
+def _showing(rig: Rig, camera_rig: CameraRig, told: Contradiction) -> tuple[str, ...]:
     """The names of the cameras whose pictures show the middle of what is contradicted."""
-    assert one.rig.lidar is not None
+    assert camera_rig.rig.lidar is not None
     place_m = np.median(told.place_m, axis=0) + rig.lidars[told.sensor].rig_SE3_lidar[:3, 3]
-    cameras_SE3_rig = one.rig.lidar.rig_SE3_lidar @ invert(rig.lidars[one.sensor].rig_SE3_lidar)
+    cameras_SE3_rig = camera_rig.rig.lidar.rig_SE3_lidar @ invert(rig.lidars[camera_rig.sensor].rig_SE3_lidar)
     place_m = (cameras_SE3_rig @ np.append(place_m, 1))[:3]
-    return tuple(camera.name for camera in one.rig.cameras if _shows(camera, place_m))
+    return tuple(camera.name for camera in camera_rig.rig.cameras if _shows(camera, place_m))
 
 
 def _shows(camera: Camera, place_m: Matrix) -> bool:

@@ -87,11 +87,11 @@ def contradictions(
     things: Iterable[Mapping[str, Any]], rig: Rig, frames: Collection[int], attacked: Collection[int]
 ) -> tuple[Contradiction, ...]:
     """Those of the frames of an incident, those of most frames first; of the attacked sensors where some are named."""
-    found: dict[int, list[Mapping[str, Any]]] = {}
+    by_frame: dict[int, list[Mapping[str, Any]]] = {}
     for row in things:
         if row["frame"] in frames and (not attacked or row["sensor"] in attacked):
-            found.setdefault(row["sensor"], []).append(row)
-    told = [_told(rig, sensor, rows) for sensor, rows in found.items()]
+            by_frame.setdefault(row["sensor"], []).append(row)
+    told = [_told(rig, sensor, rows) for sensor, rows in by_frame.items()]
     return tuple(sorted(told, key=lambda one: -one.frames))
 
 

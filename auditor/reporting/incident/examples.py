@@ -79,23 +79,23 @@ class ShownExample:
 def examples_of(store: Store, incident_id: str | None = None) -> dict[str, tuple[Example, ...]]:
     """The frames that show incidents, by the ids of these: of one, or of all. Raises StoreError."""
     where = "" if incident_id is None else f" WHERE incident_id = '{incident_id}'"
-    found: dict[str, dict[tuple[str, int], Example]] = {}
+    examples: dict[str, dict[tuple[str, int], Example]] = {}
     for row in sorted(rows_of(run_sql(store, _EXAMPLES + where)), key=_place):
-        frames = found.setdefault(row["incident_id"], {})
+        frames = examples.setdefault(row["incident_id"], {})
         key = row["measurement_id"], row["frame"]
-        what = (*(frames[key].what if key in frames else ()), row["example"])
-        frames[key] = Example(what, *key, row["stamp_ns"], row["name"])
-    return {known: tuple(frames.values()) for known, frames in found.items()}
+        reasons = (*(frames[key].what if key in frames else ()), row["example"])
+        frames[key] = Example(reasons, *key, row["stamp_ns"], row["name"])
+    return {known: tuple(frames.values()) for known, frames in examples.items()}
 
 
 def kept_examples(store: Store, examples: Iterable[Example]) -> tuple[ShownExample, ...]:
     """The examples of which the store keeps pictures, with these inside the page."""
     shown = []
-    for one in examples:
-        pictures = store.frame_pictures(one.measurement_id, one.frame)
+    for example in examples:
+        pictures = store.frame_pictures(example.measurement_id, example.frame)
         if pictures:
             listed = (ShownPicture(data_uri(each.form, each.data), each.sensor, each.content) for each in pictures)
-            shown.append(ShownExample(one, in_order(listed)))
+            shown.append(ShownExample(example, in_order(listed)))
     return tuple(shown)
 
 
@@ -104,9 +104,9 @@ def in_order(pictures: Iterable[ShownPicture]) -> tuple[ShownPicture, ...]:
     return tuple(sorted(pictures, key=_rank))
 
 
-def _rank(one: ShownPicture) -> tuple[bool, int, int, int]:
-    of_cloud, content = one.content in (Content.ABOVE, Content.RANGE), _CONTENTS.index(one.content)
-    return of_cloud, content if of_cloud else one.sensor, content, one.sensor
+def _rank(picture: ShownPicture) -> tuple[bool, int, int, int]:
+    of_cloud, content = picture.content in (Content.ABOVE, Content.RANGE), _CONTENTS.index(picture.content)
+    return of_cloud, content if of_cloud else picture.sensor, content, picture.sensor
 
 
 def data_uri(form: str, data: bytes) -> str:

@@ -64,18 +64,18 @@ def _in_full(
 ) -> RecordingPart:
     """The part with its coverage, its drawings and its pictures: of each incident its strongest frame, or all."""
     drawing, incidents = Drawing(store, audit, part), []
-    for one in part.incidents:
-        if one.number not in drawn:
-            incidents.append(one)
+    for incident in part.incidents:
+        if incident.number not in drawn:
+            incidents.append(incident)
             continue
         wanted = [
             example
-            for example in examples.get(one.incident_id, ())
+            for example in examples.get(incident.incident_id, ())
             if example.measurement_id == audit.measurement.measurement_id
             and (pictures == Pictures.ALL or "strongest" in example.what)
         ]
         shown = kept_examples(store, wanted)
-        incidents.append(replace(drawing.drawn(one, _beside(shown, pictures)), shown=shown))
+        incidents.append(replace(drawing.drawn(incident, _beside(shown, pictures)), shown=shown))
     return replace(drawing.part, incidents=tuple(incidents))
 
 
@@ -191,13 +191,13 @@ class IncidentList:
             drawing = self._drawing(measurement_id)
             parts.append(replace(drawing.part, incidents=(drawing.drawn(incident, small),)))
         calibrations = {part.provenance.calibration_id for part in parts} - {""}
-        known = {one: read_version(self._store, one) for one in calibrations if one in self._calibration_recordings}
+        versions = {one: read_version(self._store, one) for one in calibrations if one in self._calibration_recordings}
         places = {part.provenance.measurement_id for part in parts}
         return OneIncident(
             row,
             page_of(self._store, parts),
             tuple(one for one in self._reviews if one["incident_id"] == row["incident_id"]),
-            {name: version for name, version in known.items() if version is not None},
+            {name: version for name, version in versions.items() if version is not None},
             tuple(
                 one
                 for one in self.rows

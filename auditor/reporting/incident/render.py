@@ -54,18 +54,18 @@ def render_incident_page(store: Store, beginning: str, *, out: Path, pictures: P
     return store.write_page(out, render_one(incidents.one(row)))
 
 
-def render_one(one: OneIncident, *, index: str | None = None, beside: bool = False) -> str:
+def render_one(incident: OneIncident, *, index: str | None = None, beside: bool = False) -> str:
     """The page of one incident as HTML. `index` is where the index lies, seen from the page; None where there is none.
 
     All of its text is escaped; it refers to the index and to nothing else, but to its pictures where they are `beside`.
     """
-    what = " and ".join(one.row["attacked_names"]) or "no sensor can be named"
+    subject = " and ".join(incident.row["attacked_names"]) or "no sensor can be named"
     return fill(
         "one_incident.html",
         {
-            "one": one,
-            "title": f"Incident {one.row['incident_id'][:12]}: {what}",
-            "place": data_uri("svg", one.sketch.encode()) if one.sketch else "",
+            "one": incident,
+            "title": f"Incident {incident.row['incident_id'][:12]}: {subject}",
+            "place": data_uri("svg", incident.sketch.encode()) if incident.sketch else "",
             "index": index,
             "beside": beside,
             "left": LEFT_PX,

@@ -50,9 +50,9 @@ def with_evidence(
     """
     shown, places = scores.copy(), {sensor: place for place, sensor in enumerate(sensors)}
     for frame, of_frame in enumerate(evidence):
-        for one in of_frame:
-            place = places[one["i"]]
-            shown[frame, place] = np.fmax(shown[frame, place], one["score"])
+        for evidence_of in of_frame:
+            place = places[evidence_of["i"]]
+            shown[frame, place] = np.fmax(shown[frame, place], evidence_of["score"])
     return shown
 
 
@@ -64,9 +64,9 @@ def evidence_lines(evidence: Iterable[Sequence[Mapping[str, Any]]]) -> tuple[Evi
     scores: defaultdict[_Subject, list[float]] = defaultdict(list)
     for of_frame in evidence:
         largest: dict[_Subject, float] = {}
-        for one in of_frame:
-            subject = one["i"], one["k"], one["check_name"]
-            largest[subject] = max(one["score"], largest.get(subject, one["score"]))
+        for evidence_of in of_frame:
+            subject = evidence_of["i"], evidence_of["k"], evidence_of["check_name"]
+            largest[subject] = max(evidence_of["score"], largest.get(subject, evidence_of["score"]))
         for subject, value in largest.items():
             scores[subject].append(value)
     lines = [

@@ -39,23 +39,23 @@ class ScoredObjects:
 
 
 def score_in_image(
-    sensor: int, found: Sequence[Detection], labels: Sequence[ObjectLabel], kinds: frozenset[str]
+    sensor: int, detections: Sequence[Detection], labels: Sequence[ObjectLabel], kinds: frozenset[str]
 ) -> list[ScoredObjects]:
     """Boxes in the image against the labelled ones."""
-    agreement = overlaps([one.box for one in found], [ImageBox(*label.box_px) for label in labels])
-    shown = [(one.score, one.label or "", one.box) for one in found]
+    agreement = overlaps([one.box for one in detections], [ImageBox(*label.box_px) for label in labels])
+    shown = [(one.score, one.label or "", one.box) for one in detections]
     return [_score(sensor, kind, shown, labels, agreement) for kind in sorted(kinds)]
 
 
 def score_on_ground(
     sensor: int,
-    found: Sequence[SolidDetection],
+    detections: Sequence[SolidDetection],
     labels: Sequence[ObjectLabel],
     kinds: frozenset[str],
     seen: Callable[[SolidBox], ImageBox | None],
 ) -> list[ScoredObjects]:
     """Boxes in space against the labelled ones, seen from above; boxes outside the labelled image are left out."""
-    boxes = [(one, box) for one in found if (box := seen(one.box)) is not None]
+    boxes = [(one, box) for one in detections if (box := seen(one.box)) is not None]
     agreement = overlaps_on_ground([one.box for one, _ in boxes], [_solid(label) for label in labels])
     shown = [(one.score, one.label, box) for one, box in boxes]
     return [_score(sensor, kind, shown, labels, agreement) for kind in sorted(kinds)]
@@ -64,7 +64,7 @@ def score_on_ground(
 def _score(
     sensor: int,
     kind: str,
-    found: Sequence[tuple[float, str, ImageBox]],
+    detections: Sequence[tuple[float, str, ImageBox]],
     labels: Sequence[ObjectLabel],
     agreement: Floats,
 ) -> ScoredObjects:
@@ -75,7 +75,7 @@ def _score(
     regions = [ImageBox(*label.box_px) for label in labels if label.kind.lower() == _ANYTHING]
     scores, hits, taken = [], [], set()
     for row, (score, _, box) in sorted(
-        ((row, one) for row, one in enumerate(found) if one[1] == kind), key=lambda one: -one[1][0]
+        ((row, one) for row, one in enumerate(detections) if one[1] == kind), key=lambda one: -one[1][0]
     ):
         partner = _best(agreement[row], [at for at in wanted if at not in taken], least)
         partner = _best(agreement[row], [at for at in passed if at not in taken], least) if partner is None else partner

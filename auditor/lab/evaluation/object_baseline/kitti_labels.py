@@ -63,15 +63,15 @@ def read_object_labels(folder: Path, recording: str) -> LabelledDrive:
 
 def _tracking(text: str, path: Path) -> dict[int, tuple[ObjectLabel, ...]]:
     """All frames up to the last with an object are labelled, those without a line as empty."""
-    found: dict[int, list[ObjectLabel]] = defaultdict(list)
+    labels: dict[int, list[ObjectLabel]] = defaultdict(list)
     for number, fields in _lines(text, path, _TRACKING_FIELDS):
         try:
             frame = int(fields[0])
         except ValueError as error:
             raise _unreadable(path, number, error) from error
         if 0 <= frame < 1_000_000:
-            found[frame].append(_label(fields[2:], path, number))
-    return {frame: tuple(found.get(frame, ())) for frame in range(max(found, default=-1) + 1)}
+            labels[frame].append(_label(fields[2:], path, number))
+    return {frame: tuple(labels.get(frame, ())) for frame in range(max(labels, default=-1) + 1)}
 
 
 def _objects(text: str, path: Path) -> tuple[ObjectLabel, ...]:

@@ -73,8 +73,8 @@ class ObjectTask(Task):
 
 def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
     """Raises SettingError where a detector cannot be used, or labels have no detector that they could score."""
-    found = find_detectors(detectors)
-    if labels is not None and found.camera is None and found.cloud is None:
+    pair = find_detectors(detectors)
+    if labels is not None and pair.camera is None and pair.cloud is None:
         raise SettingError(
             "labels need a detector whose objects have kinds", where="--labels", remedy="add --detector streets"
         )
@@ -125,8 +125,8 @@ class _Run(DriveEvaluation):
         detectors: Detectors,
         labels: Labels | None,
     ) -> None:
-        known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
-        experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
+        scored = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
+        experiments = [one for one in EXPERIMENTS if scored or one.name != _SENSITIVITY]
         super().__init__(task, drive, matcher, store, experiments)
         self._detectors = detectors
         self._labels = labels
@@ -153,14 +153,16 @@ class _Run(DriveEvaluation):
         triples = attacked_frame.rig.triples
         for case in cases:
             compared = self._triples(attacked_frame, case, experiment)
-            found = {triple: objects.agreement(triple, case.attacks) for triple in compared}
-            overlaps = [[one.iou for one in found[triple]] if triple in found else None for triple in triples]
+            agreements = {triple: objects.agreement(triple, case.attacks) for triple in compared}
+            overlaps = [[one.iou for one in agreements[triple]] if triple in agreements else None for triple in triples]
             scores = [
-                [one.score for one in found[triple]] if triple in found and objects.has_scores(triple) else None
+                [one.score for one in agreements[triple]]
+                if triple in agreements and objects.has_scores(triple)
+                else None
                 for triple in triples
             ]
             scored = self._scored(objects, attacked_frame, case)
-            if scored or found:
+            if scored or agreements:
                 rows = [asdict(one) for one in scored]
                 varied = case.strength, case.size, case.visible_share
                 yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, scores, rows)
@@ -191,7 +193,7 @@ def _score(
     if detectors.camera is not None and rig.n in changed:
         yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)
     if detectors.cloud is not None and LIDAR in changed:
-        found = objects.in_cloud(case.attacks)
+        detections = objects.in_cloud(case.attacks)
         yield from score_on_ground(
-            LIDAR, found, labels, detectors.cloud.labels, lambda box: in_view(box, rig.camera(rig.n))
+            LIDAR, detections, labels, detectors.cloud.labels, lambda box: in_view(box, rig.camera(rig.n))
         )

@@ -57,8 +57,8 @@ def lidar_points(view: LidarView, rig: Rig) -> ViewPoints:
 
 def stereo_points(stereo: StereoMap, focal_px: float, baseline_m: float) -> ViewPoints:
     """The points of a disparity map where there is texture (Eq. 1)."""
-    known = stereo.valid & stereo.textured & (stereo.disparity_px > 0)
-    row, column = np.nonzero(known)
+    usable = stereo.valid & stereo.textured & (stereo.disparity_px > 0)
+    row, column = np.nonzero(usable)
     depth = focal_px * baseline_m / stereo.disparity_px[row, column].astype(np.float64)
     u, v = (np.asarray(index * stereo.step, dtype=np.float64) for index in (column, row))
     return ViewPoints(u, v, depth, per_cell=(CELL_PX // stereo.step) ** 2 // 4)
@@ -78,8 +78,8 @@ def find_objects(points: ViewPoints, camera: Camera) -> tuple[Detection, ...]:
     above = (height > LOWEST_M) & (height < HIGHEST_M)
     u, v, x, z, height = u[above], v[above], x[above], z[above], height[above]
     cluster = _clusters(u, v, z, camera, points.per_cell)
-    found = (_object(u[of_it], v[of_it], x[of_it], height[of_it]) for of_it in _members(cluster))
-    return tuple(Detection(box) for box in found if box is not None)
+    objects = (_object(u[of_it], v[of_it], x[of_it], height[of_it]) for of_it in _members(cluster))
+    return tuple(Detection(box) for box in objects if box is not None)
 
 
 def _ground(x: Floats, y: Floats, z: Floats) -> Floats | None:

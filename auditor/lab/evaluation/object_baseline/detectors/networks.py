@@ -79,14 +79,14 @@ class Network:
         return take_apart(dict(zip(named, values, strict=True)), self.description, columns, self.path)
 
     def surest(
-        self, found: Detections, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Floats]
+        self, detections: Detections, boxes: Sequence[Box | None], agreement: Callable[[list[Box], list[Box]], Floats]
     ) -> list[tuple[Box, float, str]]:
         """Box, score and name of the objects that stay: one of those of a class that overlap, none without a box."""
         kept: list[tuple[Box, float, str]] = []
-        for name in sorted(set(found.names)):
+        for name in sorted(set(detections.names)):
             of_it = [
                 (box, float(score))
-                for box, score, other in zip(boxes, found.scores, found.names, strict=True)
+                for box, score, other in zip(boxes, detections.scores, detections.names, strict=True)
                 if other == name and box is not None
             ]
             here = [box for box, _ in of_it]
@@ -213,9 +213,9 @@ class OnnxCameraDetector(Network):
         Raises SettingError where the model fails, or its output is not as described.
         """
         shown, fit = self._shown(pixels)
-        found = self.find(shown, 4)
-        boxes = [box if box.area > 0 else None for box in self._boxes(found, fit, pixels.shape[:2])]
-        return tuple(Detection(*one) for one in self.surest(found, boxes, overlaps))
+        detections = self.find(shown, 4)
+        boxes = [box if box.area > 0 else None for box in self._boxes(detections, fit, pixels.shape[:2])]
+        return tuple(Detection(*one) for one in self.surest(detections, boxes, overlaps))
 
     def _shown(self, pixels: Image) -> tuple[NDArray[np.generic], _Fit]:
         height, width = pixels.shape[:2]
@@ -228,9 +228,9 @@ class OnnxCameraDetector(Network):
             shown = shown.transpose(2, 0, 1)
         return np.ascontiguousarray(shown[np.newaxis]), fit
 
-    def _boxes(self, found: Detections, fit: _Fit, size: tuple[int, ...]) -> list[ImageBox]:
+    def _boxes(self, detections: Detections, fit: _Fit, size: tuple[int, ...]) -> list[ImageBox]:
         """Boxes in pixels of the image, cut off at its edges."""
-        columns = dict(zip(_COLUMNS[self.given.format], found.boxes.T, strict=True))
+        columns = dict(zip(_COLUMNS[self.given.format], detections.boxes.T, strict=True))
         if "cx" in columns:
             columns["left"], columns["top"] = columns["cx"] - columns["w"] / 2, columns["cy"] - columns["h"] / 2
         if "w" in columns:
@@ -296,10 +296,10 @@ class OnnxCloudDetector(Network):
         if self.taken.frame == "camera":
             points = (xyz_m @ rig_SE3_lidar[:3, :3].T + rig_SE3_lidar[:3, 3]).astype(np.float32)
         shown = _as_points(points, self.taken) if self.taken.kind == "points" else _as_grid(points, self.taken)
-        found = self.find(shown, len(self.given.columns))
-        rows = [dict(zip(self.given.columns, map(float, row), strict=True)) for row in found.boxes]
+        detections = self.find(shown, len(self.given.columns))
+        rows = [dict(zip(self.given.columns, map(float, row), strict=True)) for row in detections.boxes]
         boxes = [self._box(row, rig_SE3_lidar) for row in rows]
-        return tuple(SolidDetection(*one) for one in self.surest(found, boxes, overlaps_on_ground))
+        return tuple(SolidDetection(*one) for one in self.surest(detections, boxes, overlaps_on_ground))
 
     def _box(self, row: dict[str, float], rig_SE3_lidar: Matrix) -> SolidBox | None:
         """The network's numbers as a box in the rig frame; None where it has no size."""

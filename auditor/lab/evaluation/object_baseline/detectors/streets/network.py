@@ -134,10 +134,10 @@ def unpacked(network: CentreNet, file: Path, sha256: str | None = None) -> Train
         content = file.read_bytes()
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=file, remedy="install auditor again") from error
-    found = hashlib.sha256(content).hexdigest()
-    if sha256 is not None and found != sha256:
+    digest = hashlib.sha256(content).hexdigest()
+    if sha256 is not None and digest != sha256:
         raise SettingError("these are not the weights that come with auditor", where=file, remedy="install it again")
     torch.set_num_threads(1)  # as everything else that an evaluation's processes run: they share the cores
-    known = network.state_dict()
-    network.load_state_dict({name: values.to(known[name].dtype) for name, values in load(content).items()})
-    return TrainedNetwork(network.eval(), found)
+    state = network.state_dict()
+    network.load_state_dict({name: values.to(state[name].dtype) for name, values in load(content).items()})
+    return TrainedNetwork(network.eval(), digest)
