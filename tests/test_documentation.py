@@ -1,6 +1,7 @@
 """The documents say what the program does."""
 
 import ast
+import inspect
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 from ruamel.yaml import YAML
 
+import auditor as package
 from auditor import __version__
 from auditor.cli import VERBS, auditor
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, DRIFT, GATE, INFLUENCE, TWO_SAMPLES
@@ -20,6 +22,8 @@ from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, D
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BENCHMARKS = ROOT / "tests" / "benchmarks"
+NEVER_RAISE = ("rows_of", "synchronise")
+"""Functions of the library that raise nothing by themselves."""
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
@@ -51,6 +55,16 @@ def test_every_verb_has_help_with_an_example_that_names_known_options(verb: str)
 def test_every_option_is_explained() -> None:
     options = [(verb, one) for verb in VERBS for one in parameters_of(verb) if isinstance(one, click.Option)]
     assert [(verb, one.opts) for verb, one in options if one.name != "help" and not one.help] == []
+
+
+@pytest.mark.parametrize("name", [name for name in package.__all__ if inspect.isfunction(getattr(package, name))])
+def test_the_library_says_of_each_function_what_it_takes_gives_and_raises(name: str) -> None:
+    function = getattr(package, name)
+    sections = dict(re.findall(r"^([A-Z][A-Za-z ]+)\n-{5,}\n(.*?)(?=\n\n|\Z)", inspect.getdoc(function), re.M | re.S))
+    told = re.findall(r"^\*{0,2}(\w+)$", sections["Parameters"] + "\n" + sections.get("Other Parameters", ""), re.M)
+    assert [one for one in inspect.signature(function).parameters if one not in told] == []
+    assert {"Returns", "Yields"} & sections.keys()
+    assert "Raises" in sections or name in NEVER_RAISE
 
 
 def test_the_readme_and_the_group_help_name_every_verb_and_no_other() -> None:

@@ -40,11 +40,33 @@ def opened(store: StoreFolder | PathLike) -> StoreFolder:
 def query(
     store: StoreFolder | PathLike, name: str | None = None, /, *, sql: str | None = None, **parameters: object
 ) -> Table:
-    """The answer of a query by its name and parameters, or of one SELECT statement over the store's views.
+    """Answer a question to a store: a query by its name, or one SELECT statement over its views.
 
-    The answer is a `pyarrow.Table`; `rows_of` makes rows of it. SQL runs in a process of its own that can write nothing
-    and has 300 s and 4096 MB. Raises QueryError where there is no such query, a parameter
-    does not fit, names nothing in the store, or the SQL is not allowed, LimitError where it takes more, and StoreError.
+    Parameters
+    ----------
+    store
+        A store, or its folder or address.
+    name
+        A query's, as `auditor query` lists them.
+    sql
+        A SELECT statement in its place. It runs in a process of its own that can write nothing and has 300 s and
+        4096 MB.
+    **parameters
+        Those of the query.
+
+    Returns
+    -------
+    pyarrow.Table
+        `rows_of` makes rows of it.
+
+    Raises
+    ------
+    QueryError
+        There is no such query, a parameter does not fit or names nothing in the store, or the SQL is not allowed.
+    LimitError
+        It takes more time or memory.
+    StoreError
+        There is no store, or one of another version.
     """
     if (name is None) == (sql is None):
         raise QueryError("give the name of a query or sql, and not both", where="query")
@@ -133,9 +155,22 @@ def listing_calibrations(folder: Path) -> str:
 
 
 def open_store(path: str | Path) -> "OpenedStore":
-    """Open a store to ask it questions; one at an address such as s3://bucket/audit is asked as it is now.
+    """Open a store to ask it questions.
 
-    Raises StoreError where there is none, or one of another version.
+    Parameters
+    ----------
+    path
+        Its folder, or an address such as s3://bucket/audit, which is asked as it is now.
+
+    Returns
+    -------
+    OpenedStore
+        It answers as the store is at each call.
+
+    Raises
+    ------
+    StoreError
+        There is none, or one of another version.
     """
     return OpenedStore(opened(path))
 
@@ -151,10 +186,27 @@ class OpenedStore:
     store: StoreFolder
 
     def query(self, question: str, /, **parameters: object) -> Table:
-        """The answer as a `pyarrow.Table`.
+        """Answer a question.
 
-        Raises QueryError where there is no such query or view, a parameter does not fit or names nothing in the store,
-        or the SQL is not allowed, and StoreError.
+        Parameters
+        ----------
+        question
+            The name of a query or a view, or one SELECT statement over the views.
+        **parameters
+            Those of the query.
+
+        Returns
+        -------
+        pyarrow.Table
+            All rows of the answer.
+
+        Raises
+        ------
+        QueryError
+            There is no such query or view, a parameter does not fit or names nothing in the store, or the SQL is not
+            allowed.
+        StoreError
+            The store is gone or of another version.
         """
         if question in {known.name for known in list_queries()}:
             return query(self.store, question, sql=None, **parameters)

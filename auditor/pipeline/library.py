@@ -4,34 +4,25 @@ Keywords that are settings have the meanings and defaults of the options of the 
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass
-from decimal import Decimal
-from inspect import Parameter, Signature, cleandoc, signature
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from textwrap import fill
-from typing import Any, TypedDict, TypeVar, Unpack
+from typing import TypeVar, Unpack
 
 from auditor import recordings as reading
 from auditor.errors import AuditorError, StoreError
-from auditor.identification.thresholds import parse_r
 from auditor.measurement import measure as measure_frame
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
-from auditor.model.pictures import CellRetention, Pictures
 from auditor.model.rig import Rig
 from auditor.model.settings import (
     Criteria,
-    Engine,
     MeasureSettings,
-    about,
-    made,
     settings_of,
     unknown_setting,
 )
-from auditor.model.verdict import Method, Statistic
 from auditor.pipeline.asking import PathLike, named_calibration
 from auditor.pipeline.calibrations.batch import judge_batch
 from auditor.pipeline.calibrations.clean import choose_clean
@@ -39,6 +30,14 @@ from auditor.pipeline.calibrations.making import by_kind, make_each
 from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.geometry import in_force, rigs_through
 from auditor.pipeline.judged import JudgeResult, JudgeSettings
+from auditor.pipeline.keywords import (
+    JudgingKeywords,
+    MeasuringKeywords,
+    ScanKeywords,
+    criteria,
+    explained,
+    measuring_of,
+)
 from auditor.pipeline.many import Batch, find_batch, measure_all
 from auditor.pipeline.measured import MeasureResult
 from auditor.pipeline.remote.addresses import Address, path_or_address
@@ -48,82 +47,6 @@ from auditor.recordings import FrameStream, Recording
 from auditor.store.log.runs import logged
 from auditor.store.maintenance.relations import relate
 from auditor.store.store import Store
-
-Function = TypeVar("Function", bound=Callable[..., object])
-
-
-class JudgingKeywords(TypedDict, total=False):
-    """The fields of `Criteria` as keywords, for type checkers."""
-
-    r: Decimal | float | str
-    method: Method | str
-    statistic: Statistic | str
-    incidents_per_hour: float | None
-    transfer: bool
-    strict: bool
-    recount: bool
-    calibration: str | None
-    min_coverage: float
-    min_view: float
-    no_sensors: Iterable[str]
-
-
-class MeasuringKeywords(TypedDict, total=False):
-    """The fields of `MeasureSettings` as keywords, for type checkers."""
-
-    matcher: str
-    weights: str | Path | None
-    align_corners: bool | None
-    max_disparity: int | None
-    device: str
-    precision: str
-    compiled: bool
-    rig: str | Path | None
-    vehicle: str | None
-    weather: str | None
-    drive: str | None
-    path_pattern: str | None
-    time_limit: float | None
-    memory_limit: float
-    jobs: int | None
-    pictures: Pictures | str
-    cells: CellRetention | str
-    shard: str | None
-    engine: Engine | str
-    address: str | None
-    spool: str | Path | None
-    spool_limit: float | None
-    measure_again: bool
-    verify_content: bool
-
-
-class ScanKeywords(JudgingKeywords, MeasuringKeywords, total=False):
-    """The settings of a scan as keywords, for type checkers."""
-
-
-def explained(*kinds: type) -> Callable[[Function], Function]:
-    """A decorator: the settings that a function takes as keywords stand in its signature and in its docstring."""
-
-    def explain(function: Function) -> Function:
-        own = [one for one in signature(function).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
-        named = settings_of(*kinds).values()
-        keywords = [
-            Parameter(one.name, Parameter.KEYWORD_ONLY, default=_shown_default(one), annotation=one.type)
-            for one in named
-        ]
-        answers = signature(function).return_annotation
-        function.__signature__ = Signature([*own, *keywords], return_annotation=answers)  # type: ignore[attr-defined]
-        texts = [f"{one.name}\n    {fill(about(one).help, 110, subsequent_indent='    ')}" for one in named]
-        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Settings", "--------", *texts])
-        return function
-
-    return explain
-
-
-def _shown_default(setting: Field[Any]) -> object:
-    """The default of a setting in a signature: None stands for one that depends on the machine."""
-    return None if setting.default is MISSING else setting.default
-
 
 Result = TypeVar("Result")
 
@@ -135,38 +58,96 @@ Progress = Callable[[object, str, int], None]
 
 
 def open_recording(path: PathLike) -> Recording:
-    """Open one recording (a file or a folder) for reading, as a context manager.
+    """Open one recording for reading, as a context manager.
 
-    Raises RecordingError where it is missing, empty, unreadable or of no known kind.
+    Parameters
+    ----------
+    path
+        A file or a folder: MCAP, rosbag, or a drive of a dataset.
+
+    Returns
+    -------
+    Recording
+        What it holds by topic; nothing is decoded yet.
+
+    Raises
+    ------
+    RecordingError
+        It is missing, empty, unreadable or of no known kind.
     """
     return reading.open_recording(Path(path))
 
 
 def find_rigs(recording: Recording, rig_file: PathLike | None = None) -> tuple[Rig, ...]:
-    """The rigs of a recording: from its calibration and transforms, or the one of a rig.toml or camchain.yaml.
+    """Find the rigs of a recording.
 
-    Where its calibration changes, the rigs that come into force later follow those of its beginning. Raises RigError
-    where no three sensors overlap, or where the rig file does not fit the recording.
+    Parameters
+    ----------
+    recording
+        An opened one.
+    rig_file
+        A rig.toml or a camchain.yaml, in place of the recording's own calibration and transforms.
+
+    Returns
+    -------
+    tuple of Rig
+        Those of its beginning; where its calibration changes, behind them those that come into force later.
+
+    Raises
+    ------
+    RigError
+        No three sensors overlap, or the rig file does not fit the recording.
     """
     path = Path(rig_file) if rig_file is not None else None
     return tuple(one.rig for one in rigs_through(recording, reading.survey(recording), path).rigs)
 
 
 def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> FrameStream:
-    """The frames of a recording, in order; each iteration reads it again. What cannot be a frame comes as `Skipped`.
+    """Put the messages of a recording together to frames, in the order of time.
 
-    A rig of `find_rigs` has the frames of the time in which it is in force, any other rig has all. Images are (H, W)
-    uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
+    Parameters
+    ----------
+    recording
+        An opened one.
+    rig
+        One of `find_rigs` has the frames of the time in which it is in force, any other rig has all.
+    colour
+        Whether images of colour cameras are (H, W, 3) uint8 BGR; else all are (H, W) uint8 grey.
+
+    Returns
+    -------
+    FrameStream
+        Of `Frame`, whose clouds are (N, 3) float32 in metres, and of `SkippedFrame` with the reason. Each iteration
+        reads the recording again.
     """
     found = in_force(recording, reading.survey(recording), rig)
     return reading.synchronise(recording, rig, found.survey, colour=colour, stretches=found.stretches)
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
-    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the checks.
+    """Count the inconsistent pixels of every triple of sensors (Eq. 2), and what the checks count.
 
-    `counts` follow `rig.measured_triples`, None where a sensor was missing; a lone camera has no past in one frame.
-    Raises RigError where the cameras have no view in common, and SettingError for an unknown matcher.
+    Parameters
+    ----------
+    frame
+        One of `synchronise`, by the same rig.
+    rig
+        The sensors and where they stand.
+    matcher
+        The stereo matcher or its name: sgbm, sgbm-full, psmnet or onnx:FILE.
+
+    Returns
+    -------
+    Measurement
+        `counts` in pixels follow `rig.measured_triples`, None where a sensor was missing. A lone camera has no past
+        in one frame.
+
+    Raises
+    ------
+    RigError
+        The cameras have no view in common.
+    SettingError
+        There is no such matcher.
     """
     found = find_matcher(matcher) if isinstance(matcher, str) else matcher
     return measure_frame(frame, rig, found)[0]
@@ -227,16 +208,40 @@ def calibrate(
 ) -> CalibrationResult:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
-    Recordings are measured into `store`, which keeps a calibration of each rig kind: the first of a kind is in force,
-    later ones are once somebody promotes them. `frames` restricts it to these frame numbers of each. `network` gives
-    several settings of a network at once.
+    The store keeps a calibration of each rig kind: the first of a kind is in force, later ones are once somebody
+    promotes them.
 
-    Raises ThresholdsError where nothing clean remains, SettingError, RigError and StoreError.
+    Parameters
+    ----------
+    sources
+        Paths and addresses of recordings, of folders of them, and of stores.
+    store
+        The folder or address of the store that recordings are measured into.
+    frames
+        The numbers of the frames that are learnt from; all where it is None.
+    network
+        Several settings of a network at once.
+    on_progress
+        Is called with a recording, what is being done, and the number of frames done (0: it is a remark).
+    **measuring
+        See Other Parameters.
+
+    Returns
+    -------
+    CalibrationResult
+        The calibrations by rig kind, and what was left out or failed.
+
+    Raises
+    ------
+    ThresholdsError
+        Nothing clean remains.
+    SettingError, RigError, StoreError
+        A setting, the rig file or the store does not fit.
     """
     if isinstance(address := path_or_address(store), Address):
         with mirrored(address) as here:
             return calibrate(sources, store=here, frames=frames, network=network, on_progress=on_progress, **measuring)
-    places, settings = _places(sources), _measuring(network, measuring)
+    places, settings = _places(sources), measuring_of(network, measuring)
     given = [one for one in places if isinstance(one, Path) and Store.is_at(one)]
     folder, stores = Path(store), [Store.open(path) for path in given]
     batch = find_batch([one for one in places if one not in given], folder, settings)
@@ -262,21 +267,41 @@ def scan(
     on_progress: Progress | None = None,
     **settings: Unpack[ScanKeywords],
 ) -> Iterator[ScanResult]:
-    """Audit recordings (files, or folders of them) as `auditor scan` does, and yield what became of each.
+    """Audit recordings as `auditor scan` does, and yield what became of each.
 
-    What could not be measured comes first, as soon as it is known; the others once all are judged, in the order given:
-    recordings may contradict one another. What the store has measured already is not measured again, unless
-    `measure_again`. `network` gives several settings of a network at once.
+    What the store has measured already is not measured again, unless `measure_again`. A recording that fails is a
+    result with its error, and the others go on.
 
-    A recording that fails is a `ScanResult` with its error; the others go on. What is wrong with the call itself raises
-    before any work: SettingError, ThresholdsError, RigError, StoreError. Of a store at an address what is wrong with
-    the store, a calibration or a rig raises when the first is asked for.
+    Parameters
+    ----------
+    recordings
+        Paths and addresses of recordings, and of folders of them.
+    store
+        The folder or address of the store.
+    network
+        Several settings of a network at once.
+    on_progress
+        Is called with a recording, what is being done, and the number of frames done (0: it is a remark).
+    **settings
+        See Other Parameters.
+
+    Yields
+    ------
+    ScanResult
+        First those that could not be measured, as soon as it is known; the others once all are judged, in the order
+        given, since recordings may contradict one another.
+
+    Raises
+    ------
+    SettingError, ThresholdsError, RigError, StoreError
+        Something is wrong with the call itself: before any work, or of a store at an address when the first result
+        is asked for.
     """
     judging = {name: value for name, value in settings.items() if name in settings_of(Criteria)}
     measuring = {name: value for name, value in settings.items() if name not in judging}
     if unknown := measuring.keys() - settings_of(MeasureSettings).keys():
         raise unknown_setting(min(unknown), settings_of(Criteria, MeasureSettings))
-    places, by, how = _places(recordings), criteria(judging), _measuring(network, measuring)
+    places, by, how = _places(recordings), criteria(judging), measuring_of(network, measuring)
 
     def into(folder: Path) -> Iterator[ScanResult]:
         chosen = judge_settings(folder, by)
@@ -317,10 +342,30 @@ def judge(
 ) -> Iterator[JudgeResult]:
     """Judge every measurement of a store again, without its recordings, and yield what became of each.
 
-    The new verdicts become the current ones. Many are judged by `jobs` processes at a time (None: as many as cores).
+    The new verdicts become the current ones.
 
-    Raises before any work: SettingError, ThresholdsError where no calibration has that name, and StoreError where
-    nothing has been measured; of a store at an address the last two when the first is asked for.
+    Parameters
+    ----------
+    store
+        A store, or its folder or address.
+    jobs
+        Processes that judge at a time; as many as cores where it is None.
+    **judging
+        See Other Parameters.
+
+    Yields
+    ------
+    JudgeResult
+        One a measurement.
+
+    Raises
+    ------
+    SettingError
+        A setting does not fit; before any work.
+    ThresholdsError
+        No calibration has that name.
+    StoreError
+        Nothing has been measured.
     """
     by = criteria(judging)
     if isinstance(store, Store):
@@ -339,18 +384,6 @@ def judge_store(store: Store, judging: Criteria, jobs: int | None = None) -> Ite
 def judge_settings(store: Path, judging: Criteria) -> JudgeSettings:
     """The criteria with the calibration that they name. Raises ThresholdsError for an unknown one."""
     return JudgeSettings(judging, named_calibration(store, judging.calibration))
-
-
-def criteria(given: Mapping[str, object]) -> Criteria:
-    """The criteria that have these values; r may be text, as 1%. Raises SettingError."""
-    r = given.get("r")
-    return made(Criteria, {**given, "r": None if r is None else parse_r(str(r))})
-
-
-def _measuring(network: MatcherOptions, given: Mapping[str, object]) -> MeasureSettings:
-    """The settings that have these values; those of a network may come as one. Raises SettingError."""
-    of_network = {name: value for name, value in vars(network).items() if name in settings_of(MeasureSettings)}
-    return made(MeasureSettings, {**of_network, **given})
 
 
 def _places(sources: PathLike | Iterable[PathLike]) -> list[Path | Address]:

@@ -63,9 +63,18 @@ def table_of(rows: list[dict[str, object]], columns: Mapping[str, str] | None = 
 
 
 def rows_of(table: pa.Table) -> list[dict[str, Any]]:
-    """The rows of an answer, by column; dates, times and timestamps are text, also inside lists and structs.
+    """Make rows of an answer.
 
-    Timestamps are UTC and say so: 2011-09-26T13:02:25.964389445Z.
+    Parameters
+    ----------
+    table
+        An answer of `query`.
+
+    Returns
+    -------
+    list of dict
+        One a row, by column. Dates, times and timestamps are text, also inside lists and structs; timestamps are UTC
+        and say so: 2011-09-26T13:02:25.964389445Z.
     """
     columns = [_values(column) for column in table.columns]
     return [dict(zip(table.column_names, row, strict=True)) for row in zip(*columns, strict=True)]

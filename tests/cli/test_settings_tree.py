@@ -23,7 +23,7 @@ from auditor.model.settings import (
 )
 from auditor.model.verdict import Method, Statistic
 from auditor.pipeline import library, many
-from auditor.pipeline.library import JudgingKeywords, MeasuringKeywords
+from auditor.pipeline.keywords import JudgingKeywords, MeasuringKeywords
 from auditor.store.store import Store
 from tests.settings_table import DOCUMENT, table
 

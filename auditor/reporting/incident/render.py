@@ -21,9 +21,28 @@ LEAST_COVERAGE = 0.99
 def render_incident_report(
     store: Store, *, out: Path, recording: str | None = None, pictures: Pictures = Pictures.INCIDENTS
 ) -> Path:
-    """Write the page of one recording (by name, id or first digits of its id), or of the whole store; answer `out`.
+    """Write the page of one recording, or of the whole store.
 
-    Raises StoreError where the store has no such recording, nothing was measured, or the page cannot be written.
+    Parameters
+    ----------
+    store
+        An opened one.
+    out
+        The file that is written.
+    recording
+        The name of a recording, its id or the first digits of that; the page is of all where it is None.
+    pictures
+        Which kept pictures the page shows.
+
+    Returns
+    -------
+    Path
+        `out`.
+
+    Raises
+    ------
+    StoreError
+        The store has no such recording, nothing was measured, or the page cannot be written.
     """
     return store.write_page(out, render(load_page(store, recording, pictures)))
 
