@@ -158,8 +158,8 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
     A rig of `find_rigs` has the frames of the time in which it is in force, any other rig has all. Images are (H, W)
     uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
     """
-    found = in_force(recording, reading.survey(recording), rig)
-    return reading.synchronise(recording, rig, found.survey, colour=colour, stretches=found.stretches)
+    rig_in_force = in_force(recording, reading.survey(recording), rig)
+    return reading.synchronise(recording, rig, rig_in_force.survey, colour=colour, stretches=rig_in_force.stretches)
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
@@ -168,8 +168,8 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurem
     `counts` follow `rig.measured_triples`, None where a sensor was missing; a lone camera has no past in one frame.
     Raises RigError where the cameras have no view in common, and SettingError for an unknown matcher.
     """
-    found = find_matcher(matcher) if isinstance(matcher, str) else matcher
-    return measure_frame(frame, rig, found)[0]
+    stereo_matcher = find_matcher(matcher) if isinstance(matcher, str) else matcher
+    return measure_frame(frame, rig, stereo_matcher)[0]
 
 
 # Calibrating, scanning, judging
@@ -247,8 +247,8 @@ def calibrate(
         measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(measured, stores)
         made = list(make_each(by_kind(clean), Criteria.r, frames, jobs=settings.jobs))
-        for one in made:
-            keep_calibrated(kept, one)
+        for calibration in made:
+            keep_calibrated(kept, calibration)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
     return CalibrationResult(tuple(one.calibration for one in made), clean.left_out, (*batch.errors, *failed))
 
@@ -306,9 +306,9 @@ def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progr
         deque(scan.relate(), maxlen=0)
         judged = {one.measurement_id: one for one in scan.judge(judging)}
         deque(scan.finish(), maxlen=0)
-    for one in scan.measured:
-        verdicts = (judged[known] for known in one.measurement_ids if known in judged)
-        yield ScanResult(str(one.recording), one, tuple(verdicts))
+    for result in scan.measured:
+        verdicts = (judged[known] for known in result.measurement_ids if known in judged)
+        yield ScanResult(str(result.recording), result, tuple(verdicts))
 
 
 @explained(Criteria)
