@@ -20,12 +20,12 @@ KIND = '''
 from dataclasses import dataclass
 
 from auditor.lab.attacks.kinds import CameraKind, Option
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import DescribedEffect
 from auditor.model.frames import CameraImage
 
 
 @dataclass(frozen=True)
-class Inked(Described):
+class Inked(DescribedEffect):
     share: float
     level: int
 
