@@ -21,7 +21,7 @@ import duckdb
 
 from auditor.errors import QueryError, StoreError
 from auditor.model.checks import Check
-from auditor.model.checks.kinds import FORMER
+from auditor.model.checks.words import FORMER
 from auditor.model.text import storable
 from auditor.resources import resource_folder
 from auditor.store.schema import TABLES, Column, table_schema
