@@ -367,7 +367,7 @@ class Check(StrEnum):
             Of.CAMERAS,
             Words(
                 "foreign texture",
-                "it shows something else where two others agree what is there, and how far away",
+                "it shows something else where two others agree what is there",
                 "shows something else where others agree what is there",
                 "S_{i} shows something else where others agree what is there",
             ),
