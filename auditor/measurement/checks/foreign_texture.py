@@ -105,9 +105,10 @@ class _Texture:
 def measure_foreign_texture(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
     """How much of a window of the source, and of the reference, is not what the other one and a third camera show.
 
-    None where no third camera stands so that it could tell.
+    Of several third cameras it is the least: one that is attacked itself may agree with nobody. None where none stands
+    so that it could tell.
     """
-    return max(_by(seen, i, k), default=None), max(_by(seen, k, i), default=None)
+    return min(_by(seen, i, k), default=None), min(_by(seen, k, i), default=None)
 
 
 def _by(seen: FrameViews, camera: int, voter: int) -> Iterator[float]:
