@@ -82,9 +82,9 @@ def open_recording(where: Path | Location) -> Recording:
     unreadable, of no known kind, or more than one.
     """
     location = located(where)
-    if not location.first.exists():
-        raise RecordingError("there is no such file or folder", where=location.first, remedy="check the path")
     try:
+        if not location.first.exists():
+            raise RecordingError("there is no such file or folder", where=location.first, remedy="check the path")
         if location.streams:
             return open_streams(location.path, location.streams)
         path = location.path

@@ -1,6 +1,7 @@
 """A user who may not read or write a place is told so in one line; what he may read is audited all the same."""
 
 import errno
+import json
 
 import pytest
 
@@ -19,6 +20,15 @@ def clean(tmp_path_factory):
 
 
 @pytest.fixture
+def locked(tmp_path):
+    """A recording that its reader has no right to."""
+    path = tmp_path / "locked.mcap"
+    path.write_bytes(b"locked")
+    path.chmod(0)
+    return path
+
+
+@pytest.fixture
 def private(tmp_path):
     """A folder that nobody may enter."""
     folder = tmp_path / "private"
@@ -30,6 +40,18 @@ def private(tmp_path):
 @pytest.fixture
 def audit(tmp_path, capfdbinary):
     return Audit(tmp_path / "audit", capfdbinary.readouterr)
+
+
+def test_a_recording_that_cannot_be_read_is_an_error_of_its_own(clean, locked, audit):
+    audit.scan(clean)
+    with without_rights():
+        scanned = audit.scan(clean, locked, how=("--format", "json"))
+        planned = audit("refresh", clean, locked, "--dry-run")
+    assert scanned.code == 3
+    assert [one["name"] for one in scanned.rows["recordings"]] == ["clean.mcap"]
+    assert [one["recording"] for one in scanned.rows["not_audited"]] == ["locked.mcap"]
+    assert f"{locked}: it cannot be read (Permission denied)" in planned.err
+    assert json.loads(planned.out)["exit"] != 2
 
 
 @pytest.mark.parametrize(
