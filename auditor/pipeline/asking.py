@@ -7,16 +7,19 @@ import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError, ThresholdsError
+from auditor.model.text import storable
 from auditor.resources import is_address
 from auditor.store.connection import Connection, plain_connection
 from auditor.store.export import Table
 from auditor.store.folder import StoreFolder
-from auditor.store.queries import list_queries, list_views, run_query
+from auditor.store.queries import list_queries, list_views, run_query, run_sql
 from auditor.store.queries import query as find_query
+from auditor.store.sql_files import literal
 
 if TYPE_CHECKING:
     import pandas
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from auditor.store.store import Store
 
 PathLike = str | Path
+_FEW = 8
 
 
 def opened(store: StoreFolder | PathLike) -> StoreFolder:
@@ -77,13 +81,29 @@ def query(
     assert name is not None
     wanted, kept = find_query(name), opened(store)
     named = {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters}
-    if not named.keys().isdisjoint(("recording", "calibration")):
+    if not named.keys().isdisjoint(("recording", "calibration", "vehicle")):
         from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
         known = Store(kept.folder)
         _refuse_unknown(known, name, named)
         parameters = _by_id(known, parameters)
-    return run_query(kept, name, parameters)
+    answer = run_query(kept, name, parameters)
+    if "frame" in named and not len(answer):
+        raise _no_frame(kept, name, parameters)
+    return answer
+
+
+def _no_frame(store: StoreFolder, query: str, parameters: Mapping[str, object]) -> QueryError:
+    """The error for a frame number that a recording does not have; it says which there are."""
+    recording = parameters.get("recording")
+    wanted = "name" if recording is None else literal(str(recording))
+    [there] = run_sql(
+        store,
+        f"SELECT min(frame) AS first, max(frame) AS last FROM frames JOIN measurements USING (measurement_id) "  # noqa: S608 - a literal
+        f"WHERE name = {wanted} OR starts_with(recording_id, {wanted})",
+    ).to_pylist()
+    remedy = f"they go from {there['first']} to {there['last']}" if there["last"] is not None else "it has none"
+    return QueryError(f"there is no frame {parameters['frame']}", where=f"query {query}", remedy=remedy)
 
 
 def _by_id(store: "Store", parameters: Mapping[str, object]) -> dict[str, object]:
@@ -93,7 +113,7 @@ def _by_id(store: "Store", parameters: Mapping[str, object]) -> dict[str, object
 
 
 def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]) -> None:
-    """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
+    """Raises QueryError for a recording, vehicle or calibration that the store does not have: no rows would hide it."""
     recording, calibration = parameters.get("recording"), parameters.get("calibration")
     called = [] if recording is None else store.recordings_called(str(recording))
     if recording is not None and not called:
@@ -109,12 +129,29 @@ def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]
             where=f"query {query}",
             remedy=f"ask for recording={later.recording_id[:12]}",
         )
+    if parameters.get("vehicle") is not None:
+        refuse_unknown_vehicle(store, str(parameters["vehicle"]), f"query {query}")
     if calibration is not None and not store.calibrations_called(str(calibration)):
         raise QueryError(
             f"no calibration has an id that begins with {calibration!r}",
             where=f"query {query}",
             remedy=listing_calibrations(store.folder),
         )
+
+
+def refuse_unknown_vehicle(store: "Store", vehicle: str, where: str) -> None:
+    """Raises QueryError for a vehicle that no recording of a store is of; it names the nearest, or some of them."""
+    known = sorted({one.vehicle for one in store.recordings() if one.vehicle is not None})
+    if storable(vehicle) in known:
+        return
+    near = get_close_matches(vehicle, known, 1)
+    more = f" and {len(known) - _FEW} more" if len(known) > _FEW else ""
+    remedy = f"did you mean {near[0]!r}?" if near else f"they are of {', '.join(map(repr, known[:_FEW]))}{more}"
+    raise QueryError(
+        f"no recording is of a vehicle {vehicle!r}",
+        where=where,
+        remedy=remedy if known else "none has a vehicle: --vehicle or --path-pattern of a scan gives it one",
+    )
 
 
 def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
