@@ -167,23 +167,30 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
     if Path(name).is_file():
         return read_calibration(Path(name))
     if not Store.is_at(folder):
-        raise _no_calibration(name, folder, known=False)
+        raise _no_calibration(name, folder, known=False, or_file=True)
     store = Store.open(folder)
-    return store.calibration(calibration_called(store, name))
+    return store.calibration(calibration_called(store, name, or_file=True))
 
 
-def calibration_called(store: "Store", beginning: str) -> str:
-    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
+def calibration_called(store: "Store", beginning: str, *, or_file: bool = False) -> str:
+    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several.
+
+    `or_file` says that a file might have been named as well.
+    """
     matching = store.calibrations_called(beginning)
     if len(matching) != 1:
-        raise _no_calibration(beginning, store.folder, known=bool(store.ids("calibrations")), several=bool(matching))
+        known = bool(store.ids("calibrations"))
+        raise _no_calibration(beginning, store.folder, known=known, several=bool(matching), or_file=or_file)
     return matching[0]
 
 
-def _no_calibration(name: str, folder: Path, *, known: bool, several: bool = False) -> ThresholdsError:
-    what = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
+def _no_calibration(
+    name: str, folder: Path, *, known: bool, several: bool = False, or_file: bool = False
+) -> ThresholdsError:
+    none = "no calibration has that id" + ", and no file that name" * or_file
+    what = "several calibrations begin so" if several else none
     remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
-    return ThresholdsError(what, where=name or "--calibration", remedy=remedy)
+    return ThresholdsError(what, where=name or "''", remedy=remedy)
 
 
 def listing_calibrations(folder: Path) -> str:
