@@ -2,10 +2,12 @@
 
 import errno
 import json
+import shutil
 
 import pytest
 
 from auditor.cli import run
+from auditor.recordings import find_recordings
 from auditor.store.folder import UPGRADED_FROM
 from auditor.store.store import Store
 from tests.making.audits import Audit
@@ -52,6 +54,15 @@ def test_a_recording_that_cannot_be_read_is_an_error_of_its_own(clean, locked, a
     assert [one["recording"] for one in scanned.rows["not_audited"]] == ["locked.mcap"]
     assert f"{locked}: it cannot be read (Permission denied)" in planned.err
     assert json.loads(planned.out)["exit"] != 2
+
+
+def test_a_folder_within_that_cannot_be_read_is_an_error_of_its_own(clean, private):
+    night = private.parent
+    shutil.copy(clean, night)
+    with without_rights():
+        found = find_recordings([night])
+    assert [one.path for one in found.recordings] == [night / "clean.mcap"]
+    assert [(one.where, one.what) for one in found.errors] == [(str(private), "it cannot be read (Permission denied)")]
 
 
 @pytest.mark.parametrize(
