@@ -84,9 +84,9 @@ def query(
     if not named.keys().isdisjoint(("recording", "calibration", "vehicle")):
         from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
-        known = Store(kept.folder)
-        _refuse_unknown(known, name, named)
-        parameters = _by_id(known, parameters)
+        full_store = Store(kept.folder)
+        _refuse_unknown(full_store, name, named)
+        parameters = _by_id(full_store, parameters)
     answer = run_query(kept, name, parameters)
     if "frame" in named and not len(answer):
         raise _no_frame(kept, name, parameters)
@@ -141,16 +141,16 @@ def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]
 
 def refuse_unknown_vehicle(store: "Store", vehicle: str, where: str) -> None:
     """Raises QueryError for a vehicle that no recording of a store is of; it names the nearest, or some of them."""
-    known = sorted({one.vehicle for one in store.recordings() if one.vehicle is not None})
-    if storable(vehicle) in known:
+    vehicles = sorted({one.vehicle for one in store.recordings() if one.vehicle is not None})
+    if storable(vehicle) in vehicles:
         return
-    near = get_close_matches(vehicle, known, 1)
-    more = f" and {len(known) - _FEW} more" if len(known) > _FEW else ""
-    remedy = f"did you mean {near[0]!r}?" if near else f"they are of {', '.join(map(repr, known[:_FEW]))}{more}"
+    near = get_close_matches(vehicle, vehicles, 1)
+    more = f" and {len(vehicles) - _FEW} more" if len(vehicles) > _FEW else ""
+    remedy = f"did you mean {near[0]!r}?" if near else f"they are of {', '.join(map(repr, vehicles[:_FEW]))}{more}"
     raise QueryError(
         f"no recording is of a vehicle {vehicle!r}",
         where=where,
-        remedy=remedy if known else "none has a vehicle: --vehicle or --path-pattern of a scan gives it one",
+        remedy=remedy if vehicles else "none has a vehicle: --vehicle or --path-pattern of a scan gives it one",
     )
 
 
@@ -167,7 +167,7 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
     if Path(name).is_file():
         return read_calibration(Path(name))
     if not Store.is_at(folder):
-        raise _no_calibration(name, folder, known=False, or_file=True)
+        raise _no_calibration(name, folder, has_calibrations=False, or_file=True)
     store = Store.open(folder)
     return store.calibration(calibration_called(store, name, or_file=True))
 
@@ -179,18 +179,25 @@ def calibration_called(store: "Store", beginning: str, *, or_file: bool = False)
     """
     matching = store.calibrations_called(beginning)
     if len(matching) != 1:
-        known = bool(store.ids("calibrations"))
-        raise _no_calibration(beginning, store.folder, known=known, several=bool(matching), or_file=or_file)
+        raise _no_calibration(
+            beginning,
+            store.folder,
+            has_calibrations=bool(store.ids("calibrations")),
+            several=bool(matching),
+            or_file=or_file,
+        )
     return matching[0]
 
 
 def _no_calibration(
-    name: str, folder: Path, *, known: bool, several: bool = False, or_file: bool = False
+    name: str, folder: Path, *, has_calibrations: bool, several: bool = False, or_file: bool = False
 ) -> ThresholdsError:
     none = "no calibration has that id" + ", and no file that name" * or_file
-    what = "several calibrations begin so" if several else none
-    remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
-    return ThresholdsError(what, where=name or "''", remedy=remedy)
+    problem = "several calibrations begin so" if several else none
+    remedy = (
+        listing_calibrations(folder) if has_calibrations else "the store has none yet: make one with auditor calibrate"
+    )
+    return ThresholdsError(problem, where=name or "''", remedy=remedy)
 
 
 def listing_calibrations(folder: Path) -> str:

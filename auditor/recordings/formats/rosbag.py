@@ -62,8 +62,8 @@ def open_streams(path: Path, streams: Streams) -> Recording:
 
 def _files(folder: Path, suffix: str) -> tuple[Path, ...]:
     # "_10" comes after "_9": recorders number the files of a folder without leading zeros.
-    found = (file for file in folder.iterdir() if kind_of(file) == suffix and file.is_file())
-    return tuple(sorted(found, key=lambda file: (len(file.name), file.name)))
+    files = (file for file in folder.iterdir() if kind_of(file) == suffix and file.is_file())
+    return tuple(sorted(files, key=lambda file: (len(file.name), file.name)))
 
 
 def _storage_files(folder: Path) -> tuple[Path, ...]:
