@@ -13,6 +13,7 @@
 Each carries what happened, where, and what to do about it, and prints as one line.
 """
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -84,6 +85,15 @@ class LimitError(AuditorError):
 
 class SettingError(AuditorError):
     """An option whose value makes no sense."""
+
+
+def refused(error: OSError) -> str:
+    """What to do where the system lets this user not read or write a place; empty where something else is wrong."""
+    if error.errno == errno.EROFS:
+        return "this file system can only be read: name another place, or work on a copy"
+    if error.errno in {errno.EACCES, errno.EPERM}:
+        return "ask its owner for the right to it (chmod, chown), or name another place"
+    return ""
 
 
 @contextmanager

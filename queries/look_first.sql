@@ -12,7 +12,7 @@
 -- column grade: incident or alert, where it belongs to one; NULL of a frame that nothing confirms.
 -- column frames: How many frames the incident or alert has; NULL where it belongs to none.
 -- column gap: By how much z the strongest sensor exceeds the next, or the limit.
--- column evidence: What exceeded its threshold, in words.
+-- column evidence: What exceeded its threshold, in words, with the sensors by their names.
 -- column causes: What else than an attack may lie behind it, in words.
 -- column pictured: TRUE where pictures of the frame were kept.
 -- column from_utc: When it was captured, where the recording's clock is UTC.
@@ -57,7 +57,7 @@ ranked AS (
         candidate.grade,
         candidate.frames,
         candidate.gap,
-        evidence_in_words(verdict.evidence) AS evidence,
+        with_names(evidence_in_words(verdict.evidence), rig.sensors) AS evidence,
         causes_in_words(verdict.causes) AS causes,
         EXISTS (
             SELECT 1 FROM pictures

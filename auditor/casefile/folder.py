@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from auditor.errors import SettingError
+from auditor.errors import SettingError, refused
 from auditor.store.files import close_to_others, for_owner
 from auditor.store.log.signatures import SigningKey
 
@@ -28,7 +28,9 @@ def _beside(target: Path) -> Iterator[Path]:
         yield place
         place.rename(target)
     except OSError as error:
-        raise SettingError(f"it cannot be written ({error.strerror or error})", where=target) from error
+        raise SettingError(
+            f"it cannot be written ({error.strerror or error})", where=target, remedy=refused(error)
+        ) from error
     finally:
         if place.is_dir():
             shutil.rmtree(place, ignore_errors=True)

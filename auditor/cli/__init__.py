@@ -17,7 +17,7 @@ from auditor.cli.log_lines import FORMATS, Level, is_json, tell, write_as
 from auditor.cli.options import PATH
 from auditor.cli.output import answer, say
 from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
-from auditor.errors import AuditorError
+from auditor.errors import AuditorError, refused
 
 _GO_ON = "; finished recordings are kept, run the same command again to go on"
 _KEEPING = frozenset({"scan", "judge", "calibrate", "refresh", "evaluate"})
@@ -145,7 +145,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         tell(f"auditor: ended by SIGTERM{_going_on(given)}", Level.ERROR)
         return Exit.ENDED
     except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
-        _show_defect(error)
+        if isinstance(error, OSError) and error.filename and (remedy := refused(error)):
+            tell(f"auditor: {error.filename}: it cannot be used ({error.strerror}); {remedy}", Level.ERROR)
+        else:
+            _show_defect(error)
         return Exit.FAILED
 
 

@@ -1,6 +1,6 @@
 """The log of a store has the command line of each verb that writes to it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from auditor.errors import AuditorError, StoreError
 if TYPE_CHECKING:
     from auditor.store.folder import StoreFolder
     from auditor.store.log.runs import Run
+    from auditor.store.maintenance.verify import Problem
 
 _REMEDY = "auditor verify names everything that differs"
 
@@ -53,18 +54,32 @@ def refuse_altered(store: "StoreFolder") -> None:
         raise StoreError(altered, where=store.folder, remedy=_REMEDY)
 
 
-def tell_altered(store: "StoreFolder", *, every: bool) -> bool:
-    """Name the files that are not as they were finished, among those that changed, or among all; True where any is."""
+def tell_altered(store: "StoreFolder", *, every: bool) -> "Sequence[Problem]":
+    """Name the files that are not as they were finished, among those that changed, or among all."""
     from auditor.store.maintenance.hashes import changed, read_checked  # noqa: PLC0415 - heavy
 
     if not every and not changed(store.folder, read_checked(store.folder)):
-        return False
+        return ()
     from auditor.store.maintenance.verify import verify_changes, verify_hashes  # noqa: PLC0415 - heavier still
 
     result = verify_hashes(store) if every else verify_changes(store)
     for problem in result.grave:
         say(f"{store.folder}: {problem}")
-    return bool(result.grave)
+    return result.grave
+
+
+def note_altered(store: "StoreFolder | None", entry: object) -> bool:
+    """Name the changed files that are not as they were finished, and keep it in the log; True where any is.
+
+    A run that may put others in their places begins so: afterwards nothing else would tell of them. `entry` is the run.
+    """
+    from auditor.store.log.entry import EntryKind  # noqa: PLC0415 - heavy
+    from auditor.store.log.runs import Run  # noqa: PLC0415
+
+    altered = tell_altered(store, every=False) if store is not None else ()
+    if altered and isinstance(entry, Run):
+        entry.say(EntryKind.ALTERED, {"files": [{"path": one.place, "how": one.what} for one in altered]})
+    return bool(altered)
 
 
 def _altered(folder: Path) -> str:

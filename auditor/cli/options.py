@@ -36,7 +36,8 @@ class LocalPath(click.Path):
     """A path on this computer; an address such as s3://bucket is refused, which would make a folder of that name."""
 
     def __init__(self, *, exists: bool = False, dir_okay: bool = True) -> None:
-        super().__init__(exists=exists, dir_okay=dir_okay, path_type=Path)
+        # one that cannot be read is an error of its own where it is opened: the other recordings of a verb go on
+        super().__init__(exists=exists, dir_okay=dir_okay, readable=exists, path_type=Path)
 
     def convert(
         self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None

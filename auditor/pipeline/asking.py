@@ -7,16 +7,19 @@ import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auditor.errors import QueryError, SettingError, ThresholdsError
+from auditor.model.text import storable
 from auditor.resources import is_address
 from auditor.store.connection import Connection, plain_connection
 from auditor.store.export import Table
 from auditor.store.folder import StoreFolder
-from auditor.store.queries import list_queries, list_views, run_query
+from auditor.store.queries import list_queries, list_views, run_query, run_sql
 from auditor.store.queries import query as find_query
+from auditor.store.sql_files import literal
 
 if TYPE_CHECKING:
     import pandas
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from auditor.store.store import Store
 
 PathLike = str | Path
+_FEW = 8
 
 
 def opened(store: StoreFolder | PathLike) -> StoreFolder:
@@ -77,13 +81,29 @@ def query(
     assert name is not None
     wanted, kept = find_query(name), opened(store)
     named = {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters}
-    if not named.keys().isdisjoint(("recording", "calibration")):
+    if not named.keys().isdisjoint(("recording", "calibration", "vehicle")):
         from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
         full_store = Store(kept.folder)
         _refuse_unknown(full_store, name, named)
         parameters = _by_id(full_store, parameters)
-    return run_query(kept, name, parameters)
+    answer = run_query(kept, name, parameters)
+    if "frame" in named and not len(answer):
+        raise _no_frame(kept, name, parameters)
+    return answer
+
+
+def _no_frame(store: StoreFolder, query: str, parameters: Mapping[str, object]) -> QueryError:
+    """The error for a frame number that a recording does not have; it says which there are."""
+    recording = parameters.get("recording")
+    wanted = "name" if recording is None else literal(str(recording))
+    [there] = run_sql(
+        store,
+        f"SELECT min(frame) AS first, max(frame) AS last FROM frames JOIN measurements USING (measurement_id) "  # noqa: S608 - a literal
+        f"WHERE name = {wanted} OR starts_with(recording_id, {wanted})",
+    ).to_pylist()
+    remedy = f"they go from {there['first']} to {there['last']}" if there["last"] is not None else "it has none"
+    return QueryError(f"there is no frame {parameters['frame']}", where=f"query {query}", remedy=remedy)
 
 
 def _by_id(store: "Store", parameters: Mapping[str, object]) -> dict[str, object]:
@@ -93,7 +113,7 @@ def _by_id(store: "Store", parameters: Mapping[str, object]) -> dict[str, object
 
 
 def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]) -> None:
-    """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
+    """Raises QueryError for a recording, vehicle or calibration that the store does not have: no rows would hide it."""
     recording, calibration = parameters.get("recording"), parameters.get("calibration")
     called = [] if recording is None else store.recordings_called(str(recording))
     if recording is not None and not called:
@@ -109,12 +129,29 @@ def _refuse_unknown(store: "Store", query: str, parameters: Mapping[str, object]
             where=f"query {query}",
             remedy=f"ask for recording={later.recording_id[:12]}",
         )
+    if parameters.get("vehicle") is not None:
+        refuse_unknown_vehicle(store, str(parameters["vehicle"]), f"query {query}")
     if calibration is not None and not store.calibrations_called(str(calibration)):
         raise QueryError(
             f"no calibration has an id that begins with {calibration!r}",
             where=f"query {query}",
             remedy=listing_calibrations(store.folder),
         )
+
+
+def refuse_unknown_vehicle(store: "Store", vehicle: str, where: str) -> None:
+    """Raises QueryError for a vehicle that no recording of a store is of; it names the nearest, or some of them."""
+    vehicles = sorted({one.vehicle for one in store.recordings() if one.vehicle is not None})
+    if storable(vehicle) in vehicles:
+        return
+    near = get_close_matches(vehicle, vehicles, 1)
+    more = f" and {len(vehicles) - _FEW} more" if len(vehicles) > _FEW else ""
+    remedy = f"did you mean {near[0]!r}?" if near else f"they are of {', '.join(map(repr, vehicles[:_FEW]))}{more}"
+    raise QueryError(
+        f"no recording is of a vehicle {vehicle!r}",
+        where=where,
+        remedy=remedy if vehicles else "none has a vehicle: --vehicle or --path-pattern of a scan gives it one",
+    )
 
 
 def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
@@ -130,27 +167,37 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
     if Path(name).is_file():
         return read_calibration(Path(name))
     if not Store.is_at(folder):
-        raise _no_calibration(name, folder, has_calibrations=False)
+        raise _no_calibration(name, folder, has_calibrations=False, or_file=True)
     store = Store.open(folder)
-    return store.calibration(calibration_called(store, name))
+    return store.calibration(calibration_called(store, name, or_file=True))
 
 
-def calibration_called(store: "Store", beginning: str) -> str:
-    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
+def calibration_called(store: "Store", beginning: str, *, or_file: bool = False) -> str:
+    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several.
+
+    `or_file` says that a file might have been named as well.
+    """
     matching = store.calibrations_called(beginning)
     if len(matching) != 1:
         raise _no_calibration(
-            beginning, store.folder, has_calibrations=bool(store.ids("calibrations")), several=bool(matching)
+            beginning,
+            store.folder,
+            has_calibrations=bool(store.ids("calibrations")),
+            several=bool(matching),
+            or_file=or_file,
         )
     return matching[0]
 
 
-def _no_calibration(name: str, folder: Path, *, has_calibrations: bool, several: bool = False) -> ThresholdsError:
-    problem = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
+def _no_calibration(
+    name: str, folder: Path, *, has_calibrations: bool, several: bool = False, or_file: bool = False
+) -> ThresholdsError:
+    none = "no calibration has that id" + ", and no file that name" * or_file
+    problem = "several calibrations begin so" if several else none
     remedy = (
         listing_calibrations(folder) if has_calibrations else "the store has none yet: make one with auditor calibrate"
     )
-    return ThresholdsError(problem, where=name or "--calibration", remedy=remedy)
+    return ThresholdsError(problem, where=name or "''", remedy=remedy)
 
 
 def listing_calibrations(folder: Path) -> str:

@@ -50,6 +50,7 @@ from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.settings import Criteria
 from auditor.model.verdict import Method, Verdict, VerdictKind
+from auditor.pipeline.blank_pictures import with_pictures
 from auditor.pipeline.clean_frames import frame_statistics
 from auditor.store.records import (
     FrameStatistics,
@@ -319,7 +320,8 @@ def _topics(rig: Rig) -> dict[int, str]:
 def _judge_robust(store: Store, portion: Portion, beside: Mapping[str, Calibration | None], criteria: Criteria) -> Rows:
     """The verdicts on the frames of a portion; the evidence of those beside it goes on into them."""
     verdicts = judge_portions([portion, *_portions_beside(store, beside, criteria)])[0]
-    return list(zip(portion.numbers.tolist(), portion.series.stamps_ns.tolist(), verdicts, strict=True))
+    shown = with_pictures(verdicts, portion)
+    return list(zip(portion.numbers.tolist(), portion.series.stamps_ns.tolist(), shown, strict=True))
 
 
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:

@@ -14,7 +14,7 @@ from io import SEEK_CUR, SEEK_END, SEEK_SET, BufferedReader, FileIO, RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from auditor.errors import RecordingError
+from auditor.errors import RecordingError, refused
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -248,7 +248,7 @@ class _ProvenReader(RawIOBase):
 
 def unreadable(path: Path, error: OSError) -> RecordingError:
     """The error for a file or folder that cannot be read."""
-    return RecordingError(f"it cannot be read ({error.strerror or error})", where=path)
+    return RecordingError(f"it cannot be read ({error.strerror or error})", where=path, remedy=refused(error))
 
 
 def _identity(status: os.stat_result) -> tuple[int, ...]:

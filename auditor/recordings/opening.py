@@ -82,9 +82,9 @@ def open_recording(where: Path | Location) -> Recording:
     unreadable, of no known kind, or more than one.
     """
     location = located(where)
-    if not location.first.exists():
-        raise RecordingError("there is no such file or folder", where=location.first, remedy="check the path")
     try:
+        if not location.first.exists():
+            raise RecordingError("there is no such file or folder", where=location.first, remedy="check the path")
         if location.streams:
             return open_streams(location.path, location.streams)
         path = location.path
@@ -131,7 +131,7 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     notes: dict[Path, None] = {}
     for path in paths:
         try:
-            places.update(dict.fromkeys(_recordings_at(path)))
+            places.update(dict.fromkeys(_recordings_at(path, errors)))
             for candidate in _almost_recordings(path) if path not in places else ():
                 if (overlooked := _overlooked(candidate)) is None:
                     notes[candidate] = None
@@ -222,14 +222,15 @@ def _has_rig(location: Location) -> bool:
         return False
 
 
-def _recordings_at(path: Path) -> list[Path]:
+def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]:
+    """The recordings at a path; what cannot be read inside a folder is one of the `errors`, and the others go on."""
     if not path.exists():
         raise RecordingError("there is no such file or folder", where=path, remedy="check the path")
     if _is_one(path):
         return [path]
     if not path.is_dir():
         raise unknown_kind(path)
-    recordings = list(_search(path))
+    recordings = list(_search(path, errors))
     if not recordings:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")
     return recordings
@@ -248,14 +249,22 @@ def _is_one(path: Path) -> bool:
     return len(files) < 2 or len(grouped(files, _has_rig)) == 1
 
 
-def _search(folder: Path) -> Iterator[Path]:
+def _search(folder: Path, errors: dict[Path, RecordingError] | None = None) -> Iterator[Path]:
+    """The recordings in a folder, and in those within. Raises OSError for what cannot be read, where it has no place
+    among `errors`.
+    """
     with os.scandir(folder) as entries:
         # Links are not followed: a link to a folder above would never end.
         children = sorted(Path(entry.path) for entry in entries if not entry.is_symlink() or entry.is_file())
     for child in children:
         if child.name.startswith("."):
             continue
-        if _is_one(child):
-            yield child
-        elif child.is_dir():
-            yield from _search(child)
+        try:
+            if _is_one(child):
+                yield child
+            elif child.is_dir():
+                yield from _search(child, errors)
+        except OSError as error:
+            if errors is None:
+                raise
+            errors[child] = unreadable(child, error)

@@ -9,6 +9,7 @@ import hashlib
 import os
 import re
 import secrets
+import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -16,13 +17,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, BinaryIO
 
-from auditor.errors import StoreError
+from auditor.errors import StoreError, refused
 
 ABANDONED_AFTER_S = 60.0
 """A younger file under way may have been made so recently that its writer has not locked it yet."""
 
 _BLOCK = 1 << 20
 _OWNERS_FOLDER, _OWNERS_FILE = 0o700, 0o600
+
+_GO_ON = "finished files are whole, run the command again to go on"
 
 _ID = re.compile(r"[0-9a-f]{8,64}")
 _PART = re.compile(r"\..+\.[0-9a-f]{16}\.part")
@@ -99,7 +102,7 @@ class PartFile:
             raise StoreError(
                 f"cannot be written ({error.strerror or error})",
                 where=self._target,
-                remedy="make room or choose another folder; finished files are whole, run the command again to go on",
+                remedy=refused(error) or f"make room or choose another folder; {_GO_ON}",
             ) from error
 
 
@@ -133,7 +136,9 @@ def _descriptor(path: Path) -> Iterator[int]:
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except OSError as error:
-        raise StoreError(f"it cannot be opened ({error.strerror or error})", where=path) from error
+        raise StoreError(
+            f"it cannot be opened ({error.strerror or error})", where=path, remedy=refused(error)
+        ) from error
     try:
         yield descriptor
     finally:
@@ -185,13 +190,19 @@ def for_owner(path: str, flags: int) -> int:
 
 
 def close_to_others(folder: Path) -> None:
-    """Leave a folder and all that is in it to their owner alone."""
-    folder.chmod(_OWNERS_FOLDER)
+    """Leave a folder and all that is in it to their owner alone. Raises OSError."""
+    _leave_to_owner(folder, _OWNERS_FOLDER)
     for above, folders, names in os.walk(folder):
         for name in folders:
-            (Path(above) / name).chmod(_OWNERS_FOLDER)
+            _leave_to_owner(Path(above) / name, _OWNERS_FOLDER)
         for name in names:
-            (Path(above) / name).chmod(_OWNERS_FILE)
+            _leave_to_owner(Path(above) / name, _OWNERS_FILE)
+
+
+def _leave_to_owner(path: Path, mode: int) -> None:
+    """Set a mode where it is another: what is closed already is not written to."""
+    if stat.S_IMODE(path.stat().st_mode) != mode:
+        path.chmod(mode)
 
 
 def remove_abandoned(folder: Path) -> None:

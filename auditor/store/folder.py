@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from auditor.errors import StoreError
+from auditor.errors import StoreError, refused
 from auditor.model.text import storable
 from auditor.resources import local_path
 from auditor.store.files import checked_id, finished, is_part, locked, remove_abandoned, write_whole
@@ -56,7 +56,11 @@ def read_marker(folder: Path) -> Marker:
     marker = folder / MARKER
     try:
         content = json.loads(marker.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise StoreError(
+            f"it cannot be read ({error.strerror or error})", where=marker, remedy=refused(error)
+        ) from error
+    except ValueError as error:
         raise StoreError(f"it cannot be read ({error})", where=marker) from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise StoreError("it is no store's", where=marker, remedy="name another folder")
@@ -127,8 +131,15 @@ def marked_folder(path: str | Path, *, create: bool) -> Path:
     folder = local_path(path).expanduser().resolve()
     if storable(str(folder)) != str(folder):
         raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
-    if not (folder / MARKER).exists():
-        check_free(folder, create=create)
+    try:
+        marked = (folder / MARKER).exists()
+        if not marked:
+            check_free(folder, create=create)
+    except OSError as error:
+        raise StoreError(
+            f"it cannot be opened ({error.strerror or error})", where=folder, remedy=refused(error)
+        ) from error
+    if not marked:
         write_marker(folder)
         remember_made(folder)
     check_marker(folder)
@@ -213,8 +224,10 @@ class StoreFolder:
 
     @staticmethod
     def is_at(path: Path) -> bool:
-        """True where a folder is a store."""
-        return (path / MARKER).is_file()
+        """True where a folder is a store that this user may read."""
+        with suppress(OSError):
+            return (path / MARKER).is_file()
+        return False
 
     def path(self, table: str, row_id: str) -> Path:
         """Where a file of an id of its own lies, or would."""

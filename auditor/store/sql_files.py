@@ -148,7 +148,11 @@ def bind(query: SqlFile, given: Mapping[str, object]) -> dict[str, Value]:
                 where=f"query {query.name}",
                 remedy=f"its parameters are {', '.join(parameters)}" if parameters else "it has none",
             )
-    return {name: _value(query, parameter, given) for name, parameter in parameters.items()}
+    values = {name: _value(query, parameter, given) for name, parameter in parameters.items()}
+    since, until = values.get("since"), values.get("until")
+    if isinstance(since, int) and isinstance(until, int) and since > until:
+        raise QueryError("since is after until", where=f"query {query.name}", remedy="give the earlier time as since")
+    return values
 
 
 def _value(query: SqlFile, parameter: QueryParameter, given: Mapping[str, object]) -> Value:
@@ -183,6 +187,13 @@ def _integer(value: object) -> int:
     return int(value)
 
 
+def _count(value: object) -> int:
+    count = _integer(value)
+    if count < 0:
+        raise ValueError
+    return count
+
+
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, str | int | float | Decimal):
         raise TypeError
@@ -214,7 +225,10 @@ def _rates(value: object) -> list[str]:
 def _rate(value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, str | int | float | Decimal):
         raise TypeError
-    rate = Decimal(str(value).strip())
+    text = str(value).strip()
+    rate = Decimal(text.removesuffix("%").strip())
+    if text.endswith("%"):
+        rate = rate.scaleb(-2)
     if not 0 <= rate <= 1 or rate != round(rate, 17):
         raise ValueError
     return format(rate, "f")
@@ -228,7 +242,7 @@ def _statistic(value: object) -> str:
 
 _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "VARCHAR": _text,
-    "BIGINT": _integer,
+    "BIGINT": _count,
     "DOUBLE": _number,
     "TIME": _time,
     "STATISTIC": _statistic,
@@ -242,12 +256,12 @@ _EXAMPLES = {"BIGINT": "12", "DOUBLE": "0.5", "RATE": "0.01", "TIME": "2026-01-0
 
 _MEANING = {
     "VARCHAR": "a text",
-    "BIGINT": "a whole number",
+    "BIGINT": "a whole number of 0 or more",
     "DOUBLE": "a number",
     "TIME": "a time such as 2026-01-05T18:40:00 or a stamp in nanoseconds",
     "STATISTIC": "plain or gated",
-    "RATE": "a number between 0 and 1",
-    "RATE[]": "a list of numbers between 0 and 1",
+    "RATE": "a number between 0 and 1, as 0.05 or 5%",
+    "RATE[]": "a list of numbers between 0 and 1, as 0.05 or 5%",
 }
 
 

@@ -17,6 +17,13 @@ CREATE MACRO evidence_in_words(evidence) AS
         lambda x: check_in_words(x['check_name'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['score'])
     ), ', '), '');
 
+-- Evidence in words, in which the recording's own name follows the number of each sensor; `sensors` are a rig's.
+CREATE MACRO with_names(told, sensors) AS
+    list_reduce(
+        list_prepend(told, list_transform(sensors, lambda s: 'S_' || s['sensor'] || ' ' || s['name'])),
+        lambda words, named: replace(words, split_part(named, ' ', 1) || ' ', named || ' ')
+    );
+
 -- Sensors as 'S_1 and S_2', or what their absence means.
 CREATE MACRO sensors_in_words(sensors, if_none) AS
     CASE WHEN len(sensors) = 0 THEN if_none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;

@@ -85,6 +85,27 @@ def test_a_recording_that_is_not_there_is_refused(store, capfd, recording):
     assert "drive.mcap" in capfd.readouterr().out
 
 
+@pytest.mark.parametrize("question", ["vehicle", "clean_seconds", "look_first", "not_audited", "before_after"])
+def test_a_vehicle_that_is_not_there_is_refused_with_the_nearest_or_all(store, capfd, question):
+    add_recording(store, vehicle="alpha")
+    add_recording(store, "other.mcap", vehicle="beta")
+    day = ["day=2026-01-01"] if question == "before_after" else []
+    err = refused(capfd, "query", question, "vehicle=alhpa", *day, "--store", store.folder)
+    assert "no recording is of a vehicle 'alhpa'; did you mean 'alpha'?" in err
+    err = refused(capfd, "query", question, "vehicle=zzz", *day, "--store", store.folder)
+    assert "no recording is of a vehicle 'zzz'; they are of 'alpha', 'beta'" in err
+
+
+def test_what_no_recording_can_have_is_refused_and_not_answered_with_no_rows(store, capfd):
+    add_recording(store, vehicle="alpha")
+    for words, says in (
+        (("vehicle", "alpha", "since=2026-10-26", "until=2026-10-25"), "since is after until"),
+        (("look_first", "most=-1"), "most is '-1', not a whole number of 0 or more"),
+        (("frame", "drive.mcap", "999"), "there is no frame 999; they go from 0 to 39"),
+    ):
+        assert says in refused(capfd, "query", *words, "--store", store.folder)
+
+
 def test_a_calibration_that_is_not_there_is_refused_with_a_command_that_lists_them(store, capfd):
     add_recording(store)
     [known] = store.ids("calibrations")

@@ -158,8 +158,9 @@ def test_verify_finds_a_changed_calibration_and_makes_whole_ones_again(audit, ke
 
 
 def test_an_unknown_calibration_is_refused_with_what_lists_them(audit):
-    for words in (("show", "ffff"), ("promote", "ffff"), ("diff", "ffff", "ffff")):
+    for words in (("show", "ffff"), ("promote", ""), ("diff", "ffff", "ffff")):
         answer = audit("calibration", *words)
-        assert (answer.code, "auditor calibration list" in answer.err) == (2, True), words
+        assert (answer.code, "no calibration has that id; auditor calibration list" in answer.err) == (2, True), words
+    assert "auditor: '': no calibration has that id; " in audit("calibration", "promote", "").err
     answer = audit("calibration", "rollback", "ffff")
     assert (answer.code, "name one that is in force" in answer.err) == (2, True)

@@ -53,6 +53,12 @@ def test_what_is_steady_is_shown_on_request_and_one_vehicle_alone(audit):
     assert answer.out.decode().startswith('"vehicle","sensor","check"'), "a header also without rows"
 
 
+def test_a_vehicle_that_is_not_there_is_refused_with_the_nearest(audit):
+    answer = audit("drift", "--vehicle", "car7")
+    assert answer.code == 2
+    assert "no recording is of a vehicle 'car7'; did you mean 'car" in answer.err
+
+
 def test_days_before_the_last_ones_are_not_looked_at(audit):
     answer = audit("drift", "--days", "6", "--all", "--format", "json")
     assert {row["first_day"] for row in answer.rows} == {"2026-03-05"}

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from auditor.cli import run
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.model.frames import Frame
 from auditor.recordings import write_mcap, write_rig
 from tests.making.audits import ask
 from tests.making.foxglove_messages import ddad, nuscenes, write_protobuf
@@ -70,6 +72,20 @@ def test_a_clean_drive_is_clean_and_ends_in_3_unless_nobody_asks_for_the_camera(
     assert "the vehicle stands" in rows[0]["reason"]
     code, remarks = scanned(recordings["clean"], tmp_path, capfd, "--min-view", "0", "--min-coverage", "0.9")
     assert (code, LIGHT in remarks) == (0, False)
+
+
+def test_a_picture_that_is_black_is_said_to_be_why_nothing_was_compared(
+    drive: SyntheticDrive, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    night = [
+        replace(one, images={1: replace(one.images[1], pixels=one.images[1].pixels % 4)})
+        for one in islice(drive.frames(), 2)
+        if isinstance(one, Frame)
+    ]
+    write_mcap(tmp_path / "night.mcap", drive.rig, night)
+    assert scanned(tmp_path / "night.mcap", tmp_path / "audit", capfd)[0] == 3
+    rows = ask(tmp_path / "audit", "SELECT reason FROM verdicts")
+    assert {row["reason"] for row in rows} == {"the camera's picture is black: nothing was compared"}
 
 
 def test_inspect_says_what_one_camera_can_and_cannot(

@@ -1,5 +1,6 @@
 """Recordings that come twice, on the command line; the verbs that list, remove and check what a store holds."""
 
+import io
 import json
 import shutil
 from decimal import Decimal
@@ -62,7 +63,7 @@ def test_a_growing_file_gives_one_incident(night, tmp_path, capfd):
     assert len(incidents(capfd, store)) == 1
     growing.write_bytes(whole)
     assert scan(store, growing) == 1
-    assert "growing.mcap: it holds every frame of growing.mcap, which counts no longer" in capfd.readouterr().err
+    assert "growing.mcap: it has changed and holds every frame that it had before" in capfd.readouterr().err
     assert [row["frames"] for row in incidents(capfd, store)] == [len(ATTACKED[2])]
     assert len(rows(capfd, "query", "summary", "--store", store)) == 2  # with the one that was calibrated on
     assert len(rows(capfd, "store", "list", store)) == 3
@@ -213,9 +214,16 @@ def test_a_name_of_two_recordings_is_refused_with_their_ids(audit, tmp_path, cap
     assert all(one.recording_id[:12] in says for one in Store.open(audit).recordings_called("drive.mcap"))
 
 
-def test_on_a_terminal_removing_asks_first(audit, monkeypatch, capfd):
-    import io  # noqa: PLC0415 - beside what it changes
+def test_without_a_terminal_nothing_is_removed_unasked(audit, monkeypatch, capfd):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    before = len(Store.open(audit).recordings())
+    capfd.readouterr()
+    assert run(["store", "remove", "drive.mcap", "--store", str(audit)]) == 2
+    assert "nobody can be asked here, and nothing was removed; --yes removes without asking" in capfd.readouterr().err
+    assert len(Store.open(audit).recordings()) == before
 
+
+def test_on_a_terminal_removing_asks_first(audit, monkeypatch, capfd):
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True

@@ -9,7 +9,8 @@ import pytest
 
 from auditor.identification.refreshing.drives import Drive, DriveScores, DriveSource
 from auditor.model.calibration import CleanFrames
-from auditor.pipeline.refreshing.choosing import Choice, LearntRecording
+from auditor.pipeline.refreshing.choosing import Choice, LearntRecording, _within_limits
+from auditor.pipeline.refreshing.pool import Log
 from auditor.store.versions.decisions import Decision, RefreshOutcome, next_steps
 from auditor.store.versions.records import UsedRecording
 
@@ -47,6 +48,21 @@ def test_what_was_in_force_and_is_raised_now_waits_and_is_none_of_the_new_ones()
     left = some.without({0: "odd", 1: "raised by the others"})
     assert (left.judged, left.raised, left.chosen) == (1, 1, ())
     assert [one.look_at for one in left.out] == [True, True]
+
+
+def test_what_is_too_many_says_how_many_a_person_named_clean_besides() -> None:
+    def log(name: str, vehicle: str, day: int) -> Log:
+        return Log(replace(used(name, day), vehicle=vehicle), lambda: EMPTY)
+
+    many = [log(f"a{day}", "a", day) for day in range(6)]
+    rest = [log(f"{vehicle}{day}", vehicle, 10 + day) for vehicle in "bc" for day in range(2)]
+    named = [log(f"named{day}", "a", 20 + day) for day in range(4)]
+    for beside, says in ((named, " (4 of it that a person named clean are not counted)"), (rest[:1], "")):
+        left, out = _within_limits([*many, *rest], beside, [])
+        assert len(left) + len(out) == 10
+        assert {one.reason for one in out} == {
+            f"its vehicle has 2 others, and no vehicle has more than its share{says}"
+        }
 
 
 DECISION = Decision("kind", "sgbm", RefreshOutcome.HELD, ("why",), "c" * 32, "b" * 32, "b" * 32, False, ())

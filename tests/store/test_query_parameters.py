@@ -48,6 +48,7 @@ def test_defaults_stand_in_and_rates_stay_exact(query):
     assert bind(query, {"frame": "3", "r": "0.1,1e-3"})["r"] == ["0.1", "0.001"]
     assert bind(query, {"frame": 3, "r": [Decimal("0.05"), 1]})["r"] == ["0.05", "1"]
     assert bind(query, {"frame": 3, "r": 0.01})["r"] == ["0.01"]
+    assert bind(query, {"frame": 3, "r": "5%, 0.1 %"})["r"] == ["0.05", "0.001"]
 
 
 @pytest.mark.parametrize(
@@ -57,6 +58,7 @@ def test_defaults_stand_in_and_rates_stay_exact(query):
         ({"frame": "three"}, "frame"),
         ({"frame": 1.5}, "frame"),
         ({"frame": True}, "frame"),
+        ({"frame": -1}, "frame is -1, not a whole number of 0 or more"),
         ({"frame": 1, "gap_s": "wide"}, "gap_s"),
         ({"frame": 1, "gap_s": "nan"}, "gap_s"),
         ({"frame": 1, "name": 7}, "name"),

@@ -160,6 +160,16 @@ def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it
     assert frame["evidence"] == f"{passed} (+8.00), {seen} (+5.00)"
 
 
+def test_the_frames_worth_looking_at_say_the_names_of_the_cameras_in_their_evidence(tmp_path):
+    store = new_store(tmp_path)
+    evidence = (Evidence(Check.ADDED_LIGHT, 1, None, 2, 8.0), Evidence(Check.REMOVED_LIGHT, 2, None, None, 7.0))
+    kept_verdicts(store, replace(part_of("1", (1,), 1), evidence=evidence))
+    [frame] = run_query(store, "look_first").to_pylist()
+    assert frame["evidence"] == (
+        "S_1 cam1 or S_2 cam2 alone sees light (+8.00), S_2 cam2 lacks light that others see (+7.00)"
+    )
+
+
 def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path):
     store = new_store(tmp_path)
     kept_verdicts(store, part_of("1", (1,), 1), part_of("1", (1,), 2), part_of("2", (2,), 3), step_ns=10**8)

@@ -242,6 +242,33 @@ def test_query_finds_with_verify_what_keeps_its_time(checked, capsys):
         assert where in capsys.readouterr().err
 
 
+def altered(store):
+    """One file of current verdicts that was altered."""
+    [current, *_] = store.current_judgements().values()
+    path = store.path("verdicts", current.judgement_id)
+    path.write_bytes(path.read_bytes() + b" ")
+    return place(path)
+
+
+def test_judging_tells_first_what_is_altered_and_the_log_keeps_it(checked, capsys):
+    run(["judge", str(checked.folder)])
+    where = altered(Store(checked.folder))
+    capsys.readouterr()
+    assert run(["judge", str(checked.folder)]) in {3, 4}
+    assert f"{where}: it is not as it was when" in capsys.readouterr().err
+    assert verify(checked).problems == ()
+    assert run(["verify", str(checked.folder)]) == 0
+    assert f"a run found that it was altered, and wrote on: {where}" in capsys.readouterr().err
+
+
+def test_a_refresh_of_an_altered_store_says_so_and_is_looked_at(checked, capsys):
+    where = altered(Store(checked.folder))
+    assert run(["refresh", "--store", str(checked.folder)]) in {1, 2}
+    out, err = capsys.readouterr()
+    assert f"{where}: it is not as it was when" in err
+    assert "not as they were written" in json.loads(out)["failed"][0]["reason"]
+
+
 def test_nothing_is_reported_from_an_altered_store(checked, capsys):
     page = checked.folder / "reports" / "index.html"
     assert run(["report", "--store", str(checked.folder)]) == 0

@@ -56,12 +56,15 @@ def command(store: Path, days: int, vehicle: str | None, page: Path | None, form
 
     Exit codes: 0 nothing drifts; 1 something drifts or has changed; 2 could not run; 3 no vehicle has enough days.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.pipeline.asking import refuse_unknown_vehicle  # noqa: PLC0415
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.store.export import table_of  # noqa: PLC0415
     from auditor.store.store import Store  # noqa: PLC0415
     from auditor.store.versions.drift import COLUMNS, row_of  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
+    if vehicle is not None:
+        refuse_unknown_vehicle(kept, vehicle, "--vehicle")
     with reading(kept.folder):
         drift = fleet_drift(kept, days)
     shown = [one for one in (drift.sensors if every else drift.named) if vehicle in (None, one.vehicle)]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.logged import logged
+from auditor.cli.logged import logged, note_altered
 from auditor.cli.output import format_option
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ def command(store: Path, jobs: int, judging: "Criteria", form: str) -> int:
     from auditor.store.store import Store  # noqa: PLC0415
 
     kept, tally = Store.open(store), Tally()
-    with logged(kept.folder):
+    with logged(kept.folder) as entry:
+        tally.incomplete = note_altered(kept, entry)
         judged = show_judging(judge_store(kept, judging, jobs), kept, tally)
         pack_where_many(kept)  # thousands of new files would each be opened by what is shown
     show_audit(kept, form, tally, judged=judged)

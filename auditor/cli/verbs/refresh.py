@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.logged import logged
+from auditor.cli.logged import logged, note_altered
 from auditor.cli.options import PATH, PLACE
 from auditor.cli.output import answer, say
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from auditor.pipeline.scan import Scan
     from auditor.store.store import Store
     from auditor.store.versions.decisions import Failure, Refresh
+
+_ALTERED = "files of the store are not as they were written: auditor verify names them"
 
 
 @click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
@@ -132,10 +134,13 @@ def _refreshed(
     from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, new_ones, refresh  # noqa: PLC0415
     from auditor.reporting.refresh_page import render_refresh_page  # noqa: PLC0415
+    from auditor.store.versions.decisions import Failure  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
 
-    with only_refresh(kept), logged(kept.folder):
+    with only_refresh(kept), logged(kept.folder) as entry:
+        altered = note_altered(kept, entry)
         scan, failed = _measure(recordings, kept, measuring)
+        failed += [Failure(str(kept), _ALTERED)] if altered else []
         measured = scan.measurement_ids
         judged = list(scan.judge(*new_ones(kept, r, no_sensors)))
         for result in judged:

@@ -46,6 +46,7 @@ def command(
     others.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.logged import note_altered  # noqa: PLC0415
     from auditor.cli.summary import (  # noqa: PLC0415
         show_audit,
         show_judging,
@@ -62,7 +63,8 @@ def command(
     settings = judge_settings(store, judging)  # a wrong calibration is refused before hours of measuring
     batch = find_batch(recordings, store, measuring)
     scan, tally, judged = Scan(batch, store), Tally(), []
-    with scan.logged():
+    with scan.logged() as entry:
+        tally.incomplete = note_altered(scan.store if measuring.shard is None else None, entry)
         show_measuring(scan, tally)
         for superseded in scan.relate():
             say(superseded)

@@ -68,7 +68,10 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     kept = Store.open(store)
     removable = find_removable(kept, recordings)
     names = ", ".join(f"{one.name} ({one.recording_id[:12]})" for one in removable)
-    if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
+    if not yes and not (sys.stdin is not None and sys.stdin.isatty()):
+        say(f"{names}: nobody can be asked here, and nothing was removed; --yes removes without asking")
+        return Exit.FAILED
+    if not yes and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
         say("nothing was removed; --yes removes without asking")
         return Exit.FAILED
     with logged(kept.folder):

@@ -61,6 +61,10 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     for run in result.open_runs:
         words = " ".join(run.what.get("command", ()))
         say(f"under way, or killed: {words} since {run.at[:19]}Z on {run.what.get('host')}")
+    for entry in result.altered:
+        places = [one["path"] for one in entry.what["files"]]
+        more = f" and {len(places) - 1} more" if len(places) > 1 else ""
+        say(f"at {entry.at[:19]}Z a run found that it was altered, and wrote on: {places[0]}{more}")
     if private_key is not None and not result.grave:
         with logged(kept.folder, private_key):
             say(f"{store}: signed with {private_key}")

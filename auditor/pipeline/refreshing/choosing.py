@@ -18,9 +18,10 @@ from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"
 LABELLED = "labelled clean"
-"""With a label of its own, or since all of its incidents are false alarms: somebody looked at this recording."""
+REVIEWED = "its incidents were reviewed as false alarms"
+"""Somebody looked at this recording: it has a label of its own, or reviews."""
 
-_BY_PERSON = (NAMED, LABELLED, GIVEN)
+_BY_PERSON = (NAMED, LABELLED, REVIEWED, GIVEN)
 _WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"
 _BEFORE = "in the version of before"
 _NOT_NAMED = "the first version is made of what was named clean"
@@ -78,7 +79,7 @@ class LearntRecording:
     @property
     def doubtful(self) -> bool:
         """Whether it was named clean among others, and nobody says that this one was looked at."""
-        return self.named and self.used.reason != LABELLED
+        return self.named and self.used.reason not in (LABELLED, REVIEWED)
 
     @property
     def new(self) -> bool:
@@ -162,11 +163,11 @@ def with_shown(used: UsedRecording, shown: DriveScores | None) -> UsedRecording:
 def choose(group: LogGroup, state: RigKindState, system: System, r: Decimal) -> Choice:
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
     named, others, barred = _eligible(group, state)
-    others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, state)])
+    others, too_many = _within_limits(others, named, [one for one in group.logs if _waits(one, state)])
     base = thresholds_of(state.clean, system, r)
     in_force = state.in_force
     by = state.judges if state.parent is not None else f"{state.judges} and the others"
-    chosen = [_chosen(log, state, LABELLED if log.labelled else NAMED) for log in named] + _gone(state, group)
+    chosen = [_chosen(log, state, _by_person(log)) for log in named] + _gone(state, group)
     raised = list[UsedRecording]()
     for log in others:
         if log.used.recording_id in in_force:
@@ -183,14 +184,30 @@ def choose(group: LogGroup, state: RigKindState, system: System, r: Decimal) -> 
     return _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
 
 
-def _within_limits(logs: Sequence[Log], waiting: Sequence[Log]) -> tuple[list[Log], list[UsedRecording]]:
-    """The logs that count, and those of a vehicle, day or road that has too many of them."""
+def _by_person(log: Log) -> str:
+    """How a person called a log clean."""
+    return (REVIEWED if log.reviewed else LABELLED) if log.labelled else NAMED
+
+
+def _within_limits(
+    logs: Sequence[Log], named: Sequence[Log], waiting: Sequence[Log]
+) -> tuple[list[Log], list[UsedRecording]]:
+    """The logs that count, and those of a vehicle, day or road that has too many of them.
+
+    Those that a person `named` clean have no limit, and are said where a vehicle has some.
+    """
     too_many = dict(limited([log.source for log in logs], [log.source for log in waiting]))
     left = [log for place, log in enumerate(logs) if place not in too_many]
     same_road = dict(crowded([log.circumstances().visited for log in left]))
-    out = [_out(logs[place], reason) for place, reason in too_many.items()]
+    out = [_out(logs[place], reason + _beside(logs[place], named)) for place, reason in too_many.items()]
     out += [_out(left[place], reason) for place, reason in same_road.items()]
     return [log for place, log in enumerate(left) if place not in same_road], out
+
+
+def _beside(log: Log, named: Sequence[Log]) -> str:
+    """What is said of the logs of the same vehicle that a person named clean, where there are any."""
+    count = sum(one.source.vehicle == log.source.vehicle is not None for one in named)
+    return f" ({count} of it that a person named clean {'is' if count == 1 else 'are'} not counted)" if count else ""
 
 
 def _waits(log: Log, state: RigKindState) -> bool:

@@ -99,7 +99,8 @@ def _unknown() -> Circumstances:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean, `labelled` that somebody looked at just this.
+    """A measured recording. `named` says that a person called it clean, `labelled` that somebody looked at just this,
+    `reviewed` that he called its incidents false alarms and gave it no label.
 
     `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
     either of both. `frames` and `circumstances` are read when they are needed.
@@ -110,6 +111,7 @@ class Log:
     circumstances: Callable[[], Circumstances] = _unknown
     named: bool = False
     labelled: bool = False
+    reviewed: bool = False
     barred: str = ""
     doubt: str = ""
     look_at: bool = False
@@ -181,7 +183,8 @@ def _log(
     told: int,
 ) -> Log:
     measurement, given = stored.measurement_id, store.given_labels(stored.recording_id)
-    labelled = reviewed or any(one.attack is None for one in given)
+    called_clean = any(one.attack is None for one in given)
+    labelled = reviewed or called_clean
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
@@ -195,6 +198,7 @@ def _log(
         cache(partial(circumstances_of, store, measurement, recording)),
         named or labelled,
         labelled,
+        reviewed and not called_clean,
         barred,
         doubt,
         look_at,

@@ -8,7 +8,7 @@ from typing import IO, Literal
 
 from mcap.writer import CompressionType, Writer
 
-from auditor.errors import RecordingError
+from auditor.errors import RecordingError, refused
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.recording import (
     LABELS_MEDIA_TYPE,
@@ -60,7 +60,9 @@ def _placed(path: Path) -> Iterator[Path]:
         _remove(beside)
         yield beside
     except OSError as error:
-        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
+        raise RecordingError(
+            f"it cannot be written ({error.strerror or error})", where=path, remedy=refused(error)
+        ) from error
     finally:
         _remove(beside)
 

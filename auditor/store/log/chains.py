@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from auditor.errors import StoreError
+from auditor.errors import StoreError, refused
 from auditor.store.files import for_owner, locked, make_folder, write_whole
 from auditor.store.log.entry import Entry, EntryKind
 
@@ -138,7 +138,7 @@ def append(path: Path, kind: EntryKind, run: str, content: Mapping[str, Any]) ->
         raise StoreError(
             f"the log cannot be written ({error.strerror or error})",
             where=path,
-            remedy="make room, or make it writable: nothing is written to a store without its log",
+            remedy=refused(error) or "make room: nothing is written to a store without its log",
         ) from error
     return entry
 
@@ -202,7 +202,9 @@ def log_lock(folder: Path) -> AbstractContextManager[None]:
     try:
         make_folder(place)
     except OSError as error:
-        raise StoreError(f"the log cannot be made ({error.strerror or error})", where=place) from error
+        raise StoreError(
+            f"the log cannot be made ({error.strerror or error})", where=place, remedy=refused(error)
+        ) from error
     return locked(place)
 
 

@@ -36,6 +36,9 @@ class EntryKind(StrEnum):
     USED = "used"
     """It read something: a recording, a model, a calibration."""
 
+    ALTERED = "altered"
+    """It found files that are not as they were written, and may put others in their places."""
+
     WROTE = "wrote"
     """It puts files in their places."""
 

@@ -50,7 +50,12 @@ class SupersededRecording:
     later: RecordingRecord
 
     def __str__(self) -> str:
-        return f"{self.later.name}: it holds every frame of {self.earlier.name}, which counts no longer"
+        later, earlier = self.later, self.earlier
+        if later.path == earlier.path:
+            had = "it has changed and holds every frame that it had before; what was scanned of it then"
+            return f"{later.name}: {had} counts no longer"
+        other = earlier.name if later.name != earlier.name else f"another {earlier.name} ({earlier.recording_id[:12]})"
+        return f"{later.name}: it holds every frame of {other}, which counts no longer"
 
 
 @dataclass(frozen=True, eq=False)

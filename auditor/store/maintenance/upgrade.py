@@ -7,6 +7,7 @@ opened next. No other command may use the store meanwhile.
 
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from auditor.errors import StoreError
+from auditor.errors import StoreError, refused
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.folder import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.frames_writer import LookedShares
@@ -60,8 +61,9 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> UpgradeResult
     """
     with locked(folder):
         version = read_marker(folder).version
-        close_to_others(folder)  # stores of earlier versions were made as the umask said
         if version == SCHEMA_VERSION:
+            with suppress(OSError):  # it may be of another owner, or where nothing can be written
+                close_to_others(folder)
             move_upgraded(folder)
             return None
         if version > SCHEMA_VERSION:
@@ -71,12 +73,13 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> UpgradeResult
         new = folder / UPGRADED
         shutil.rmtree(new, ignore_errors=True)
         try:
+            close_to_others(folder)  # stores of earlier versions were made as the umask said
             done = _write(folder, new, version)
         except OSError as error:
             raise StoreError(
                 f"the upgraded files cannot be written ({error.strerror or error})",
                 where=folder,
-                remedy="make room; the store is as it was",
+                remedy=f"{refused(error) or 'make room'}; the store is as it was",
             ) from error
         with run(folder, command or this_program()) as entry, entry.writing(_finished_outputs(new), EntryKind.UPGRADED):
             write_marker(folder, moving=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from auditor.store.files import is_part
 from auditor.store.folder import MARKER, UPGRADED, StoreFolder, marker_content
 from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
-from auditor.store.log.entry import Entry, OutputFile
+from auditor.store.log.entry import Entry, EntryKind, OutputFile
 from auditor.store.log.runs import expected
 from auditor.store.log.signatures import unsigned
 from auditor.store.maintenance.hashes import PAGES, Hashes, changed, read_checked
@@ -43,13 +43,14 @@ class Problem:
 
 @dataclass(frozen=True)
 class VerifyResult:
-    """What was found: problems, how much was looked at, and runs that are under way."""
+    """What was found: problems, how much was looked at, runs that are under way, and what runs found altered."""
 
     problems: tuple[Problem, ...]
     files: int
     entries: int
     chains: int
     open_runs: tuple[Entry, ...]
+    altered: tuple[Entry, ...] = ()
 
     @property
     def grave(self) -> tuple[Problem, ...]:
@@ -117,7 +118,12 @@ class _Verification:
             problems += (Problem(place, what) for place, what in unsigned(self._chains, key))
         self._keep()
         return VerifyResult(
-            tuple(problems), len(self._seen), len(self._entries), len(self._chains), self._log.open_runs
+            tuple(problems),
+            len(self._seen),
+            len(self._entries),
+            len(self._chains),
+            self._log.open_runs,
+            tuple(one for one in self._entries if one.kind == EntryKind.ALTERED),
         )
 
     def _problems(self) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from auditor.errors import StoreError
+from auditor.errors import StoreError, refused
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
@@ -165,7 +165,9 @@ def only_refresh(store: Store) -> Iterator[None]:
     try:
         make_folder(folder)
     except OSError as error:
-        raise StoreError(f"it cannot be made ({error.strerror or error})", where=folder) from error
+        raise StoreError(
+            f"it cannot be made ({error.strerror or error})", where=folder, remedy=refused(error)
+        ) from error
     with held(folder) as free:
         if not free:
             raise StoreError(
