@@ -210,7 +210,11 @@ class PictureOrder:
 class OddPictures:
     """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
 
-    most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
+    most_apart: int = parameter(
+        7,
+        unit="levels between two channels of a pixel",
+        source="H.264 rounds chroma by up to 2, of 3.2 levels each; cameras in colour had 54 at least",
+    )
     most_tint: int = parameter(
         6, unit="levels more, where all pixels have them", source="a converter's grey of U = V = 127 has 3; by hand"
     )
