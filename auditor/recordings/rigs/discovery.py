@@ -377,6 +377,7 @@ def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
     if not survey.clouds:
         yield "there is no LiDAR"
     yield from _unreadable(survey)
+    yield from survey.transform_problems[:12]
     yield from map(str, reasons[:12])
     if any(isinstance(why, TooFew) for why in reasons):
         degrees = round(np.degrees(MAX_SQUINT))

@@ -104,7 +104,8 @@ class Survey:
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
     describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
-    `spaces` are namespaces with frames of their own: see vehicles.
+    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are those problems that are
+    about transforms.
     """
 
     topics: tuple[Topic, ...]
@@ -121,6 +122,7 @@ class Survey:
     metadata: Mapping[str, str] = field(default_factory=dict)
     blank_infos: Mapping[str, int] = field(default_factory=dict)
     spaces: frozenset[str] = frozenset()
+    transform_problems: tuple[str, ...] = ()
 
     @property
     def frames(self) -> list[tuple[str, str]]:
@@ -196,6 +198,7 @@ class _Surveyor:
             self._note(note)
         unseen = self._note_unseen()
         self._note_undecodable()
+        of_transforms = self._by_kind("transforms")
         return Survey(
             topics=self._recording.topics(),
             images=tuple(pictures),
@@ -210,6 +213,7 @@ class _Surveyor:
             metadata=self._metadata,
             blank_infos=self._blank_infos,
             spaces=frozenset(self._spaces),
+            transform_problems=tuple(one for one in self._problems if one.partition(": ")[0] in of_transforms),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
