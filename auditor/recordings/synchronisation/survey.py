@@ -104,8 +104,7 @@ class Survey:
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
     describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
-    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are those problems that are
-    about transforms.
+    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are the problems of transforms.
     """
 
     topics: tuple[Topic, ...]
@@ -181,10 +180,12 @@ class _Surveyor:
 
     def run(self) -> Survey:
         known = set(self._by_kind("image", "cloud", "camera_info", "transforms")) | self._descriptions()
-        for message in self._recording.messages(known) if known else ():
+        for message in self._recording.messages(known) if known or not self._recording.topics() else ():
             self._take(message)
             if self._enough():
                 break
+        for damage in () if self._recording.topics() else self._recording.damage:
+            self._note(f"no message is left in it: {damage}")
         sensors = [sensor for _, sensor in sorted(self._sensors.items())]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
