@@ -26,6 +26,10 @@ class FirstLook:
 
     samples: int = parameter(40, unit="stamps a sensor", source=BY_HAND)
     most_lag_ns: int = parameter(2 * 10**9, unit="ns between messages of a file", source=BY_HAND)
+    most_disorder_ns: int = parameter(
+        300 * 10**6, unit="ns of log times between topics", source="10 periods of 30 Hz: so long frames wait"
+    )
+    most_back: float = parameter(0.25, unit="share of steps in a topic whose log time goes back", source=BY_HAND)
 
 
 @dataclass(frozen=True)

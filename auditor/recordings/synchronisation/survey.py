@@ -32,7 +32,7 @@ from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.calibrations import STANDARD, Conventions
 from auditor.recordings.synchronisation.descriptions import Mountings, completed_by_texts, metadata_of
-from auditor.recordings.synchronisation.first_messages import first_points, first_size_px, thinned
+from auditor.recordings.synchronisation.first_messages import FileOrder, first_points, first_size_px, thinned
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 from auditor.recordings.synchronisation.vehicles import frame_of, have_tf_each, info_of, sharing_frames, transform_of
 
@@ -170,10 +170,7 @@ class _Surveyor:
         self._reasons: dict[str, str] = {}
         self._bytes = 0
         self._messages = 0
-        self._newest_ns = 0
-        self._lag_ns = 0
-        self._last_ns: dict[str, int] = {}
-        self._jumped = False
+        self._order = FileOrder()
         self._largest: dict[str, int] = {}
         self._topics: Sequence[Topic] = ()
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
@@ -207,7 +204,7 @@ class _Surveyor:
             camera_infos=dict(sorted(infos.items())),
             transforms=transforms,
             problems=tuple(self._problems),
-            interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
+            interleaved=self._order.interleaved and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
             moving=self._mountings.moving(),
@@ -304,7 +301,8 @@ class _Surveyor:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
         sample = Sample(header.stamp_ns, message.log_time_ns)
         self._samples.setdefault(message.topic, []).append(sample)
-        self._take_time(message.topic, sample.time_ns)
+        if back_ns := self._order.jump_ns(message.topic, sample.time_ns, sample.log_time_ns):
+            self._note(f"{message.topic}: the clock jumps back by {back_ns / 1e9:.1f} s")
         if message.topic not in self._sensors:
             size = first_size_px(message, decoder) if decoder.kind == "image" else first_points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
@@ -353,18 +351,6 @@ class _Surveyor:
             return None
         alike = (value for name, value in self._largest.items() if self._sensors[name][-1] == size_px)
         return depth_of(max(alike))
-
-    def _take_time(self, topic: str, stamp_ns: int) -> None:
-        topic_begins = topic not in self._last_ns
-        last_ns = self._last_ns.get(topic, stamp_ns)
-        self._last_ns[topic] = stamp_ns
-        if stamp_ns < last_ns - FIRST_LOOK.most_lag_ns:
-            self._jumped = True
-            self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
-        self._newest_ns = max(self._newest_ns, stamp_ns)
-        # Behind a jump, old stamps do not show the order of topics; nor do stamps that stand still or go back.
-        if not self._jumped and (stamp_ns > last_ns or topic_begins):
-            self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
         if len(self._problems) < 100:
