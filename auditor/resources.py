@@ -16,8 +16,8 @@ _ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/(/)?")
 
 def is_address(text: str) -> bool:
     """Whether a text is an address such as s3://bucket/x.mcap."""
-    found = _ADDRESS.match(text)
-    return found is not None and found[1] is not None
+    match = _ADDRESS.match(text)
+    return match is not None and match[1] is not None
 
 
 def local_path(path: str | Path) -> Path:

@@ -30,6 +30,9 @@ LAB_VERBS = ("attack", "demo", "evaluate", "train_matcher")
 MADE_DATA = ("auditor.lab.attacks", "auditor.lab.simulation")
 """Folders of the lab that make data and do not know how attacks are found: they import words only, as a room does."""
 
+VAGUE = {"one", "found", "known", "its", "what"}
+"""Names of variables that say nothing; in a comprehension, which is read at once, they may stand."""
+
 MOST_BOXES = 13
 MOST_LEVELS = 6
 MOST_FILES = 20  # in a folder, the verbs of the command line apart
@@ -229,6 +232,25 @@ def test_a_name_of_a_class_is_a_thing_and_has_one_owner() -> None:
     defined = [node.name for path in modules().values() for node in nodes(path) if isinstance(node, ast.ClassDef)]
     assert [name for name, count in Counter(defined).items() if count > 1 and not name.startswith("_")] == []
     assert [name for name in defined if PARTICIPLE.fullmatch(name)] == []
+
+
+def test_a_variable_says_what_it_holds() -> None:
+    vague = [(place(path), name) for path in modules().values() for name in sorted(_bound(path) & VAGUE)]
+    assert vague == [("errors.py", "what")], "of an error it is what happened, beside where and the remedy"
+
+
+def _bound(path: Path) -> set[str]:
+    """The parameters and variables of a module's functions, but for those of comprehensions and lambdas."""
+    functions = [node for node in nodes(path) if isinstance(node, ast.FunctionDef)]
+    within = [node.target for node in nodes(path) if isinstance(node, ast.comprehension)]
+    within += [node.args for node in nodes(path) if isinstance(node, ast.Lambda)]
+    passing = {id(part) for node in within for part in ast.walk(node)}
+    parts = (part for function in functions for part in ast.walk(function) if id(part) not in passing)
+    return {
+        part.arg if isinstance(part, ast.arg) else part.id
+        for part in parts
+        if isinstance(part, ast.arg) or (isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store))
+    }
 
 
 def test_processes_start_in_one_place_and_are_forked_in_one() -> None:

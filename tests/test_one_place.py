@@ -20,12 +20,12 @@ KIND = '''
 from dataclasses import dataclass
 
 from auditor.lab.attacks.kinds import CameraKind, Option
-from auditor.lab.attacks.paper import Described
+from auditor.lab.attacks.paper import DescribedEffect
 from auditor.model.frames import CameraImage
 
 
 @dataclass(frozen=True)
-class Inked(Described):
+class Inked(DescribedEffect):
     share: float
     level: int
 
@@ -51,7 +51,7 @@ ON_CAMERA = {
 CHECK = """
     INKED_ROWS = (
         "inked_rows",
-        Kind(
+        CheckKind(
             Of.CAMERAS,
             Words("inked rows", "rows are of one level", "has ink that the others lack", "S_{i} is inked"),
             (PriorOf("inked_rows", (-3.9, 0.2, 0.1, 1.0), "a test"),),

@@ -121,7 +121,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "identification/transfer.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
-    "measurement/checks/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
+    "measurement/count_grid.py": ((127, 8), "the largest signed byte; sizes of images kept in memory"),
     "measurement/checks/false_ranges.py": ((12, 0.5), "the variance of what is spread evenly; the median"),
     "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),

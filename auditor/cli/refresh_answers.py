@@ -27,9 +27,9 @@ def gauge(name: str, text: str, rows: Iterable[tuple[str, float]]) -> Iterator[s
         yield f"{name}{values} {number!r}"
 
 
-def labels(**known: str) -> str:
+def labels(**pairs: str) -> str:
     """Labels with their values, escaped."""
-    return "{" + ",".join(f'{name}="{_escaped(value)}"' for name, value in known.items()) + "}"
+    return "{" + ",".join(f'{name}="{_escaped(value)}"' for name, value in pairs.items()) + "}"
 
 
 def _escaped(text: str) -> str:

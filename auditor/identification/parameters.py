@@ -25,6 +25,7 @@ from auditor.identification.evidence_parameters import (
     STRETCHES,
     THROWN_LIGHT,
 )
+from auditor.identification.transfer_parameters import LIKE_CAMERAS, OTHER_LIDAR
 from auditor.model.checks import Check
 from auditor.model.measurement import Procedure
 from auditor.model.parameters import (
@@ -310,25 +311,6 @@ class LightOfCauses:
     )
 
 
-@dataclass(frozen=True)
-class OtherLidar:
-    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings, half the points."""
-
-    factor: float = parameter(
-        1.4,
-        unit="times the points in view, more or fewer",
-        source="three KITTI drives with one LiDAR: medians differ by a factor of 1.1, frames of two drives by 1.25",
-    )
-    isolated: float = parameter(
-        1.35,
-        unit="log odds of isolated points more, for half the points",
-        source="the same drives with every second and fourth ring: 1.3 to 1.5, and 1.2 for the second halving",
-    )
-    prior_points: float = parameter(
-        13_300.0, unit="points in view a radian of its width: of the prior's LiDARs", source="the same drives, 64 rings"
-    )
-
-
 WINDOWED_MEAN = WindowedMean()
 _PRIORS = {one.name: one for check in Check for one in check.kind.priors}
 CHECK_PRIORS: "DataclassInstance" = make_dataclass(
@@ -347,7 +329,6 @@ TEMPORAL_WINDOW = TemporalWindow()
 NAMING = Naming()
 FAULT_SCORES = FaultScores()
 LIGHT_OF_CAUSES = LightOfCauses()
-OTHER_LIDAR = OtherLidar()
 
 JUDGING = (
     DISPARITY_ERROR_SAMPLES,
@@ -374,6 +355,7 @@ JUDGING = (
     THROWN_LIGHT,
     RIG_KIND_TOLERANCE,
     OTHER_LIDAR,
+    LIKE_CAMERAS,
 )
 """All that can change a verdict, given the measurement, the calibration and r."""
 

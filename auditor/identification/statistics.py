@@ -304,14 +304,18 @@ def window_means(z: Floats, stamp_ns: Integers, seconds: float, runs: Integers |
     return np.where(number > 0, (total[end] - total[first]) / np.maximum(number, 1), np.nan)
 
 
-def frozen(prints: Integers, present: Flags) -> Flags:
+def frozen(prints: Integers, present: Flags, *, replayed: bool = False) -> Flags:
     """(F, S) whether a sensor's data are frozen in a frame, from the fingerprints (F, S) of F successive frames.
 
     They are where they equal those of the frame before, at two successive steps or more, while another sensor's data
     changed at each of these steps. Where no sensor's data change no sensor is frozen, but the frame is `repeated`. A
-    sensor that is not `present` (F, S), or has no fingerprint, is not frozen.
+    sensor that is not `present` (F, S), or has no fingerprint, is not frozen. With `replayed` data of any earlier frame
+    count as those of the frame before: no sensor shows the same twice.
     """
     still, changed = _steps(prints, present)
+    if replayed:
+        again = _again(prints, present)
+        still, changed = still | again, changed & ~again
     return np.asarray(_in_long_runs(still & changed.any(axis=1, keepdims=True), MIN_FRAMES))
 
 
@@ -331,6 +335,15 @@ def _steps(prints: Integers, present: Flags) -> tuple[Flags, Flags]:
     still, changed = np.zeros((2, *present.shape), dtype=np.bool_)
     still[1:], changed[1:] = both & same, both & ~same
     return still, changed
+
+
+def _again(prints: Integers, present: Flags) -> Flags:
+    """(F, S) whether a sensor had the same data in an earlier frame."""
+    printed, again = present & (prints != NO_FINGERPRINT), np.zeros_like(present)
+    for column, places in enumerate(map(np.flatnonzero, printed.T)):
+        _, first, which = np.unique(prints[places, column], return_index=True, return_inverse=True)
+        again[places, column] = first[which] < np.arange(len(places))
+    return again
 
 
 def _in_long_runs(still: Flags, length: int) -> Flags:

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.faults import fault_scores
-from auditor.identification.parameters import OTHER_LIDAR
+from auditor.identification.transfer_parameters import LIKE_CAMERAS, OTHER_LIDAR
 from auditor.model.arrays import Floats
-from auditor.model.calibration import Calibration, CleanFrames, Marks, RobustThresholds, read_later
+from auditor.model.calibration import Calibration, CleanFrames, Marks, NullDistribution, RobustThresholds, read_later
 from auditor.model.checks import Check, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.fault_features import COLUMNS, OF_LIDAR, ObservedFeatures
 from auditor.model.measurement import BRIGHTNESS, Statistic
@@ -69,6 +69,33 @@ def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustTh
         for check, known in thresholds.expected.items()
     }
     return replace(thresholds, expected=expected)
+
+
+def for_like_cameras(
+    thresholds: RobustThresholds, cameras: Sequence[int], brightness: Mapping[tuple[str, int], Floats]
+) -> RobustThresholds:
+    """The prior's thresholds for two cameras alone that are both grey or both in colour, which predict each other.
+
+    `brightness` (F,) are the levels of a recording's frames: only those of a camera with colours have a blue one. What
+    was learnt stays as it is, and so does the prior of cameras of two kinds.
+    """
+    blue = [brightness.get(("blue_level", camera)) for camera in cameras]
+    coloured = sum(levels is not None and not np.isnan(levels).all() for levels in blue)
+    if thresholds.drives or len(cameras) != 2 or coloured == 1:
+        return thresholds
+    expected = {check: _of_like_cameras(check.check, null) for check, null in thresholds.expected.items()}
+    return replace(thresholds, expected=expected)
+
+
+def _of_like_cameras(check: Check, null: NullDistribution) -> NullDistribution:
+    if check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT):
+        return _narrowed(replace(null, mean=null.mean - LIKE_CAMERAS.less_light), LIKE_CAMERAS.light)
+    return _narrowed(null, LIKE_CAMERAS.inconsistency) if check is Check.PHOTOMETRIC_INCONSISTENCY else null
+
+
+def _narrowed(null: NullDistribution, times: float) -> NullDistribution:
+    deviation, within, between = (times * one for one in (null.deviation, null.within, null.between))
+    return replace(null, deviation=deviation, within=within, between=between)
 
 
 def _of_prior(rig: Rig) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.collect import FrameChecks, collect_checks
-from auditor.measurement.checks.count_grid import ImageGrid
+from auditor.measurement.count_grid import ImageGrid
 from auditor.measurement.disparity.disparity_error import Comparison, compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view

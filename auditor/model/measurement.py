@@ -56,7 +56,7 @@ class Region:
 
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
-    ComparedTo.CAMERAS: 34,
+    ComparedTo.CAMERAS: 35,
     ComparedTo.PAST: 34,
     ComparedTo.SCANS: 32,
     ComparedTo.LIDARS: 32,

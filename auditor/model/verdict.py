@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 34
+JUDGING_VERSION = 35
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 

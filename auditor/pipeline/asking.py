@@ -80,9 +80,9 @@ def query(
     if not named.keys().isdisjoint(("recording", "calibration")):
         from auditor.store.store import Store  # noqa: PLC0415 - heavy
 
-        known = Store(kept.folder)
-        _refuse_unknown(known, name, named)
-        parameters = _by_id(known, parameters)
+        full_store = Store(kept.folder)
+        _refuse_unknown(full_store, name, named)
+        parameters = _by_id(full_store, parameters)
     return run_query(kept, name, parameters)
 
 
@@ -130,7 +130,7 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
     if Path(name).is_file():
         return read_calibration(Path(name))
     if not Store.is_at(folder):
-        raise _no_calibration(name, folder, known=False)
+        raise _no_calibration(name, folder, has_calibrations=False)
     store = Store.open(folder)
     return store.calibration(calibration_called(store, name))
 
@@ -139,14 +139,18 @@ def calibration_called(store: "Store", beginning: str) -> str:
     """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
     matching = store.calibrations_called(beginning)
     if len(matching) != 1:
-        raise _no_calibration(beginning, store.folder, known=bool(store.ids("calibrations")), several=bool(matching))
+        raise _no_calibration(
+            beginning, store.folder, has_calibrations=bool(store.ids("calibrations")), several=bool(matching)
+        )
     return matching[0]
 
 
-def _no_calibration(name: str, folder: Path, *, known: bool, several: bool = False) -> ThresholdsError:
-    what = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
-    remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
-    return ThresholdsError(what, where=name or "--calibration", remedy=remedy)
+def _no_calibration(name: str, folder: Path, *, has_calibrations: bool, several: bool = False) -> ThresholdsError:
+    problem = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
+    remedy = (
+        listing_calibrations(folder) if has_calibrations else "the store has none yet: make one with auditor calibrate"
+    )
+    return ThresholdsError(problem, where=name or "--calibration", remedy=remedy)
 
 
 def listing_calibrations(folder: Path) -> str:

@@ -123,22 +123,22 @@ def _sides(recording: Recording, surveyed: Survey, topics: Mapping[str, str]) ->
 
 def _settled_places(recording: Recording, surveyed: Survey) -> RigsInForce:
     """As `settled_rigs`, whatever the lenses."""
-    found = contradictions(surveyed)
-    if not (found.sentences or found.doubts):
+    disagreements = contradictions(surveyed)
+    if not (disagreements.sentences or disagreements.doubts):
         return rigs_in_force(recording, surveyed)
-    candidates = _candidates(recording, surveyed, found)
+    candidates = _candidates(recording, surveyed, disagreements)
     best, fit = _best(candidates)
-    if fit < GEOMETRY_FIT.fits and not found.sentences:
+    if fit < GEOMETRY_FIT.fits and not disagreements.sentences:
         return rigs_in_force(recording, surveyed)
     rigs = rigs_in_force(recording, best.survey)
     if fit < GEOMETRY_FIT.fits:
-        said = " and ".join(found.sentences[:2])
+        said = " and ".join(disagreements.sentences[:2])
         return rigs._replace(withheld=f"{said}, and the images and points fit neither: {_REPAIR}")
     if best.survey.conventions == surveyed.conventions:
         return rigs
     turned = best.survey.conventions.axes is not surveyed.conventions.axes
-    what = (found.doubts if turned else found.sentences)[0]
-    remark = f"{what}: {best.survey.conventions}, for so the images and points fit"
+    sentence = (disagreements.doubts if turned else disagreements.sentences)[0]
+    remark = f"{sentence}: {best.survey.conventions}, for so the images and points fit"
     return rigs._replace(remarks=(remark, *rigs.remarks))
 
 
@@ -148,8 +148,8 @@ def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInFo
     None where that is not enough: its calibrations contradict each other, or its topics have a read each. Raises
     RigError where there is no rig.
     """
-    found = contradictions(surveyed)
-    if found.sentences or found.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
+    disagreements = contradictions(surveyed)
+    if disagreements.sentences or disagreements.doubts or zero_lenses(surveyed) or not surveyed.interleaved:
         return None
     rigs, changes = rigs_unless_changed(recording, surveyed)
     return _with_pasts(rigs), changes
@@ -166,10 +166,10 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     return _with_pasts(RigsInForce((given,)))
 
 
-def _with_pasts(found: RigsInForce) -> RigsInForce:
+def _with_pasts(rigs: RigsInForce) -> RigsInForce:
     """The rigs, and behind them the cameras of those that name no sensor, each alone with the LiDAR."""
-    alone = (replace(one, rig=rig) for one in found.rigs for rig in pasts_of(one.rig))
-    return found._replace(rigs=(*found.rigs, *alone))
+    alone = (replace(one, rig=rig) for one in rigs.rigs for rig in pasts_of(one.rig))
+    return rigs._replace(rigs=(*rigs.rigs, *alone))
 
 
 def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
@@ -191,9 +191,9 @@ def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> Rig
             rigs = rigs_in_force(recording, candidate)
         except RigError:
             continue
-        for one in _with_pasts(rigs).rigs:
-            if one.rig.rig_id == rig_id:
-                return one
+        for rig_in_force in _with_pasts(rigs).rigs:
+            if rig_in_force.rig.rig_id == rig_id:
+                return rig_in_force
     return None
 
 
@@ -235,9 +235,9 @@ def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Ma
         fits = _fits((_cut(frame, worst, cut) for frame in frames), rig)
         fit = better_quarter([one.of_cameras.get(worst, np.nan) for one in fits])
         if fit >= GEOMETRY_FIT.fits and fit - of_cameras[worst] >= GEOMETRY_FIT.better_by:
-            what = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"
+            camera = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"
             return (
-                f"the images of {what} fit the others' once they are {way}, and not as they are: put them right, or "
+                f"the images of {camera} fit the others' once they are {way}, and not as they are: put them right, or "
                 "leave the camera out (--no-sensor)"
             )
     return ""
@@ -272,11 +272,11 @@ def first_frames_of(recording: Recording, in_force: RigInForce, withheld: str) -
     chosen = islice(frames, *(_SUCCESSIVE_FRAMES if rig.by_time else _CALIBRATION_FRAMES))
     for item in measure_stream(chosen, rig, matcher):
         assert not isinstance(item, SkippedFrame)
-        found, evidence = item
+        measurement, evidence = item
         check.add(evidence, FaultFeatures().update(evidence))
         measured += 1
-        by_errors = any(one and one.disparity_error(Statistic.GATED) is not None for one in found.counts)
-        compared += by_errors or (not rig.cameras and bool(found.shares))
+        by_errors = any(one and one.disparity_error(Statistic.GATED) is not None for one in measurement.counts)
+        compared += by_errors or (not rig.cameras and bool(measurement.shares))
     return FirstFrames(doubts_of(recording, in_force, check, withheld, stream), measured, compared)
 
 
@@ -302,17 +302,17 @@ def _unfit(recording: Recording, in_force: RigInForce, check: CalibrationMonitor
     return f"{in_force.changes[0]}, and {why}" if why and in_force.changes else why
 
 
-def _candidates(recording: Recording, surveyed: Survey, found: Contradictions) -> list[_Candidate]:
+def _candidates(recording: Recording, surveyed: Survey, disagreements: Contradictions) -> list[_Candidate]:
     """Each way to read the calibrations that gives a rig of its own, the standard's first. Raises RigError."""
     candidates: dict[str, _Candidate] = {}
-    for conventions in found.candidates:
+    for conventions in disagreements.candidates:
         survey = read_by(surveyed, conventions)
         try:
             rig = find_rigs(survey)[0]
             if rig.rig_id not in candidates:
                 candidates[rig.rig_id] = _candidate(recording, survey, rig)
         except RigError:
-            if conventions == found.candidates[-1] and not candidates:
+            if conventions == disagreements.candidates[-1] and not candidates:
                 raise
     return list(candidates.values())
 

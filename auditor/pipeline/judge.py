@@ -27,7 +27,14 @@ from auditor.identification.prior import OFFSET
 from auditor.identification.robust import judge_portions
 from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
-from auditor.identification.transfer import calibration_for, closeness, for_sparser_lidar, halvings_of_points, marks_of
+from auditor.identification.transfer import (
+    calibration_for,
+    closeness,
+    for_like_cameras,
+    for_sparser_lidar,
+    halvings_of_points,
+    marks_of,
+)
 from auditor.model.calibration import (
     PRIOR,
     Calibration,
@@ -254,8 +261,10 @@ def _portion(store: Store, fitted: _FittedMeasurement, criteria: Criteria) -> Po
     thresholds = _robust(fitted.calibration, system, criteria.r, rate, transferred=transferred)
     if fitted.marks.other_lidar:
         thresholds = for_sparser_lidar(thresholds, fitted.halvings)
-    thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
     features = store.load_fault_features(fitted.stored.measurement_id)
+    cameras = [camera.number for camera in rig.cameras]
+    thresholds = for_like_cameras(thresholds, cameras, features.by_camera)
+    thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics, frames.stamps_ns)
     series = FrameSeries.of_recording(
         frames.stamps_ns,
         frames.statistics,
@@ -263,6 +272,7 @@ def _portion(store: Store, fitted: _FittedMeasurement, criteria: Criteria) -> Po
         frames.fingerprints,
         fault_scores(features, frames.stamps_ns, rig.sensors),
         features.by_camera,
+        by_time=system.by_time,
     )
     return Portion(frames.frames, series, system, thresholds)
 

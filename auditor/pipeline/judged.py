@@ -84,9 +84,9 @@ class Judge:
     def __init__(self, store: Store, settings: JudgeSettings, *, many: bool = False) -> None:
         self._store = store
         self._settings = settings
-        known = [] if settings.calibration else histories(store)
-        self._known = known
-        self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
+        all_histories = [] if settings.calibration else histories(store)
+        self._known = all_histories
+        self._calibrations, self._provisional = in_force_of(store, all_histories), provisional_of(store, all_histories)
         self._current = store.current_judgements()
         self._batch_calibrations = {one: store.calibration(one) for one in sorted(set(settings.by_batch.values()))}
         self._usual = UsualRigs(store)
@@ -203,8 +203,8 @@ class Judge:
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[JudgeResult]:
     """Judge measurements of a store one by one."""
-    known = list(measurements)
-    return _judge_all(Judge(store, settings, many=len(known) > FEW), store, known)
+    measurement_ids = list(measurements)
+    return _judge_all(Judge(store, settings, many=len(measurement_ids) > FEW), store, measurement_ids)
 
 
 def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[JudgeResult]:

@@ -25,12 +25,12 @@ _HOW = "write a frame's number (120), seconds from the recording's start (12.5s)
 
 def recording_called(store: Store, text: str) -> RecordingRecord:
     """The recording of a name, of a path, or of an id's beginning. Raises StoreError unless it is just one."""
-    found = store.recordings_called(text) or store.recordings_called(Path(text).name)
-    if len(found) == 1:
-        return found[0]
-    if found:
-        ids = ", ".join(known.recording_id[:12] for known in found)
-        raise StoreError(f"{len(found)} recordings are called so", where=text, remedy=f"name one by its id: {ids}")
+    recordings = store.recordings_called(text) or store.recordings_called(Path(text).name)
+    if len(recordings) == 1:
+        return recordings[0]
+    if recordings:
+        ids = ", ".join(known.recording_id[:12] for known in recordings)
+        raise StoreError(f"{len(recordings)} recordings are called so", where=text, remedy=f"name one by its id: {ids}")
     raise StoreError(
         "the store has no such recording", where=text, remedy="scan it first; auditor query summary lists recordings"
     )
@@ -104,11 +104,11 @@ def _measured(
             return measurement, rig
         if topic in {balance.topic for balance in measurement.balance}:
             return measurement, rig
-    known = ", ".join(f"S_{one} ({name})" for name, one in sensors_of(store, recording).items())
+    sensors = ", ".join(f"S_{one} ({name})" for name, one in sensors_of(store, recording).items())
     raise SettingError(
         f"it has no sensor S_{sensor}" if topic is None else f"it has no topic {topic}",
         where=recording.name,
-        remedy=f"its sensors are {known or 'not known: it was not measured'}",
+        remedy=f"its sensors are {sensors or 'not known: it was not measured'}",
     )
 
 
@@ -134,11 +134,11 @@ def _stamp(
         return default_ns
     if _FRAME.fullmatch(text):
         return _stamp_of_frame(store, measurement, int(text), option)
-    if (found := _SECONDS.fullmatch(text)) and start_ns is not None:
-        return start_ns + int(found[1]) * NANOSECONDS + int((found[2] or "").ljust(_DIGITS, "0"))
+    if (seconds := _SECONDS.fullmatch(text)) and start_ns is not None:
+        return start_ns + int(seconds[1]) * NANOSECONDS + int((seconds[2] or "").ljust(_DIGITS, "0"))
     if recording.clock == "relative":
-        what = f"{text!r} is no frame and no number of seconds, and this recording's clock does not tell the time"
-        raise SettingError(what, where=option, remedy=_HOW)
+        problem = f"{text!r} is no frame and no number of seconds, and this recording's clock does not tell the time"
+        raise SettingError(problem, where=option, remedy=_HOW)
     return _stamp_of_time(text, option)
 
 

@@ -120,8 +120,8 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
         Of `Frame`, whose clouds are (N, 3) float32 in metres, and of `SkippedFrame` with the reason. Each iteration
         reads the recording again.
     """
-    found = in_force(recording, reading.survey(recording), rig)
-    return reading.synchronise(recording, rig, found.survey, colour=colour, stretches=found.stretches)
+    rig_in_force = in_force(recording, reading.survey(recording), rig)
+    return reading.synchronise(recording, rig, rig_in_force.survey, colour=colour, stretches=rig_in_force.stretches)
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
@@ -149,8 +149,8 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurem
     SettingError
         There is no such matcher.
     """
-    found = find_matcher(matcher) if isinstance(matcher, str) else matcher
-    return measure_frame(frame, rig, found)[0]
+    stereo_matcher = find_matcher(matcher) if isinstance(matcher, str) else matcher
+    return measure_frame(frame, rig, stereo_matcher)[0]
 
 
 # Calibrating, scanning, judging
@@ -252,8 +252,8 @@ def calibrate(
         measured = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(measured, stores)
         made = list(make_each(by_kind(clean), Criteria.r, frames, jobs=settings.jobs))
-        for one in made:
-            keep_calibrated(kept, one)
+        for calibration in made:
+            keep_calibrated(kept, calibration)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
     return CalibrationResult(tuple(one.calibration for one in made), clean.left_out, (*batch.errors, *failed))
 
@@ -331,9 +331,9 @@ def _scan(batch: Batch, folder: Path, judging: JudgeSettings, on_progress: Progr
         deque(scan.relate(), maxlen=0)
         judged = {one.measurement_id: one for one in scan.judge(judging)}
         deque(scan.finish(), maxlen=0)
-    for one in scan.measured:
-        verdicts = (judged[known] for known in one.measurement_ids if known in judged)
-        yield ScanResult(str(one.recording), one, tuple(verdicts))
+    for result in scan.measured:
+        verdicts = (judged[known] for known in result.measurement_ids if known in judged)
+        yield ScanResult(str(result.recording), result, tuple(verdicts))
 
 
 @explained(Criteria)

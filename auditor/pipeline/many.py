@@ -84,10 +84,10 @@ def find_batch(
     if settings.address is not None and settings.engine is not Engine.RAY:
         raise SettingError("only a cluster has an address", where="--address", remedy="add --engine ray")
     limits = limits or limits_by_size(settings.time_limit, settings.memory_limit)
-    found = find_all(given)
-    recordings = _of_shard(found.recordings, settings.shard)
+    search = find_all(given)
+    recordings = _of_shard(search.recordings, settings.shard)
     if not recordings:
-        return Batch((), found.errors, settings, limits, notes=found.notes)
+        return Batch((), search.errors, settings, limits, notes=search.notes)
     kept = Store.open(store, create=True)
     if settings.measure_again and is_mirror(kept.folder):
         raise SettingError(
@@ -113,7 +113,7 @@ def find_batch(
     )
     for task in tasks:
         task.declared()  # what it raises is an error of the whole command
-    return Batch(tasks, found.errors, replace(settings, jobs=jobs), limits, kept, found.notes, spool_of(settings))
+    return Batch(tasks, search.errors, replace(settings, jobs=jobs), limits, kept, search.notes, spool_of(settings))
 
 
 def _of_shard(recordings: Sequence[Location], text: str | None) -> Sequence[Location]:
@@ -138,12 +138,12 @@ def measure_all(
     recording, what is being done, and the number of frames done.
     """
     settings, unknown = batch.settings, []
-    known = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
-    for task, found in chain.from_iterable(map(known.found, batch.tasks)):
-        if found is None:
+    known_files = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
+    for task, result in chain.from_iterable(map(known_files.found, batch.tasks)):
+        if result is None:
             unknown.append(task)
         else:
-            yield Outcome(task, found)
+            yield Outcome(task, result)
     if unknown and settings.engine is Engine.RAY:
         yield from measure_on_cluster(unknown, settings, batch.limits)
     else:

@@ -134,33 +134,35 @@ class _Job:
         """
         beginning = rigs_to_begin_with(self.recording, surveyed) if self.task.rig is None else None
         if beginning is not None:
-            found, changes = beginning
-            rigs, todo = self._todo(found)
-            if todo and self._measure_all(todo, found, changes):
+            rigs_in_force, changes = beginning
+            rigs, todo = self._todo(rigs_in_force)
+            if todo and self._measure_all(todo, rigs_in_force, changes):
                 return rigs, True
-        found = rigs_through(self.recording, surveyed, self.task.rig)
-        rigs, todo = self._todo(found)
-        self._measure_all(todo, found)
+        rigs_in_force = rigs_through(self.recording, surveyed, self.task.rig)
+        rigs, todo = self._todo(rigs_in_force)
+        self._measure_all(todo, rigs_in_force)
         return rigs, bool(todo)
 
-    def _todo(self, found: RigsInForce) -> tuple[dict[str, RigInForce], dict[str, RigInForce]]:
+    def _todo(self, rigs_in_force: RigsInForce) -> tuple[dict[str, RigInForce], dict[str, RigInForce]]:
         """The rigs by measurement, and those of them that are to be measured."""
-        rigs = {self.measurement_id(one.rig): one for one in found.rigs}
+        rigs = {self.measurement_id(one.rig): one for one in rigs_in_force.rigs}
         todo = {known: one for known, one in rigs.items() if self.task.again or not self.store.has_measurement(known)}
         return rigs, todo
 
-    def _measure_all(self, todo: Mapping[str, RigInForce], found: RigsInForce, changes: Changes | None = None) -> bool:
+    def _measure_all(
+        self, todo: Mapping[str, RigInForce], rigs_in_force: RigsInForce, changes: Changes | None = None
+    ) -> bool:
         """Measure with some rigs; False, and nothing is kept, where `changes` finds one in the first read."""
         try:
             for rigs in self._together(todo.values()):
-                if not self._measure(rigs, found, changes):
+                if not self._measure(rigs, rigs_in_force, changes):
                     return False
                 changes = None
         except FarAheadError:
             if changes is not None:
                 return False
-            for one in todo.values():
-                self._measure([one], found, None)
+            for rig in todo.values():
+                self._measure([rig], rigs_in_force, None)
         return True
 
     def _together(self, rigs: Collection[RigInForce]) -> list[list[RigInForce]]:
@@ -171,7 +173,7 @@ class _Job:
         together = all(one.reads_along for one in rigs) and not libraries(self.matcher)
         return [list(rigs)] if together else [[one] for one in rigs]
 
-    def _measure(self, rigs: Sequence[RigInForce], found: RigsInForce, changes: Changes | None) -> bool:
+    def _measure(self, rigs: Sequence[RigInForce], rigs_in_force: RigsInForce, changes: Changes | None) -> bool:
         """Measure with some rigs in one read; False where `changes` finds that a calibration changes.
 
         Then nothing is kept. Raises FarAheadError, and nothing is kept, where they cannot share a read.
@@ -180,8 +182,8 @@ class _Job:
         streams = [synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches) for one in rigs]
         passed = PoseMessages(recording) if all(one.survey.interleaved for one in rigs) else None
         if libraries(self.matcher):
-            for one, stream in zip(rigs, streams, strict=True):
-                self._preflight(one.rig, stream)
+            for rig, stream in zip(rigs, streams, strict=True):
+                self._preflight(rig.rig, stream)
         if passed is not None:
             share_a_read(recording, streams, [passed] if changes is None else [changes, passed])
         done = [0] * len(rigs)
@@ -198,7 +200,7 @@ class _Job:
             if changes is not None and changes.any:
                 return False
             for measuring in measurings:
-                measuring.finish(found, passed)
+                measuring.finish(rigs_in_force, passed)
         return True
 
     def _writer(self, rig: Rig) -> AbstractContextManager[FramesWriter]:
@@ -251,7 +253,7 @@ class _Measuring:
         self._thumbnails.offer(counted, evidence, unusual=bool(unusual.sensors))
         self._check.offer(evidence, measurement.fault_features)
 
-    def finish(self, found: RigsInForce, passed: PoseMessages | None) -> None:
+    def finish(self, rigs_in_force: RigsInForce, passed: PoseMessages | None) -> None:
         """Keep the measurement of a rig, one of those that were found; it becomes visible with the last write.
 
         An earlier measurement goes with its judgements before the first table of the new one is put in its place: a
@@ -259,10 +261,10 @@ class _Measuring:
         stays, which may be reading it. Nothing is kept of a rig that came into force behind the last frame.
         """
         job, rig, stream, writer = self._job, self._in_force.rig, self._stream, self._writer
-        recording, store, known = job.recording, job.store, job.measurement_id(rig)
+        recording, store, measurement = job.recording, job.store, job.measurement_id(rig)
         if self._done == 0 and self._in_force.stretches[0].from_ns is not None:
             return
-        others = [one.rig for one in found.rigs if one.stretches == self._in_force.stretches]
+        others = [one.rig for one in rigs_in_force.rigs if one.stretches == self._in_force.stretches]
         beside = {topic for one in others for topic in map(one.topic, one.sensors)}
         beside -= {*map(rig.topic, rig.sensors)}  # what another rig audits is not left out
         coverage = with_repeats([one for one in self._coverage if one.topic not in beside], self._repeated.counts)
@@ -273,7 +275,7 @@ class _Measuring:
                 where=recording.path,
                 remedy="; ".join((*why, "see auditor inspect for its topics and sensors")),
             )
-        withheld = found.withheld or self._withheld_together(found)
+        withheld = rigs_in_force.withheld or self._withheld_together(rigs_in_force)
         doubts = doubts_of(recording, self._in_force, self._check, withheld, stream)
         record = MeasurementRecord(
             recording_id=recording.recording_id,
@@ -284,7 +286,7 @@ class _Measuring:
             measured_at=datetime.now(UTC),
             seconds=self._spent_s,
             damage=self._damage,
-            calibration_warnings=(*doubts.calibration_warnings, *found.remarks),
+            calibration_warnings=(*doubts.calibration_warnings, *rigs_in_force.remarks),
             withheld=doubts.withheld or None,
             remarks=(*doubts.remarks, *self._in_force.survey.transform_problems),
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
@@ -296,22 +298,22 @@ class _Measuring:
         for pose in poses:
             writer.add_pose(pose)
         with locked(store.folder):
-            if store.has_measurement(known):
-                store.forget(known)
-                if not job.task.again or store.measurement(known).measured_at > job.began:
+            if store.has_measurement(measurement):
+                store.forget(measurement)
+                if not job.task.again or store.measurement(measurement).measured_at > job.began:
                     return
-                remove_measurement(store, known)
-            files = [file for picture in self._thumbnails.pages() for file in store.write_picture(known, picture)]
+                remove_measurement(store, measurement)
+            files = [file for picture in self._thumbnails.pages() for file in store.write_picture(measurement, picture)]
             writer.commit(replace(record, pose_topics=poses.topics), files)
         if job.task.again:
-            remove_counted_earlier(store, known)
+            remove_counted_earlier(store, measurement)
 
-    def _withheld_together(self, found: RigsInForce) -> str:
+    def _withheld_together(self, rigs_in_force: RigsInForce) -> str:
         """Why no verdict may be given on a rig that has all of this one's sensors and more; empty where it may.
 
         A camera and a LiDAR tell less of their stamps and places than two cameras and the LiDAR do.
         """
-        store, larger = self._job.store, map(self._job.measurement_id, found.larger_than(self._in_force))
+        store, larger = self._job.store, map(self._job.measurement_id, rigs_in_force.larger_than(self._in_force))
         return next(
             (why for one in larger if store.has_measurement(one) and (why := store.measurement(one).withheld)), ""
         )
@@ -332,8 +334,8 @@ def unmasked_statistics(
         for one in sensor_checks
         if one.check in IMAGE_CHECKS and any((one.sensor, other) in changed for other in one.others)
     ]
-    found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
-    of_check = dict(zip(others, found, strict=True))
+    statistics = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
+    of_check = dict(zip(others, statistics, strict=True))
     return tuple(of_check.get(one) for one in sensor_checks)
 
 
@@ -341,15 +343,15 @@ def _recording_record(
     recording: Recording,
     task: MeasureTask,
     where: Location,
-    known: RecordingRecord | None,
+    record: RecordingRecord | None,
     measurements: Sequence[StoredMeasurement],
     stamp: str | None,
 ) -> RecordingRecord:
     origin = task.declared().over(Origin.of_metadata(recording.metadata()))
-    if known is not None:
-        origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
+    if record is not None:
+        origin = origin.over(Origin(record.vehicle, record.date, record.drive, record.weather))
     ids = [one.measurement_id for one in measurements]
-    before = known.sightings if known is not None else ()
+    before = record.sightings if record is not None else ()
     sightings = sighted(before, storable(where.name), storable(where.place), stamp, ids)
     return RecordingRecord(
         recording_id=recording.recording_id,
@@ -367,8 +369,8 @@ def _recording_record(
         weather=origin.weather and storable(origin.weather),
         damage=damage_of(measurements),
         sightings=sightings,
-        superseded_by=known.superseded_by if known else None,
-        conflicts=known.conflicts if known else None,
+        superseded_by=record.superseded_by if record else None,
+        conflicts=record.conflicts if record else None,
     )
 
 

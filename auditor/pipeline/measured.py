@@ -166,9 +166,9 @@ class KnownFiles:
         if len(tasks) > FEW:
             self._store.measurements()  # at once: that takes far less than one by one
         for record in self._store.recordings():
-            for one in record.sightings:
-                for known in (one.path, *([one.stamp] if one.stamp else ())):
-                    self._seen.setdefault(known, []).append((record, one))
+            for sighting in record.sightings:
+                for place in (sighting.path, *([sighting.stamp] if sighting.stamp else ())):
+                    self._seen.setdefault(place, []).append((record, sighting))
 
     def found(self, task: MeasureTask) -> Iterator[tuple[MeasureTask, MeasureResult | None]]:
         """The recordings that a task is, as far as the store knows, and what it has of each: objects that by their
@@ -176,13 +176,13 @@ class KnownFiles:
 
         What is not known may go on with the recording before it, or with the one behind it: these are read with it.
         """
-        known, remote = self.measured(task), task.location.remote
-        parts = parts_of(remote) if self._seen and known is None and remote is not None else ()
+        result, remote = self.measured(task), task.location.remote
+        parts = parts_of(remote) if self._seen and result is None and remote is not None else ()
         pieces = list(self._pieces(task, parts))
         is_known = [True, *(one is not None for _, one in pieces), True]
         stays = [all(is_known[place : place + 3]) for place in range(len(pieces))]
         if not any(stays):
-            yield task, known
+            yield task, result
             return
         for alone, run in groupby(zip(stays, pieces, strict=True), key=itemgetter(0)):
             those = [piece for _, piece in run]
@@ -198,8 +198,8 @@ class KnownFiles:
         first = 0
         while first < len(parts):
             runs = (parts[first:end] for end in range(len(parts), first, -1))
-            known = ((run, one) for run in runs if (one := self.measured(_of(task, run))) is not None)
-            piece = next(known, (parts[first : first + 1], None))
+            pieces = ((run, result) for run in runs if (result := self.measured(_of(task, run))) is not None)
+            piece = next(pieces, (parts[first : first + 1], None))
             yield piece
             first += len(piece[0])
 
@@ -214,12 +214,12 @@ class KnownFiles:
         else:
             seen = self._seen.get(storable(location.place), ())
             stamp = stamp_of(location, self._procedures, task.rig) if seen else None
-        for record, one in seen:
-            if one.stamp is None or one.stamp != stamp or _tells_more(task.declared(), record):
+        for record, sighting in seen:
+            if sighting.stamp is None or sighting.stamp != stamp or _tells_more(task.declared(), record):
                 continue
-            if one.measurements and all(map(self._store.has_measurement, one.measurements)):
-                known = [self._store.measurement(measurement) for measurement in one.measurements]
-                return measured_of(location.here, record.recording_id, known)
+            if sighting.measurements and all(map(self._store.has_measurement, sighting.measurements)):
+                measurements = [self._store.measurement(measurement) for measurement in sighting.measurements]
+                return measured_of(location.here, record.recording_id, measurements)
         return None
 
 
@@ -230,5 +230,5 @@ def _of(task: MeasureTask, parts: Sequence[StoredObject]) -> MeasureTask:
 
 def _tells_more(origin: Origin, record: RecordingRecord) -> bool:
     """Whether an origin that is given is another than the store's."""
-    known = Origin(record.vehicle, record.date, record.drive)
-    return origin.over(known) != known
+    store_origin = Origin(record.vehicle, record.date, record.drive)
+    return origin.over(store_origin) != store_origin

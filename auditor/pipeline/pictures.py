@@ -47,9 +47,9 @@ def location_of(record: RecordingRecord) -> Location:
             return Location(place)
         files = [place.parent / Path(name).name for name in record.files]
         if files and all(file.is_file() for file in files):
-            found = find_recordings(files).recordings
-            if len(found) == 1:
-                return found[0]
+            locations = find_recordings(files).recordings
+            if len(locations) == 1:
+                return locations[0]
     raise RecordingError("the recording is not there any more", where=record.path, remedy=_ANEW)
 
 
@@ -78,8 +78,8 @@ def recording_at_hand(store: Store, recording_id: str, at: Location | None = Non
 def stream_of(store: Store, measurement_id: str, recording: Recording) -> FrameStream:
     """The frames of a recording as a measurement numbers them, in colour. Raises RigError."""
     rig = store.rig(store.measurement(measurement_id).rig_id)
-    known = in_force(recording, survey(recording), rig)
-    return synchronise(recording, rig, known.survey, colour=True, stretches=known.stretches)
+    rig_in_force = in_force(recording, survey(recording), rig)
+    return synchronise(recording, rig, rig_in_force.survey, colour=True, stretches=rig_in_force.stretches)
 
 
 def frames_at_hand(
@@ -160,15 +160,15 @@ def picture_incidents(
     """
     tasks: list[PictureTask] = []
     wanted = _wanted_frames(store, measurement_ids) if pictures != Pictures.NONE and measurement_ids else {}
-    for known, of_incidents in wanted.items():
-        record = store.recording(store.measurement(known).recording_id)
+    for measurement, of_incidents in wanted.items():
+        record = store.recording(store.measurement(measurement).recording_id)
         if (left_out := len(of_incidents) - MOST_INCIDENTS) > 0:
             yield PicturingResult(record.name, remark=f"{left_out} of its incidents, the weakest, get no pictures")
-        done = pictured_in_full(store.folder / "pictures", known)
+        done = pictured_in_full(store.folder / "pictures", measurement)
         frames = {number: how for one in of_incidents[:MOST_INCIDENTS] for number, how in one.items()}
         if frames := {number: how for number, how in frames.items() if number not in done}:
             try:
-                tasks.append(PictureTask(location_of(record), store.folder, known, frames))
+                tasks.append(PictureTask(location_of(record), store.folder, measurement, frames))
             except AuditorError as error:
                 yield PicturingResult(record.name, remark=_no_pictures(error))
     for outcome in _run(tasks, limits, jobs, spool or Spool()):
@@ -206,12 +206,12 @@ def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
 def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, list[Frames]]:
     """By measurement the frames that show incidents, the strongest incident first; some are of other recordings."""
     listed = ", ".join(f"'{known}'" for known in measurement_ids)
-    found: defaultdict[str, defaultdict[str, Frames]] = defaultdict(lambda: defaultdict(dict))
+    incidents: defaultdict[str, defaultdict[str, Frames]] = defaultdict(lambda: defaultdict(dict))
     asked = _of_their_drives(store, listed)
     for row in rows_of(run_sql(asked, _EXAMPLES.format(listed))):
         attacked = None if row["attacked"] is None else tuple(row["attacked"])
-        found[row["measurement_id"]][row["incident_id"]][row["frame"]] = attacked
-    return {known: list(of_incidents.values()) for known, of_incidents in found.items()}
+        incidents[row["measurement_id"]][row["incident_id"]][row["frame"]] = attacked
+    return {known: list(of_incidents.values()) for known, of_incidents in incidents.items()}
 
 
 def _of_their_drives(store: Store, listed: str) -> Store:
@@ -254,21 +254,23 @@ def show_frame(where: Location, number: int, store: Path | None, rig_file: Path 
         if isinstance(frame, SkippedFrame):
             return shown
         kept = Store.open(store) if store is not None else None
-        known = _measurement(kept, recording.recording_id, rig.rig_id) if kept is not None else None
-        if kept is None or known is None:
+        measurement = _measurement(kept, recording.recording_id, rig.rig_id) if kept is not None else None
+        if kept is None or measurement is None:
             regions = _measured_now(frame, rig)
         else:
-            regions = tuple(kept.load_regions(known, number))
-    verdict = _verdict(kept, known, number) if kept is not None and known is not None else None
+            regions = tuple(kept.load_regions(measurement, number))
+    verdict = _verdict(kept, measurement, number) if kept is not None and measurement is not None else None
     pictures = tuple(draw_frame(frame, rig, regions, "png"))
-    return ShownFrame(rig, frame, shown.clock, regions, pictures, known, verdict)
+    return ShownFrame(rig, frame, shown.clock, regions, pictures, measurement, verdict)
 
 
 def _frame(recording: Recording, number: int, rig_file: Path | None) -> tuple[Rig, Frame | SkippedFrame]:
     """The frame by the rig that is in force then."""
-    for one in rigs_through(recording, survey(recording), rig_file).rigs:
-        for item in synchronise(recording, one.rig, one.survey, colour=True, stretches=one.stretches).chosen([number]):
-            return one.rig, item
+    for rig_in_force in rigs_through(recording, survey(recording), rig_file).rigs:
+        for item in synchronise(
+            recording, rig_in_force.rig, rig_in_force.survey, colour=True, stretches=rig_in_force.stretches
+        ).chosen([number]):
+            return rig_in_force.rig, item
     raise RecordingError(
         f"it has no frame {number}", where=recording.path, remedy="frames are numbered from 0, skipped ones included"
     )

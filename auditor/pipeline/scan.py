@@ -48,14 +48,16 @@ def keep_ledger(
 ) -> None:
     """Keep a row for each input of a scan: those that ended in `errors`, and those that are `measured` and `judged`."""
     gaps: dict[str, list[str]] = {}
-    for one in judged:
-        said = (str(one.error),) if one.error else one.gaps
-        gaps.setdefault(store.measurement(one.measurement_id).recording_id, []).extend(map(storable, said))
+    for result in judged:
+        said = (str(result.error),) if result.error else result.gaps
+        gaps.setdefault(store.measurement(result.measurement_id).recording_id, []).extend(map(storable, said))
     rows = [*map(_failed, errors), *_read(list(measured), gaps)]
     if rows:
         moment = datetime.now(UTC)
-        known = content_id("inputs", moment.isoformat(), [row["path"] for row in rows])
-        store.write("inputs", known, [{"inputs_id": known, "offered_at": to_utc(moment), **row} for row in rows])
+        inputs_id = content_id("inputs", moment.isoformat(), [row["path"] for row in rows])
+        store.write(
+            "inputs", inputs_id, [{"inputs_id": inputs_id, "offered_at": to_utc(moment), **row} for row in rows]
+        )
 
 
 def _failed(error: AuditorError) -> Row:
@@ -67,14 +69,14 @@ def _failed(error: AuditorError) -> Row:
 def _read(measured: Sequence[MeasureResult], gaps: dict[str, list[str]]) -> Iterator[Row]:
     """The rows of recordings that were read; of several paths of one content the later ones are twins."""
     first: dict[str, str] = {}
-    for one in measured:
-        known, here = one.recording_id, str(one.recording)
-        there = first.setdefault(known, here)
+    for result in measured:
+        recording_id, here = result.recording_id, str(result.recording)
+        there = first.setdefault(recording_id, here)
         if there == here:
-            yield _row(*_named(here), InputOutcome.READ, recording_id=known, gaps=gaps.get(known, ()))
+            yield _row(*_named(here), InputOutcome.READ, recording_id=recording_id, gaps=gaps.get(recording_id, ()))
         else:
             reason = f"the same content as {storable(there)}"
-            yield _row(*_named(here), InputOutcome.TWIN, reason=reason, recording_id=known)
+            yield _row(*_named(here), InputOutcome.TWIN, reason=reason, recording_id=recording_id)
 
 
 def _named(where: str) -> tuple[str, str]:
@@ -165,9 +167,9 @@ class Scan:
         if store is None or not self._is_whole:
             return
         ids = [*self.measurement_ids, *self._counted(store)] if only is None else list(only)
-        for one in judge_batch(store, ids, judging) if only is None else judge_all(store, ids, judging):
-            self.judged.append(one)
-            yield one
+        for result in judge_batch(store, ids, judging) if only is None else judge_all(store, ids, judging):
+            self.judged.append(result)
+            yield result
 
     def _counted(self, store: Store) -> Iterator[str]:
         """The measurements of other recordings that count in place of some of the batch."""
@@ -184,8 +186,8 @@ class Scan:
         keep_ledger(store, self.errors, self.measured, self.judged)
         if self._is_whole and (packed := pack_where_many(store)).files:
             yield f"{self._folder}: {packed.files} small files are {packed.packs} now, as by auditor store compact"
-        found = [one.measurement_id for one in self.judged if one.found and (self.batch.shows_known or one.fresh)]
+        ids = [one.measurement_id for one in self.judged if one.found and (self.batch.shows_known or one.fresh)]
         how, limits = self.batch.settings, self.batch.limits
-        pictured = picture_incidents(store, found, how.pictures, limits, how.jobs, self.batch.spool) if found else ()
+        pictured = picture_incidents(store, ids, how.pictures, limits, how.jobs, self.batch.spool) if ids else ()
         yield from (f"{one.recording}: {one.remark}" for one in pictured if one.remark)
         self.batch.spool.close()

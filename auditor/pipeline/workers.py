@@ -81,8 +81,8 @@ def memory_mb(pid: int) -> float:
         status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return 0.0
-    _, found, rest = status.partition("VmRSS:")
-    return int(rest.split()[0]) / 1024 if found else 0.0
+    _, label, rest = status.partition("VmRSS:")
+    return int(rest.split()[0]) / 1024 if label else 0.0
 
 
 @dataclass(frozen=True)
@@ -163,14 +163,14 @@ def run_all(
 
 def in_order(task: Callable[[Item, Progress], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
     """As `run_all`, the results of items in their order. Raises what one of them raises."""
-    found: dict[Item, Result] = {}
+    results: dict[Item, Result] = {}
     left = deque(items)
     for outcome in run_all(task, items, jobs, lambda *_: None):
         if outcome.error is not None:
             raise outcome.error
-        found[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
-        while left and left[0] in found:
-            yield found.pop(left.popleft())
+        results[outcome.item] = outcome.result  # type: ignore[assignment]  # None only where the task gives it
+        while left and left[0] in results:
+            yield results.pop(left.popleft())
 
 
 @dataclass(frozen=True)
@@ -225,9 +225,9 @@ class _Running(Generic[Item]):
         if ended:
             remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
             return LimitError(ended, where=self.item, remedy=remedy)
-        what = f"its process died (exit code {code})"
+        problem = f"its process died (exit code {code})"
         remedy = "it may have run out of memory: run it again with --jobs 1"
-        return AuditorError(what, where=self.item, remedy=remedy)
+        return AuditorError(problem, where=self.item, remedy=remedy)
 
     def stop(self) -> None:
         self.worker.kill()
@@ -303,8 +303,8 @@ def _forked(work: Callable[..., None], *arguments: object) -> Worker:
     try:
         return fork(work, *arguments)
     except OSError as error:
-        what = f"no process could be started ({error.strerror or error})"
-        raise AuditorError(what, remedy="free memory or processes of this user, and run it again") from error
+        problem = f"no process could be started ({error.strerror or error})"
+        raise AuditorError(problem, remedy="free memory or processes of this user, and run it again") from error
 
 
 @contextmanager
@@ -351,6 +351,6 @@ def _outcome(task: Callable[[Item, Progress], Result], item: Item, progress: Pro
     except Exception as error:  # noqa: BLE001 - it is the outcome of its item, and said in full
         last = extract_tb(error.__traceback__)[-1]
         where = "/".join(Path(last.filename).parts[-2:])
-        what = f"auditor failed on it: {type(error).__name__}: {error} ({where}:{last.lineno})"
+        problem = f"auditor failed on it: {type(error).__name__}: {error} ({where}:{last.lineno})"
         remedy = "this is a defect of auditor: please report this line"
-        return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
+        return Outcome(item, error=AuditorError(problem, where=item, remedy=remedy))

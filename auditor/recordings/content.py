@@ -44,8 +44,8 @@ class ChangedError(RecordingError):
     """A file that is no longer what it was when it was opened."""
 
     def __init__(self, path: Path) -> None:
-        what = "the file changed while it was read: nothing of this is kept"
-        super().__init__(what, where=path, remedy="scan it again when it is finished")
+        problem = "the file changed while it was read: nothing of this is kept"
+        super().__init__(problem, where=path, remedy="scan it again when it is finished")
 
 
 class FileContent:
@@ -132,8 +132,8 @@ class FileContent:
 
     def _hash_up_to(self, descriptor: int, number: int) -> None:
         """Hash the blocks before one that are not hashed yet."""
-        for one in range(len(self._states), number):
-            self._hash(self._read(descriptor, one))
+        for block in range(len(self._states), number):
+            self._hash(self._read(descriptor, block))
 
     def _hash(self, data: bytes) -> None:
         """Hash the next block, which must be what was read of it before."""

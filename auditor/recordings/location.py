@@ -120,8 +120,8 @@ class Location:
         whole = hashlib.sha256()
         for file in sorted({*self._files(), *self._beside()}):
             status = file.stat()
-            known = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
-            whole.update(f"{file.resolve()} {known}\n".encode("utf-8", "surrogateescape"))
+            stamp = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
+            whole.update(f"{file.resolve()} {stamp}\n".encode("utf-8", "surrogateescape"))
         return whole.hexdigest()
 
     def _beside(self) -> Iterator[Path]:
@@ -131,8 +131,8 @@ class Location:
             for place in range(bisect_left(names, begins), len(names)):
                 if not names[place].startswith(begins):
                     break
-                if (one := file.with_name(names[place])).is_file():
-                    yield one
+                if (journal := file.with_name(names[place])).is_file():
+                    yield journal
 
     def _files(self) -> Sequence[Path]:
         if self.streams:
@@ -177,8 +177,8 @@ def read_path(path: Path, pattern: str) -> dict[str, str]:
         raise SettingError(
             "it holds none of {vehicle}, {date}, {drive} and {weather}", where=f"path pattern {pattern!r}"
         )
-    found = re.search(f"(?:^|/){expression}{re.escape(pattern[position:])}$", path.as_posix())
-    return found.groupdict() if found else {}
+    words = re.search(f"(?:^|/){expression}{re.escape(pattern[position:])}$", path.as_posix())
+    return words.groupdict() if words else {}
 
 
 def _word(word: str, pattern: str, before: str) -> str:
@@ -229,8 +229,8 @@ class Origin:
 
 
 def _day(text: str) -> datetime.date | None:
-    found = _DAY.fullmatch(text)
+    parts = _DAY.fullmatch(text)
     try:
-        return datetime.date(int(found[1]), int(found[3]), int(found[4])) if found else None
+        return datetime.date(int(parts[1]), int(parts[3]), int(parts[4])) if parts else None
     except ValueError:
         return None

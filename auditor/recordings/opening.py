@@ -131,23 +131,23 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     Files that were recorded together are one recording, whether they are given or found. A path without a recording
     becomes a RecordingError in `errors`; the other paths are still searched.
     """
-    found: dict[Path, None] = {}
+    places: dict[Path, None] = {}
     errors: dict[Path, RecordingError] = {}
     notes: dict[Path, None] = {}
     for path in paths:
         try:
-            found.update(dict.fromkeys(_recordings_at(path)))
-            for one in _almost_recordings(path):
-                if (overlooked := _overlooked(one)) is None:
-                    notes[one] = None
+            places.update(dict.fromkeys(_recordings_at(path)))
+            for candidate in _almost_recordings(path):
+                if (overlooked := _overlooked(candidate)) is None:
+                    notes[candidate] = None
                 else:
-                    errors[one] = overlooked
+                    errors[candidate] = overlooked
         except RecordingError as error:
             errors[path] = error
         except OSError as error:
             errors[path] = unreadable(path, error)
     recordings = []
-    for location in _put_together(list(found)):
+    for location in _put_together(list(places)):
         try:
             if not location.streams and location.path in paths:
                 _refuse_empty(location.path)
@@ -176,8 +176,8 @@ def _almost_recordings(folder: Path) -> Iterator[Path]:
 def _overlooked(path: Path) -> RecordingError | None:
     """The error for what seems to have been a recording; None for text beside one."""
     if path.is_dir():
-        what, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
-        return RecordingError(what, where=path, remedy=remedy)
+        problem, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
+        return RecordingError(problem, where=path, remedy=remedy)
     try:
         return None if _is_text(path) else _misnamed(path)
     except OSError as error:
@@ -234,10 +234,10 @@ def _recordings_at(path: Path) -> list[Path]:
         return [path, *_beside(path)]
     if not path.is_dir():
         raise unknown_kind(path)
-    found = list(_search(path))
-    if not found:
+    recordings = list(_search(path))
+    if not recordings:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")
-    return found
+    return recordings
 
 
 def _is_one(path: Path) -> bool:

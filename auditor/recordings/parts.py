@@ -113,8 +113,8 @@ HasRig = Callable[[Location], bool]
 def grouped(files: Sequence[Path], has_rig: HasRig) -> list[Location]:
     """The recordings that some .mcap, .bag and .db3 files are, each at the place of its first file."""
     order = {file: place for place, file in enumerate(files)}
-    found = [_located(drives) for drives in _side_by_side(_drives(files), has_rig)]
-    return sorted(found, key=lambda location: min(order[file] for file in files_of(location)))
+    locations = [_located(drives) for drives in _side_by_side(_drives(files), has_rig)]
+    return sorted(locations, key=lambda location: min(order[file] for file in files_of(location)))
 
 
 def files_of(location: Location) -> Iterator[Path]:
@@ -250,15 +250,15 @@ def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
     return recordings
 
 
-def _are_beside(one: _Drive, other: _Drive) -> bool:
-    if one.span_ns is None or other.span_ns is None:
+def _are_beside(first: _Drive, other: _Drive) -> bool:
+    if first.span_ns is None or other.span_ns is None:
         return False
-    (begin, end), (other_begin, other_end) = one.span_ns, other.span_ns
+    (begin, end), (other_begin, other_end) = first.span_ns, other.span_ns
     common_ns = min(end, other_end) - max(begin, other_begin)
     shorter_ns = min(end - begin, other_end - other_begin)
     if common_ns <= 0 or common_ns < DRIVE_PARTS.least_common_share * shorter_ns:
         return False
-    sensors = [drive.readable[0].sensors if drive.readable else frozenset() for drive in (one, other)]
+    sensors = [drive.readable[0].sensors if drive.readable else frozenset() for drive in (first, other)]
     return all(sensors) and not sensors[0] & sensors[1]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
-from auditor.model.checks.kinds import label_of
+from auditor.model.checks.words import label_of
 from auditor.model.text import one_line
 from auditor.resources import resource_folder
 

@@ -59,22 +59,22 @@ def check_file(file: Path | IO[bytes], budget: Budget) -> None:
 
 def check(members: Sequence[ZipInfo], budget: Budget) -> None:
     """Raise UnsafeZipError for the first member that is not as it should be, or is over the budget."""
-    spending, known = Spending(budget), dict[str, ZipInfo]()
+    spending, by_name = Spending(budget), dict[str, ZipInfo]()
     for member in members:
         shown = ascii(member.orig_filename[:100])
         if reason := _odd(member):
             raise UnsafeZipError(f"its member {shown} {reason}")
         key = _as_a_file_system_might(member.filename)
-        if key in known:
-            raise UnsafeZipError(f"its member {shown} has the name of another, {known[key].filename[:100]!a}")
-        known[key] = member
+        if key in by_name:
+            raise UnsafeZipError(f"its member {shown} has the name of another, {by_name[key].filename[:100]!a}")
+        by_name[key] = member
         try:
             spending.allow(member.compress_size, member.file_size)
         except OverBudgetError as error:
             raise UnsafeZipError(f"its member {shown} {error}") from error
-    for folder in {str(above) for key in known for above in PurePosixPath(key).parents}:
-        if folder in known and not known[folder].is_dir():
-            raise UnsafeZipError(f"its member {known[folder].filename[:100]!a} is a file that has files in it")
+    for folder in {str(above) for key in by_name for above in PurePosixPath(key).parents}:
+        if folder in by_name and not by_name[folder].is_dir():
+            raise UnsafeZipError(f"its member {by_name[folder].filename[:100]!a} is a file that has files in it")
 
 
 def check_tiled(archive: ZipFile) -> None:

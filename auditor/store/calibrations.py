@@ -56,8 +56,8 @@ class _Column(NamedTuple):
     others: tuple[int, ...] = ()
 
     @classmethod
-    def of_check(cls, one: SensorCheck, suffix: str = "") -> "_Column":
-        return cls(one.check.value + suffix, sensor=one.sensor, others=one.others)
+    def of_check(cls, sensor_check: SensorCheck, suffix: str = "") -> "_Column":
+        return cls(sensor_check.check.value + suffix, sensor=sensor_check.sensor, others=sensor_check.others)
 
     @property
     def order(self) -> tuple[object, ...]:
@@ -124,8 +124,8 @@ def make_calibration(
 ) -> Calibration:
     """A calibration made now, under the id of its content, which is looked for where it is not known."""
     unnamed = Calibration("", rig_kind, procedure, tuple(clean), datetime.now(UTC))
-    known = calibration_id(unnamed) if contents is None else _id_of(unnamed, contents)
-    return replace(unnamed, calibration_id=known)
+    identity = calibration_id(unnamed) if contents is None else _id_of(unnamed, contents)
+    return replace(unnamed, calibration_id=identity)
 
 
 def write_calibration(calibration: Calibration, path: Path, announce: Announce | None = None) -> None:
@@ -205,15 +205,15 @@ def _read(parts: "_Parts") -> Calibration:
             where=path,
             remedy="measure them again with auditor calibrate --measure-again",
         )
-    found: dict[int, tuple[str, list[int]]] = {}
+    by_part: dict[int, tuple[str, list[int]]] = {}
     for group in range(groups):
         for row in parts.rows(group, ["part", "recording_id"]):
-            found.setdefault(row["part"], (row["recording_id"], []))[1].append(group)
+            by_part.setdefault(row["part"], (row["recording_id"], []))[1].append(group)
     calibration = Calibration(
         calibration_id=first["calibration_id"],
         rig_kind=kind,
         procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
-        clean=read_later((known, partial(parts.clean, part, sorted(set(of)))) for part, (known, of) in found.items()),
+        clean=read_later((known, partial(parts.clean, part, sorted(set(of)))) for part, (known, of) in by_part.items()),
         calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),
     )
     if calibration.calibration_id != calibration_id(calibration):
@@ -327,9 +327,9 @@ def _without_nan(values: NDArray[np.float64]) -> NDArray[Any]:
     missing = np.isnan(values)
     if not missing.any():
         return values
-    found = values.astype(object)
-    found[missing] = None
-    return found
+    objects = values.astype(object)
+    objects[missing] = None
+    return objects
 
 
 def _clean(content: pa.Table, path: Path) -> CleanFrames:
@@ -345,23 +345,23 @@ def _clean(content: pa.Table, path: Path) -> CleanFrames:
     rows = listed(content.drop_columns(["clean", "stamps_ns", "versions"]), path)
     [same] = listed(content.select(["stamps_ns", "versions"]).slice(0, 1), path)
     for row, values in zip(rows, content["clean"], strict=True):
-        what, i, k, column = row["statistic"], row["i"], row["k"], _column(values)
-        if what in _ERRORS:
-            errors[Statistic(what), Triple(i, row["j"], k)] = column
-        elif what in _CAUSES:
-            fault_scores[Cause(what), i] = column
-        elif what in flags:
-            flags[what][i] = column > 0
-        elif what == _RETURNS:
+        statistic, i, k, column = row["statistic"], row["i"], row["k"], _column(values)
+        if statistic in _ERRORS:
+            errors[Statistic(statistic), Triple(i, row["j"], k)] = column
+        elif statistic in _CAUSES:
+            fault_scores[Cause(statistic), i] = column
+        elif statistic in flags:
+            flags[statistic][i] = column > 0
+        elif statistic == _RETURNS:
             returns = column
-        elif what.endswith(_UNMASKED):
-            unmasked[_sensor_check(row, what.removesuffix(_UNMASKED))] = column
+        elif statistic.endswith(_UNMASKED):
+            unmasked[_sensor_check(row, statistic.removesuffix(_UNMASKED))] = column
         elif row["for_parts"] and k is not None:  # also what is not measured any more: the id has it
-            features[what, (i, k)] = column
+            features[statistic, (i, k)] = column
         elif row["for_parts"]:
-            brightness[what, i] = column
+            brightness[statistic, i] = column
         else:
-            statistics[_sensor_check(row, what)] = column
+            statistics[_sensor_check(row, statistic)] = column
     return CleanFrames(
         rows[0]["recording_id"],
         np.array(same["stamps_ns"], dtype=np.int64),

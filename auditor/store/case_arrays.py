@@ -117,7 +117,7 @@ def too_old(store: Store) -> list[str]:
 
 def _cases(table: pa.Table, rig: Rig, path: Path) -> Cases:
     N, M, S, pairs = len(table), len(rig_sensor_checks(rig)), len(rig.sensors), len(rig.pairs)
-    known = table.select(_KNOWN_BY.split(", ")).to_pylist()
+    identities = table.select(_KNOWN_BY.split(", ")).to_pylist()
     present, fingerprints = (list_values(table[name], N * S, path) for name in ("present", "fingerprint"))
     features, after = (
         floats(table[name], N * pairs * len(COLUMNS), path).reshape(N, pairs, len(COLUMNS))
@@ -126,7 +126,7 @@ def _cases(table: pa.Table, rig: Rig, path: Path) -> Cases:
     return Cases(
         rig,
         Procedure(*(table[name][0].as_py() for name in ("matcher", "settings", "counting_version"))),
-        tuple(CaseIdentity(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
+        tuple(CaseIdentity(**{**one, "attacked": tuple(one["attacked"])}) for one in identities),
         floats(table["statistics"], N * M, path).reshape(N, M),
         np.asarray(present.to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
         np.asarray(fingerprints.fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(N, S),

@@ -70,11 +70,11 @@ def with_views(text: str) -> str:
     DuckDB binds and plans a view anew wherever one of its name stands, and all views behind it with it; a CTE once.
     Rows of frames are not gathered there: what a question does not want of them is not even read.
     """
-    found, named = _SELECT.match(text), " ".join(_read_in(text) & views().keys())
-    if not named or found is None:
+    select, named = _SELECT.match(text), " ".join(_read_in(text) & views().keys())
+    if not named or select is None:
         return text
     ctes = ",\n".join(map(_cte, in_order(needed_by(named))))
-    return f"WITH {ctes},\n{text[found.end() :]}" if found["with"] else f"WITH {ctes}\n{text}"
+    return f"WITH {ctes},\n{text[select.end() :]}" if select["with"] else f"WITH {ctes}\n{text}"
 
 
 @cache
@@ -253,15 +253,15 @@ def raise_damage(store: StoreFolder, needed: Collection[str], error: Exception) 
     files = _files_of(store)
     with _opened(files) as connection:
         for table in (table for table in TABLES if f"stored_{table}" in needed):
-            found = store.files(table)
-            for name in files.names([*found.alone, *found.packs]):
+            table_files = store.files(table)
+            for name in files.names([*table_files.alone, *table_files.packs]):
                 try:
                     for _ in connection.sql(f"FROM read_parquet('{name}')").to_arrow_reader():
                         pass
                 except (duckdb.Error, pa.ArrowException):
-                    what = f"it is damaged and cannot be read ({in_one_line(error)})"
+                    problem = f"it is damaged and cannot be read ({in_one_line(error)})"
                     remedy = "restore it from a copy, or scan its recording again into a new store"
-                    raise StoreError(what, where=files.path(name), remedy=remedy) from error
+                    raise StoreError(problem, where=files.path(name), remedy=remedy) from error
 
 
 def _fill(
@@ -275,9 +275,9 @@ def _fill(
     new = needed.difference(made)
     filling.connection.execute("\n".join(macros_of(new)))
     for table in (table for table in TABLES if f"stored_{table}" in needed):
-        found = store.files(table) if store else Files((), (), frozenset())
-        alone, packs = files.names(found.alone), files.names(found.packs)
-        _create_stored(filling, table_schema(table), alone, packs, found.hidden)
+        table_files = store.files(table) if store else Files((), (), frozenset())
+        alone, packs = files.names(table_files.alone), files.names(table_files.packs)
+        _create_stored(filling, table_schema(table), alone, packs, table_files.hidden)
     if "stored_pictures" in needed:
         from auditor.store.pictures import picture_files  # noqa: PLC0415 - heavy
 
@@ -364,15 +364,15 @@ def needed_by(text: str) -> frozenset[str]:
     tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
     bodies = macros() | {name: view.sql for name, view in views().items()}
     names = frozenset(tables | bodies.keys() | DECLARED.keys())
-    found = _words(text.lower()) & names
-    if not found & tables:
+    needs = _words(text.lower()) & names
+    if not needs & tables:
         return names
     while True:
-        behind = {word for name in found & bodies.keys() for word in _read_in(bodies[name])} & names
-        behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
-        if behind <= found:
-            return found
-        found |= behind
+        behind = {word for name in needs & bodies.keys() for word in _read_in(bodies[name])} & names
+        behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in needs}
+        if behind <= needs:
+            return needs
+        needs |= behind
 
 
 @cache
@@ -393,5 +393,5 @@ def in_order(needed: Collection[str]) -> Iterable[str]:
 
 def _in_order(texts: Mapping[str, str]) -> Iterable[str]:
     """Names of SQL texts, each after those that its text has."""
-    known = texts.keys()
-    return TopologicalSorter({name: _words(sql) & known - {name} for name, sql in texts.items()}).static_order()
+    names = texts.keys()
+    return TopologicalSorter({name: _words(sql) & names - {name} for name, sql in texts.items()}).static_order()

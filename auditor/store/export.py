@@ -161,9 +161,9 @@ def _times_as_text(times: pa.Array | pa.ChunkedArray) -> pa.Array | pa.ChunkedAr
         )
     stamps = pa.types.is_timestamp(times.type)
     if stamps or pa.types.is_date32(times.type):
-        found = [*_in_iso(times, times.type.unit if stamps else "D", "Z" if stamps else "")]
-        if all(text is None or _USUAL_YEAR.match(text) for text in found):
-            return _texts(found)
+        texts = [*_in_iso(times, times.type.unit if stamps else "D", "Z" if stamps else "")]
+        if all(text is None or _USUAL_YEAR.match(text) for text in texts):
+            return _texts(texts)
     if not stamps:
         return times.cast(pa.string())
     from pyarrow import compute  # noqa: PLC0415 - heavy

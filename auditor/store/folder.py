@@ -80,10 +80,10 @@ def check_marker(folder: Path) -> None:
 
 def older_version(version: int, folder: Path) -> StoreError:
     """The error for a store of an older version: how it is upgraded, and what is lost, or that it cannot be."""
-    known = " and ".join(map(str, UPGRADED_FROM))
+    versions = " and ".join(map(str, UPGRADED_FROM))
     if version not in UPGRADED_FROM:
         return StoreError(
-            f"it has schema version {version}, and only {known} can be upgraded to {SCHEMA_VERSION}",
+            f"it has schema version {version}, and only {versions} can be upgraded to {SCHEMA_VERSION}",
             where=folder,
             remedy="measure again into a new store",
         )
@@ -154,8 +154,8 @@ def remember_made(folder: Path) -> None:
     """Remember that a store was made in a folder just now; where nothing can be kept, it has to be named later on."""
     with suppress(OSError):
         _known().parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with _known().open("a", encoding="utf-8") as known:
-            known.write(json.dumps(_identity(folder)) + "\n")
+        with _known().open("a", encoding="utf-8") as file:
+            file.write(json.dumps(_identity(folder)) + "\n")
 
 
 def refuse_foreign(folder: Path) -> None:
@@ -233,8 +233,8 @@ class StoreFolder:
         """The ids of the finished files of a table, sorted; other rows finish some of them, see MANIFESTS."""
         manifest = MANIFESTS.get(table, table)
         packed = self.packs.ids(manifest)
-        known = sorted(packed.union(finished(self.folder / manifest))) if packed else finished(self.folder / manifest)
-        return known if manifest not in self._only else [one for one in known if one in self._only[manifest]]
+        ids = sorted(packed.union(finished(self.folder / manifest))) if packed else finished(self.folder / manifest)
+        return ids if manifest not in self._only else [one for one in ids if one in self._only[manifest]]
 
     def files(self, table: str) -> Files:
         """The finished files of a table. Raises StoreError where one is missing that its manifest names."""

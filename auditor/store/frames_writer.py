@@ -29,11 +29,11 @@ class LookedShares:
         states: Any = frame["state"]
         for place, state in enumerate(states):
             self._present[place] += state == "present"
-            for name, known in self._shares.items() if state == "present" else ():
+            for name, sums in self._shares.items() if state == "present" else ():
                 shares: Any = frame[name]
                 if shares is not None and shares[place] is not None:
-                    total, count = known.get(place, (0.0, 0))
-                    known[place] = total + shares[place], count + 1
+                    total, count = sums.get(place, (0.0, 0))
+                    sums[place] = total + shares[place], count + 1
 
     @property
     def row(self) -> Row:

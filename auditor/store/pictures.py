@@ -30,13 +30,13 @@ def read_picture(folder: Path, measurement_id: str, frame: int) -> Picture | Non
     """The picture of a frame; None where none was kept."""
     pictures = folder / checked_id(measurement_id)
     for mask in pictures.glob(f"{int(frame)}_S*.png"):
-        if found := _MASK.fullmatch(mask.name):
+        if name := _MASK.fullmatch(mask.name):
             views = {
                 int(view[2]): path.read_bytes()
                 for path in sorted(pictures.glob(f"{int(frame)}_S*.jpg"))
                 if (view := _VIEW.fullmatch(path.name))
             }
-            return Picture(frame, int(found[2]), views, mask.read_bytes())
+            return Picture(frame, int(name[2]), views, mask.read_bytes())
     return None
 
 
@@ -59,8 +59,8 @@ def write_frame_pictures(run: Run, measurement_id: str, pictures: Sequence[Frame
 def full_pictures(folder: Path, measurement_id: str, frame: int | None = None) -> list[Path]:
     """The files of the pictures at full resolution of a measurement, or of one of its frames, by frame and sensor."""
     beginning = "" if frame is None else f"{int(frame)}_S"
-    found = (folder / checked_id(measurement_id)).glob(f"{beginning}*")
-    named = {path: name for path in found if (name := _FULL.fullmatch(path.name))}
+    files = (folder / checked_id(measurement_id)).glob(f"{beginning}*")
+    named = {path: name for path in files if (name := _FULL.fullmatch(path.name))}
     return sorted(named, key=lambda path: (int(named[path][1]), int(named[path][2]), path.name))
 
 
@@ -73,9 +73,9 @@ def read_frame_pictures(folder: Path, measurement_id: str, frame: int) -> list[F
     """The pictures of a frame at full resolution; none where none were kept."""
     pictures = []
     for path in full_pictures(folder, measurement_id, frame):
-        found = _FULL.fullmatch(path.name)
-        assert found is not None
-        pictures.append(FramePicture(frame, int(found[2]), Content(found[3]), found[4], path.read_bytes()))
+        name = _FULL.fullmatch(path.name)
+        assert name is not None
+        pictures.append(FramePicture(frame, int(name[2]), Content(name[3]), name[4], path.read_bytes()))
     return pictures
 
 

@@ -98,8 +98,8 @@ def run_queries(store: StoreFolder, wanted: Mapping[str, Mapping[str, object]]) 
 
     Raises as `run_query` does.
     """
-    known = {name: query(name) for name in wanted}
-    return _run_together(store, {name: (known[name].sql, bind(known[name], given)) for name, given in wanted.items()})
+    files = {name: query(name) for name in wanted}
+    return _run_together(store, {name: (files[name].sql, bind(files[name], given)) for name, given in wanted.items()})
 
 
 def _run_together(store: StoreFolder, asked: Mapping[str, tuple[str, dict[str, Value]]]) -> dict[str, pa.Table]:
@@ -181,9 +181,9 @@ def _kind(statement: duckdb.Statement) -> str:
         return "another"
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
-    near = get_close_matches(name, known, 1)
-    return f"did you mean {near[0]}? auditor query lists all" if near else f"there are {', '.join(known)}"
+def _nearest(name: str, names: Sequence[str]) -> str:
+    near = get_close_matches(name, names, 1)
+    return f"did you mean {near[0]}? auditor query lists all" if near else f"there are {', '.join(names)}"
 
 
 @dataclass(frozen=True)
@@ -212,9 +212,9 @@ def list_views() -> list[SqlFile]:
     return list(views().values())
 
 
-def _described(file: SqlFile, what: str) -> Description:
+def _described(file: SqlFile, category: str) -> Description:
     with asking(None, file.sql) as connection:
         answer = connection.sql(with_views(file.sql), params={parameter.name: None for parameter in file.parameters})
         types = dict(zip(answer.columns, map(str, answer.types), strict=True))
     columns = tuple(described_column(file, column, kind) for column, kind in types.items())
-    return Description(file.name, what, file.text, file.parameters, columns)
+    return Description(file.name, category, file.text, file.parameters, columns)

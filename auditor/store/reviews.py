@@ -64,14 +64,14 @@ def incident_called(store: Store, incidents: Sequence[dict[str, Any]], beginning
 
     Raises StoreError unless it is just one.
     """
-    found = [row for row in incidents if row["incident_id"].startswith(beginning)]
-    if not found and _ID.fullmatch(beginning):
-        known = set(incidents_named(store, [beginning]).values())
-        found = [row for row in incidents if row["incident_id"] in known]
-    if len(found) == 1 and beginning:
-        return found[0]
-    what = f"{len(found)} incidents have an id that begins so" if found else "the store has no such incident"
-    raise StoreError(what, where=beginning, remedy="auditor query incidents lists them with their ids")
+    rows = [row for row in incidents if row["incident_id"].startswith(beginning)]
+    if not rows and _ID.fullmatch(beginning):
+        ids = set(incidents_named(store, [beginning]).values())
+        rows = [row for row in incidents if row["incident_id"] in ids]
+    if len(rows) == 1 and beginning:
+        return rows[0]
+    problem = f"{len(rows)} incidents have an id that begins so" if rows else "the store has no such incident"
+    raise StoreError(problem, where=beginning, remedy="auditor query incidents lists them with their ids")
 
 
 def incidents_named(store: Store, beginnings: Iterable[str]) -> dict[str, str]:

@@ -91,8 +91,8 @@ def label_rows(recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None
 
 def stored_label(row: Mapping[str, Any]) -> AttackLabel:
     """The label of a row."""
-    known = {name: row[name] for name in ("topic", "attack", "from_ns", "to_ns")}
-    return AttackLabel(**known, parameters=json.loads(row["parameters"]))
+    values = {name: row[name] for name in ("topic", "attack", "from_ns", "to_ns")}
+    return AttackLabel(**values, parameters=json.loads(row["parameters"]))
 
 
 def given_label_rows(recording_id: str, labels: Iterable[GivenLabel]) -> list[Row]:
@@ -134,13 +134,13 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
 
 def sensor_check_rows(rig: Rig) -> Iterator[Row]:
     """The rows of a rig's sensor checks, in their order."""
-    for position, one in enumerate(rig_sensor_checks(rig), start=1):
+    for position, sensor_check in enumerate(rig_sensor_checks(rig), start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
-            "check_name": one.check.value,
-            "sensor": one.sensor,
-            "others": list(one.others),
+            "check_name": sensor_check.check.value,
+            "sensor": sensor_check.sensor,
+            "others": list(sensor_check.others),
         }
 
 

@@ -21,7 +21,7 @@ import duckdb
 
 from auditor.errors import QueryError, StoreError
 from auditor.model.checks import Check
-from auditor.model.checks.kinds import FORMER
+from auditor.model.checks.words import FORMER
 from auditor.model.text import storable
 from auditor.resources import resource_folder
 from auditor.store.schema import TABLES, Column, table_schema
@@ -121,12 +121,12 @@ def read_sql_file(path: Path) -> SqlFile:
     return SqlFile(path.stem, text, tuple(parameters), columns, "\n".join(lines[length:]))
 
 
-def _parameter(found: re.Match[str]) -> QueryParameter:
-    default = found["default"]
+def _parameter(declaration: re.Match[str]) -> QueryParameter:
+    default = declaration["default"]
     return QueryParameter(
-        name=found["name"],
-        type=found["type"],
-        sentence=found["sentence"],
+        name=declaration["name"],
+        type=declaration["type"],
+        sentence=declaration["sentence"],
         required=default is None,
         default=None if default == "NULL" else default,
     )
@@ -140,15 +140,15 @@ def bind(query: SqlFile, given: Mapping[str, object]) -> dict[str, Value]:
 
     Raises QueryError that names a parameter that is missing, unknown or of another type.
     """
-    known = {parameter.name: parameter for parameter in query.parameters}
+    parameters = {parameter.name: parameter for parameter in query.parameters}
     for name in given:
-        if name not in known:
+        if name not in parameters:
             raise QueryError(
                 f"it has no parameter {name!r}",
                 where=f"query {query.name}",
-                remedy=f"its parameters are {', '.join(known)}" if known else "it has none",
+                remedy=f"its parameters are {', '.join(parameters)}" if parameters else "it has none",
             )
-    return {name: _value(query, parameter, given) for name, parameter in known.items()}
+    return {name: _value(query, parameter, given) for name, parameter in parameters.items()}
 
 
 def _value(query: SqlFile, parameter: QueryParameter, given: Mapping[str, object]) -> Value:
@@ -197,8 +197,8 @@ def _time(value: object) -> int:
     if isinstance(value, str) and not _STAMP.fullmatch(value):
         value = datetime.fromisoformat(value.strip())
     if isinstance(value, datetime):
-        known = value if value.tzinfo else value.replace(tzinfo=UTC)
-        return (known - _EPOCH) // timedelta(microseconds=1) * 1000
+        moment = value if value.tzinfo else value.replace(tzinfo=UTC)
+        return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
     stamp_ns = _integer(value)
     if abs(stamp_ns) >= _STAMPS_END:
         raise ValueError
@@ -253,12 +253,12 @@ _MEANING = {
 
 def comments(connection: duckdb.DuckDBPyConnection) -> str:
     """The statements that comment on the views of a connection, the stored tables behind them, and their columns."""
-    found = connection.execute(
+    columns = connection.execute(
         "SELECT table_name, table_name IN (SELECT view_name FROM duckdb_views()), column_name, data_type"
         " FROM duckdb_columns() WHERE NOT internal ORDER BY table_name, column_index"
     ).fetchall()
     statements = {}
-    for table, is_view, name, kind in found:
+    for table, is_view, name, kind in columns:
         if described := _described(table, name, kind):
             statements[f"{'VIEW' if is_view else 'TABLE'} {table}"] = described[0]
             statements[f'COLUMN {table}."{name}"'] = described[1]
@@ -288,9 +288,9 @@ def described_column(file: SqlFile, name: str, kind: str) -> Column:
     words = set(re.findall(r"\w+", file.sql))
     named = [column for table, columns in there.items() if {table, f"stored_{table}"} & words for column in columns]
     others = [column for columns in there.values() for column in columns]
-    for known in (own, named, others):
-        if len(known) == 1 or (known and name.endswith("_id")):
-            return known[0]
+    for candidates in (own, named, others):
+        if len(candidates) == 1 or (candidates and name.endswith("_id")):
+            return candidates[0]
     return Column(name, kind, "")
 
 

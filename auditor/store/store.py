@@ -132,8 +132,8 @@ class Store(StoreFolder):
         rows = self._rows("recordings", ("recording_id", "superseded_by"))
         later = {row["recording_id"]: row["superseded_by"] for row in rows if row["superseded_by"] is not None}
 
-        def last(known: str) -> str:
-            return last(later[known]) if known in later else known
+        def last(recording: str) -> str:
+            return last(later[recording]) if recording in later else recording
 
         return {known: last(known) for known in later}
 
@@ -251,11 +251,11 @@ class Store(StoreFolder):
 
     def calibrations(self) -> list[Calibration]:
         """All calibrations, by id; those of older versions that nothing can be judged by any more are left out."""
-        found = []
+        calibrations = []
         for calibration_id in self.ids("calibrations"):
             with suppress(OutdatedCalibrationError):
-                found.append(self.calibration(calibration_id))
-        return found
+                calibrations.append(self.calibration(calibration_id))
+        return calibrations
 
     def calibrations_called(self, beginning: str) -> list[str]:
         """The ids of calibrations that begin so."""
@@ -263,12 +263,12 @@ class Store(StoreFolder):
 
     def calibration_recordings(self) -> dict[str, tuple[str, ...]]:
         """The recordings that each calibration was made from, by its id: also those of older versions."""
-        found = {}
-        for known in self.ids("calibrations"):
-            column = read_table("calibrations", self.path("calibrations", known), ["recordings"])["recordings"]
+        recordings = {}
+        for calibration_id in self.ids("calibrations"):
+            column = read_table("calibrations", self.path("calibrations", calibration_id), ["recordings"])["recordings"]
             named = column.drop_null().slice(0, 1).to_pylist()  # of all rows, or of the first alone
-            found[known] = tuple(name for names in named for name in names)
-        return found
+            recordings[calibration_id] = tuple(name for names in named for name in names)
+        return recordings
 
     def write_judgement(
         self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]

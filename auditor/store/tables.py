@@ -219,8 +219,8 @@ def _rows_of(group: pa.Table, own: pa.ChunkedArray) -> pa.Table:
 
 
 def _common(columns: Sequence[str], schema: pa.Schema) -> list[str]:
-    known = set(schema.names)
-    return [name for name in columns if name in known]
+    names = set(schema.names)
+    return [name for name in columns if name in names]
 
 
 @lru_cache(maxsize=KEPT_GROUPS)
@@ -252,12 +252,12 @@ def stream_tables(source: Source, names: Sequence[str]) -> Iterator[pa.Table | p
     def opened(place: Path | PackPart) -> pa.Table | pq.ParquetFile:
         return _of_part(place, names, source) if isinstance(place, PackPart) else pq.ParquetFile(place)
 
-    found = _read(source, opened)
+    content = _read(source, opened)
     with _reporting(source):
-        if isinstance(found, pa.Table):
-            yield found
+        if isinstance(content, pa.Table):
+            yield content
             return
-        with found as file:
+        with content as file:
             _check_version(file.schema_arrow, source)
             yield from file.iter_batches(batch_size=BATCH_ROWS, columns=list(names))
 

@@ -60,20 +60,20 @@ def _stored(schema: TableSchema) -> str:
     nothing = f"SELECT {', '.join(f'NULL::{one.type} AS {one.name}' for one in schema.columns)} WHERE false"
     of_files = (files, *([f"{files}_packs"] if schema.name in PACKED else []))
     reads = []
-    for one in of_files:
-        read = f"FROM read_parquet(getvariable('{one}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
-        read += "" if one == files else f" WHERE {_counts(schema, manifest)}"
-        reads.append(f"CASE WHEN len({_variable(one)}) > 0 THEN {literal(f'({read}) UNION ALL BY NAME ')} ELSE '' END")
+    for name in of_files:
+        read = f"FROM read_parquet(getvariable('{name}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
+        read += "" if name == files else f" WHERE {_counts(schema, manifest)}"
+        reads.append(f"CASE WHEN len({_variable(name)}) > 0 THEN {literal(f'({read}) UNION ALL BY NAME ')} ELSE '' END")
     source = " || ".join([*reads, literal(nothing)])
     columns = ", ".join(f"{one.name}::{one.type} AS {one.name}" for one in schema.columns)
-    what = "VIEW" if schema.name in LARGE else "TABLE"
+    kind = "VIEW" if schema.name in LARGE else "TABLE"
     query = f"SELECT {columns} FROM query({source})"  # noqa: S608 - our own names
     lines = [
         f"-- {schema.sentence}",
         *(_packs(schema) if schema.name in PACKED else ()),
         f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
         *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
-        f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
+        f"CREATE OR REPLACE TEMP {kind} stored_{schema.name} AS {query};",
     ]
     return "\n".join(lines) + "\n"
 

@@ -59,7 +59,7 @@ CREATE MACRO ratio_in_words(log10_ratio, largest) AS
 -- One cause that is not an attack in words.
 CREATE MACRO cause_in_words(cause, sensor) AS
     CASE cause
-        WHEN 'frozen' THEN 'S_' || sensor || ' stands still while others go on'
+        WHEN 'frozen' THEN 'S_' || sensor || ' repeats what it showed before while others go on'
         WHEN 'late' THEN 'S_' || sensor || ' lags by a frame'
         WHEN 'displaced' THEN 'S_' || sensor || ' has turned since it was calibrated'
         WHEN 'soiled' THEN 'something changes what S_' || sensor || ' sees and adds no light, as dirt does'

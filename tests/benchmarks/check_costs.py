@@ -26,13 +26,13 @@ from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
 from auditor.measurement.checks import collect, false_ranges, light, lost_returns, point_distribution
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import ImageGrid, places_of, sums_of_pair
 from auditor.measurement.checks.free_space_conflict import OwnScans
 from auditor.measurement.checks.lidar_conflict import cells_of_points, verify_conflicts
 from auditor.measurement.checks.light import CameraLevels, LightDifference, light_difference
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, Patches, photometric_consistency
 from auditor.measurement.checks.striped_light import RowExcess
+from auditor.measurement.count_grid import ImageGrid, places_of, sums_of_pair
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
 from auditor.measurement.disparity.matchers import find_matcher

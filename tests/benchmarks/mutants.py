@@ -93,7 +93,7 @@ SUBJECTS = (
     ),
     Subject(
         "count grids",
-        ("measurement/checks/count_grid.py",),
+        ("measurement/count_grid.py",),
         ("measurement/checks/test_count_grid.py", *CHECKS),
     ),
     Subject(

@@ -23,6 +23,16 @@ def test_where_everything_stands_still_nobody_is_frozen():
     assert not frozen(*frames("aaaaab", "cccccc"))[:5].any()
 
 
+def test_what_a_sensor_showed_long_before_is_frozen_only_where_it_may_have_been_replayed():
+    prints, present = frames("abcdefgh", "abcdeabf")
+    assert not frozen(prints, present).any()
+    assert frozen(prints, present, replayed=True).T.astype(int).tolist() == [[0] * 8, [0, 0, 0, 0, 0, 1, 1, 0]]
+
+
+def test_a_recording_that_was_played_twice_is_no_replay_of_one_sensor():
+    assert not frozen(*frames("abcabc", "defdef"), replayed=True).any()
+
+
 def test_a_missing_sensor_is_not_frozen_and_a_gap_ends_a_run():
     found = frozen(*frames("abcdefg", "aaa-aaa"))
     assert found[:, 1].astype(int).tolist() == [0, 1, 1, 0, 0, 1, 1]

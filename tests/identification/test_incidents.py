@@ -146,6 +146,13 @@ def test_the_peak_is_of_evidence_of_one_and_the_same_sensor():
     assert (one.rises, one.peak) == ((0, 1, 2), 3.0)
 
 
+def test_a_frame_with_a_little_evidence_apart_from_an_incident_is_no_part_of_it():
+    raised = np.array([False, False, True, True, True, False, False, False, False])
+    assert events(added(1, -0.2, 9, 9, 9, 1, -0.2, -0.2, 1), raised, 1.0) == [Event((2, 3, 4, 5))]
+    raised[0] = True
+    assert events(added(1, -0.2, 9, 9, 9, 1, -0.2, -0.2, 1), raised, 1.0) == [Event((0, 2, 3, 4, 5))]
+
+
 def test_findings_of_other_sensors_make_no_incident_of_one():
     raised = np.ones(4, dtype=np.bool_)
     in_turn = [[9, -1], [9, -1], [-1, 9], [-1, 9]]

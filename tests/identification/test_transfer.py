@@ -14,6 +14,7 @@ from auditor.identification.transfer import (
     OPENCV_CPU,
     calibration_for,
     closeness,
+    for_like_cameras,
     for_sparser_lidar,
     halvings_of_points,
     marks_of,
@@ -114,6 +115,32 @@ def test_of_a_sparser_lidar_more_isolated_points_are_expected_and_nothing_else_i
         assert half.expected[check].deviation == usual.expected[check].deviation
     assert {check for check in CHECKS if half.expected[check] != usual.expected[check]} == set(isolated)
     assert (half.causes, half.limit, half.drives) == (usual.causes, usual.limit, usual.drives)
+
+
+PAIR = plane_rig((0.54, 0.0))
+LEVELS, NO_LEVELS = np.array([90.0, np.nan]), np.full(2, np.nan)
+
+
+@pytest.mark.parametrize(
+    "blue", [{}, {1: LEVELS, 2: LEVELS}, {1: NO_LEVELS, 2: NO_LEVELS}], ids=["grey", "colour", "nan"]
+)
+def test_two_cameras_of_a_kind_are_expected_to_predict_each_other_where_nothing_was_learnt(blue):
+    checks = rig_sensor_checks(PAIR)
+    prior = thresholds_from((), checks, len(checks), R)
+    of_a_kind = for_like_cameras(prior, (1, 2), {("blue_level", camera): levels for camera, levels in blue.items()})
+    changed = {check.check for check in checks if of_a_kind.expected[check] != prior.expected[check]}
+    assert changed == {Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY}
+    for check in checks:
+        before, after = prior.expected[check], of_a_kind.expected[check]
+        assert after.mean + 3.5 * after.deviation <= before.mean + 3.5 * before.deviation
+
+
+def test_what_was_learnt_cameras_of_two_kinds_and_more_than_two_keep_their_thresholds():
+    checks = rig_sensor_checks(PAIR)
+    prior, learnt = (thresholds_from(known, checks, len(checks), R) for known in ((), (clean("a"),)))
+    assert for_like_cameras(prior, (1, 2), {("blue_level", 1): LEVELS}) == prior
+    assert for_like_cameras(prior, (1, 2, 3), {}) == prior
+    assert for_like_cameras(learnt, (1, 2), {}) == learnt
 
 
 def test_the_prior_alone_expects_something_of_every_check_and_fault():

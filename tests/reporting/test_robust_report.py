@@ -35,6 +35,7 @@ def test_an_incident_tells_its_evidence_by_sensor_and_check_with_z_and_the_limit
     assert sorted((line.check, line.sensor, line.other, line.frames) for line in incident.checks) == [
         ("added_light", 1, None, 10),
         ("coloured_light", 1, None, 10),
+        ("foreign_texture", 1, None, 10),
         ("photometric_inconsistency", 1, None, 10),
         ("removed_light", 1, None, 10),
         ("striped_light", 1, None, 10),

@@ -4,7 +4,8 @@
 2. Under attack only some frames may be attacked: a frame that shows nothing takes little away (`evidence_of`).
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
-   is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
+   is an incident. It begins with its first rise, and ends where the sum has not risen for some time. A rise at either
+   end that is no finding, with no other one beside it, is no part of it.
 5. It has to be evidence of one and the same sensor, in as many findings as an incident needs. Where a fault explains a
    frame as well its evidence counts for a share, and an attack is an incident by the frames that no fault explains
    (`Excursion.peak`).
@@ -164,7 +165,20 @@ def events(evidence: FrameEvidence, raised: Flags, limit: float) -> list[Event]:
     Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
     two at least, and as many as are worth most of an independent one.
     """
-    return [Event(one.rises) for one in excursions(evidence, raised) if one.peak > limit]
+    return [Event(_trimmed(one.rises, raised)) for one in excursions(evidence, raised) if one.peak > limit]
+
+
+def _trimmed(rises: Sequence[int], raised: Flags) -> tuple[int, ...]:
+    """The rises of an incident less those at its ends that are no findings and that no other frame of it is beside.
+
+    A clean frame with a little evidence, half a second after an attack, is no part of it.
+    """
+    first, end = 0, len(rises)
+    while not raised[rises[first]] and rises[first + 1] - rises[first] > 1:
+        first += 1
+    while not raised[rises[end - 1]] and rises[end - 1] - rises[end - 2] > 1:
+        end -= 1
+    return tuple(rises[first:end])
 
 
 def strong_frames(evidence: FrameEvidence, raised: Flags, per_hour: float | None) -> Flags:

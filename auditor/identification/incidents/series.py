@@ -43,14 +43,19 @@ class FrameSeries:
         fingerprints: Integers,
         fault_scores: Mapping[CauseIn, Floats],
         brightness: Mapping[tuple[str, int], Floats] | None = None,
+        *,
+        by_time: bool = False,
     ) -> "FrameSeries":
-        """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data."""
+        """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data.
+
+        Of sensors that are checked `by_time` what was replayed is frozen as well: their own past would deny the others.
+        """
         return cls(
             stamps_ns,
             runs_of(stamps_ns),
             statistics,
             present,
-            frozen(fingerprints, present),
+            frozen(fingerprints, present, replayed=by_time),
             fault_scores,
             brightness or {},
             frozenset(np.flatnonzero(repeated(fingerprints, present)).tolist()),

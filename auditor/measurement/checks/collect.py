@@ -7,7 +7,15 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from auditor.measurement.checks.count_grid import (
+from auditor.measurement.checks.false_ranges import PairRanges, directed, false_ranges, pair_ranges
+from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verified
+from auditor.measurement.checks.light import LightDifference, difference_of
+from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
+from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
+from auditor.measurement.checks.seen import FrameViews
+from auditor.measurement.checks.still_light import OfThePast
+from auditor.measurement.count_grid import (
     ImageGrid,
     PairCells,
     PairPlaces,
@@ -17,14 +25,6 @@ from auditor.measurement.checks.count_grid import (
     sums_of_pair,
     sums_of_some,
 )
-from auditor.measurement.checks.false_ranges import PairRanges, directed, false_ranges, pair_ranges
-from auditor.measurement.checks.found import measuring
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verified
-from auditor.measurement.checks.light import LightDifference, difference_of
-from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
-from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
-from auditor.measurement.checks.seen import FrameViews
-from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Indices, Mask, Points
@@ -42,6 +42,10 @@ _IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
 BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
 _ALL_AROUND = tuple(one for one in Check if one.kind.of is Of.SURROUNDINGS)
 """The checks measured by their names: of pairs that check the LiDAR, of matched pairs, of views, of its last scan."""
+
+
+SharesOfPair = tuple[float | None, float | None]
+"""What is said of a pair's source by its reference, and of the reference by the source; None where not measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class FrameChecks:
 
     by_direction: Mapping[Check, Mapping[Pair, Cells]]
     counts: Mapping[Pair, PairCounts]
-    of_pairs: Mapping[Check, Mapping[Pair, tuple[float | None, float | None]]]
+    of_pairs: Mapping[Check, Mapping[Pair, SharesOfPair]]
     of_views: Mapping[Check, Mapping[tuple[int], float | None]]
     isolated_shares: Mapping[int, IsolatedShares]
     thinned: Mapping[int, bool]
@@ -113,19 +117,23 @@ class FrameChecks:
         in_views = {
             SensorCheck(check, LIDAR, view): share for check, of in self.of_views.items() for view, share in of.items()
         }
-        by_cameras = {
-            SensorCheck(check, camera, (other,)): share
-            for check, of in self.of_pairs.items()
-            for (i, k), (of_source, of_reference) in of.items()
-            for camera, other, share in ((i, k, of_source), (k, i, of_reference))
-        }
         by_past = {
             SensorCheck(check, k, (LIDAR,)): one.statistic
             for check, of in self.of_pasts.items()
             for k, one in of.items()
         }
-        every = in_views | by_cameras | by_past | dict(self.of_lidars)
+        every = in_views | shares_of_pairs(self.of_pairs) | by_past | dict(self.of_lidars)
         return {check: share for check, share in every.items() if share is not None} | shares_of_ranges(self.ranges)
+
+
+def shares_of_pairs(of_pairs: Mapping[Check, Mapping[Pair, SharesOfPair]]) -> dict[SensorCheck, float | None]:
+    """What each camera of a pair says of the other one by these checks."""
+    return {
+        SensorCheck(check, camera, (other,)): share
+        for check, of in of_pairs.items()
+        for (i, k), (of_source, of_reference) in of.items()
+        for camera, other, share in ((i, k, of_source), (k, i, of_reference))
+    }
 
 
 def shares_of_ranges(ranges: Mapping[Pair, PairRanges]) -> dict[SensorCheck, float]:

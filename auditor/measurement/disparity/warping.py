@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.count_grid import ImageGrid
+from auditor.measurement.count_grid import ImageGrid
 from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF

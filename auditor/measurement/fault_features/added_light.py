@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.count_grid import CELL_PX
+from auditor.measurement.count_grid import CELL_PX
 from auditor.measurement.parameters import HALF
 from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask

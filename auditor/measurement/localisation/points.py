@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.count_grid import CELL_PX
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
+from auditor.measurement.count_grid import CELL_PX
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.model.arrays import Mask, Points
 from auditor.model.measurement import Solid

@@ -18,6 +18,7 @@ _RANGES = "three real drives and streets 30000 to 30013, clean and attacked: wid
 _IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
 _NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
 _UNMATCHED = "62 clean frames of three real drives and 480 of streets 7000 to 7059: widened by hand (docs/decisions.md)"
+_FOREIGN = "62 clean frames of three real drives and 60 of streets 7000 to 7029: widened by hand (docs/decisions.md)"
 
 _LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), _REAL)
 _SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN)
@@ -360,6 +361,22 @@ class Check(StrEnum):
         ),
     )
 
+    FOREIGN_TEXTURE = (
+        "foreign_texture",
+        CheckKind(
+            Of.CAMERAS,
+            Words(
+                "foreign texture",
+                "it shows something else where two others agree what is there",
+                "shows something else where others agree what is there",
+                "S_{i} shows something else where others agree what is there",
+            ),
+            (PriorOf("foreign_texture", (-3.9, 0.45, 0.2, 1.6), _FOREIGN),),
+            vote=Vote.SMALLEST,
+            never_of_two=True,
+        ),
+    )
+
     _value_: str
     kind: CheckKind
 
@@ -378,23 +395,3 @@ class Check(StrEnum):
     def where(self) -> str:
         """The module of `measurement/checks` that measures it."""
         return self.kind.where or self.value
-
-
-FORMER = {"brightness_difference": "S_{i} or S_{k} alone sees light"}
-"""The evidence of checks that verdicts of before know, of two sensors."""
-
-
-def label_of(name: str) -> str:
-    """The name of a check for readers; another name with spaces."""
-    check = _of_name(name)
-    return check.label if check else name.replace("_", " ")
-
-
-def found_of(name: str, *, by_two: bool) -> str:
-    """That a check fires, as a page says it of one sensor, or of one of two; its name where nothing is declared."""
-    check = _of_name(name)
-    return (check and (check.found_by_two if by_two else check.found)) or label_of(name)
-
-
-def _of_name(name: str) -> Words | None:
-    return Check(name).kind.words if name in Check.__members__.values() else None

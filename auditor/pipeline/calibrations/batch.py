@@ -173,13 +173,15 @@ def _judge_by_each_other(
         by_prior = _kept_by_prior(store, distinct, kinds, settings) if settings.only_stale else {}
         first = [measurement for measurement in distinct if measurement not in by_prior]
         judged = {result.measurement_id: result for result in judge_side_by_side(store, first, settings, jobs)}
-        found: set[str] = set()
+        with_findings: set[str] = set()
         by_batch: dict[str, str] = {}
         for number in range(MOST_PASSES):
             verdicts = {each: result.judgement for each, result in judged.items() if result.judgement is not None}
             verdicts = {**by_others, **by_prior, **verdicts}
-            found |= {store.measurement(each).recording_id for each, verdict in verdicts.items() if verdict.found}
-            now = _batch_calibrations(store, distinct, kinds, verdicts, found, settings.criteria, jobs or 1)
+            with_findings |= {
+                store.measurement(each).recording_id for each, verdict in verdicts.items() if verdict.found
+            }
+            now = _batch_calibrations(store, distinct, kinds, verdicts, with_findings, settings.criteria, jobs or 1)
             if number and now in ({}, by_batch):
                 break
             by_batch = now
@@ -188,8 +190,8 @@ def _judge_by_each_other(
             judged.update((result.measurement_id, result) for result in judge_side_by_side(store, again, another, jobs))
         told = (_EARLIER,) if by_batch and any(verdict.drives == 0 for verdict in by_others.values()) else ()
         for measurement in measurements:
-            one = judged[measurement]
-            yield replace(one, warnings=(*one.warnings, *told)) if one.by is JudgedBy.BATCH else one
+            result = judged[measurement]
+            yield replace(result, warnings=(*result.warnings, *told)) if result.by is JudgedBy.BATCH else result
 
 
 def _kept_by_prior(
@@ -215,13 +217,13 @@ def _batch_calibrations(
     measurements: Collection[str],
     kinds: Sequence[Sequence[str]],
     verdicts: Mapping[str, StoredJudgement],
-    found: Collection[str],
+    with_findings: Collection[str],
     criteria: Criteria,
     jobs: int,
 ) -> dict[str, str]:
     """Keep the calibrations that some measurements of each kind are judged by; return their ids by measurement.
 
-    Recordings that were `found` teach nothing.
+    Recordings `with_findings` teach nothing.
     """
     by_batch: dict[str, str] = {}
     for kind in kinds:
@@ -231,7 +233,7 @@ def _batch_calibrations(
         teachers = [
             measurement
             for measurement in judged
-            if store.measurement(measurement).recording_id not in found
+            if store.measurement(measurement).recording_id not in with_findings
             and _may_teach(store, verdicts[measurement], recordings, criteria)
         ]
         for measurement, calibration in calibrations_of_others(store, asked, teachers, criteria, jobs).items():
@@ -294,8 +296,8 @@ def _judged(store: Store, measurements: Sequence[str], settings: JudgeSettings, 
             store.keep_calibration(settings.calibration)
         without = replace(settings, calibration=None)
         parts = [_Part(store.folder, tuple(measurements[first::jobs]), without, named) for first in range(jobs)]
-        found = {one.measurement_id: one for part in in_order(_judge_part, parts, jobs) for one in part}
-        yield from (found[one] for one in measurements)
+        results = {one.measurement_id: one for part in in_order(_judge_part, parts, jobs) for one in part}
+        yield from (results[one] for one in measurements)
 
 
 def _judge_part(part: _Part, _: Progress) -> list[JudgeResult]:

@@ -30,12 +30,14 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
     incidents or alerts, unless all of these were reviewed as false alarms.
     """
-    known = {measurement for _, measurement in given}
+    measurements = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
-    reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    for store, one in given:
-        recording = store.recording(store.measurement(one).recording_id)
-        reasons.append((store, one, attacked_by_labels(store, one) or held_by(store, recording, among=named)))
+    reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, measurements)]
+    for store, measurement in given:
+        recording = store.recording(store.measurement(measurement).recording_id)
+        reasons.append(
+            (store, measurement, attacked_by_labels(store, measurement) or held_by(store, recording, among=named))
+        )
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
 

@@ -86,13 +86,13 @@ class _Part:
     def read(self) -> Iterator[CleanFrames]:
         """Their clean frames, one after another."""
         of_store: dict[Path, list[str]] = {}
-        for folder, known in self.measurements:
-            of_store.setdefault(folder, []).append(known)
+        for folder, measurement in self.measurements:
+            of_store.setdefault(folder, []).append(measurement)
         stores = {folder: Store.open(folder).only(measurements=ids) for folder, ids in of_store.items()}
         for store in stores.values():
             store.measurements()  # at once: one by one takes far longer
-        for folder, known in self.measurements:
-            yield clean_frames_of(stores[folder], known, self.asked.frames, recount=self.asked.recount)
+        for folder, measurement in self.measurements:
+            yield clean_frames_of(stores[folder], measurement, self.asked.frames, recount=self.asked.recount)
 
 
 class _Sums:
@@ -180,15 +180,15 @@ def make(
     sums = _Sums(asked)
     if _is_kept(measurements):
         kept = tuple(read() for _, read in recordings)
-        for one in kept:
-            sums.add(one)
+        for clean_frames in kept:
+            sums.add(clean_frames)
     else:
         kept = read_later(recordings)
         located = [(store.folder, known) for store, known in measurements]
         share = -(-len(located) // jobs)
         parts = [_Part(tuple(located[first : first + share]), asked) for first in range(0, len(located), share)]
-        for found in in_order(_sum_up, parts, jobs):
-            sums.join(found)
+        for part_sums in in_order(_sum_up, parts, jobs):
+            sums.join(part_sums)
     if asked.system.triples and not any(sums.samples.values()):
         raise NothingMeasuredError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
@@ -232,14 +232,14 @@ def by_kind(clean: CleanMeasurements) -> list[CleanMeasurements]:
     Without a chosen one they are returned as they are. A kind of which all are left out has none.
     """
     groups: list[tuple[tuple[RigKind, Procedure], CleanMeasurements]] = []
-    for store, known in clean.chosen:
-        kind, procedure = _kind_and_procedure(store, known)
+    for store, measurement in clean.chosen:
+        kind, procedure = _kind_and_procedure(store, measurement)
         place = next((n for n, (of, _) in enumerate(groups) if of[1] == procedure and of[0].matches(kind)), None)
         if place is None:
-            groups.append(((kind, procedure), CleanMeasurements(((store, known),), ())))
+            groups.append(((kind, procedure), CleanMeasurements(((store, measurement),), ())))
         else:
             of, before = groups[place]
-            groups[place] = of, replace(before, chosen=(*before.chosen, (store, known)))
+            groups[place] = of, replace(before, chosen=(*before.chosen, (store, measurement)))
     return [replace(found, out=tuple(_out_of(clean, *of))) for of, found in groups] or [clean]
 
 
@@ -250,10 +250,10 @@ def is_of_kind(store: Store, measurement: str, other: str) -> bool:
 
 
 def _out_of(clean: CleanMeasurements, kind: RigKind, procedure: Procedure) -> Iterator[tuple[Store, str, str]]:
-    for store, known, reason in clean.out:
-        its_kind, its_procedure = _kind_and_procedure(store, known)
+    for store, measurement, reason in clean.out:
+        its_kind, its_procedure = _kind_and_procedure(store, measurement)
         if kind.matches(its_kind) and procedure == its_procedure:
-            yield store, known, reason
+            yield store, measurement, reason
 
 
 def _kind_and_procedure(store: Store, measurement: str) -> tuple[RigKind, Procedure]:
@@ -265,10 +265,10 @@ def _refuse_mixture(measurements: Sequence[tuple[Store, str]]) -> None:
     """Raises ThresholdsError for the first that is of another kind or procedure than the first of all."""
     first, first_procedure = _kind_and_procedure(*measurements[0])
     remedy = "calibrate each of them on its own"
-    for store, known in measurements:
-        refuse_earlier_counting(store, known)
-        refuse_withheld(store, known)
-        kind, procedure = _kind_and_procedure(store, known)
+    for store, measurement in measurements:
+        refuse_earlier_counting(store, measurement)
+        refuse_withheld(store, measurement)
+        kind, procedure = _kind_and_procedure(store, measurement)
         if not first.matches(kind):
             raise ThresholdsError(f"two rig kinds in one calibration: {first}, and {kind}", remedy=remedy)
         if first_procedure != procedure:
@@ -282,9 +282,9 @@ def _asked_of(
     stored = [store.measurement(known) for store, known in measurements]
     groups = groups_of(one.recording_id for one in stored)
     of_groups, of_recordings = Counter[str | int](), Counter[str]()
-    for one in stored:
-        of_groups[groups[one.recording_id]] += one.frames
-        of_recordings[one.recording_id] += one.frames
+    for measurement in stored:
+        of_groups[groups[measurement.recording_id]] += measurement.frames
+        of_recordings[measurement.recording_id] += measurement.frames
     return SummaryRequest(
         system_of(measurements[0][0].rig(stored[0].rig_id), fitted_on(stored[0].procedure)),
         r,
@@ -303,19 +303,19 @@ def _is_kept(measurements: Sequence[tuple[Store, str]]) -> bool:
 def _parts_of(measurements: Sequence[tuple[Store, str]]) -> Iterator[tuple[tuple[Path, str], ...]]:
     """The measurements in parts of no more than MOST_GIVEN_BACK frames, or of one."""
     part, frames = list[tuple[Path, str]](), 0
-    for store, known in measurements:
-        frames += store.measurement(known).frames
+    for store, measurement in measurements:
+        frames += store.measurement(measurement).frames
         if part and frames > MOST_GIVEN_BACK:
             yield tuple(part)
-            part, frames = [], store.measurement(known).frames
-        part.append((store.folder, known))
+            part, frames = [], store.measurement(measurement).frames
+        part.append((store.folder, measurement))
     yield tuple(part)
 
 
 def _sum_up(part: _Part, _: Progress) -> _Sums:
     sums = _Sums(part.asked)
-    for one in part.read():
-        sums.add(one)
+    for clean_frames in part.read():
+        sums.add(clean_frames)
     return sums
 
 

@@ -73,8 +73,8 @@ class Extent:
 def extent_of(calibration: Calibration) -> Extent:
     """The extent of a calibration whose recordings are at hand."""
     samples = Counter[tuple[Statistic, Triple]]()
-    for one in calibration.clean:
-        samples.update(one.measured)
+    for clean_frames in calibration.clean:
+        samples.update(clean_frames.measured)
     return Extent(sum(one.frames for one in calibration.clean), clean_hours(calibration), _resolves(samples))
 
 
@@ -84,11 +84,11 @@ def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "cali
     seen, used = _looked_at(made.clean), list[UsedRecording]()
     path = store.path("calibrations", calibration.calibration_id)
     with logged(store.folder) as entry, writing_calibration(calibration, path, entry.announce) as add:
-        for (source, known), one in zip(made.clean.chosen, made.judged_by_others(), strict=True):
-            add(one.clean)
-            judged.append((one.robust, one.paper))
-            given = taken(replace(seen[source.folder, known], reason=GIVEN), one.clean)
-            findings, incidents = one.robust.findings, one.robust.incidents
+        for (source, measurement), verdict in zip(made.clean.chosen, made.judged_by_others(), strict=True):
+            add(verdict.clean)
+            judged.append((verdict.robust, verdict.paper))
+            given = taken(replace(seen[source.folder, measurement], reason=GIVEN), verdict.clean)
+            findings, incidents = verdict.robust.findings, verdict.robust.incidents
             used.append(replace(given, findings_by_others=findings, incidents_by_others=incidents))
     used += [replace(seen[source.folder, known], reason=reason) for source, known, reason in made.clean.out]
     before = history_of(histories(store), calibration).in_force
@@ -115,15 +115,17 @@ def keep_calibrated(store: Store, made: MadeCalibration, *, made_by: str = "cali
 
 def _looked_at(clean: CleanMeasurements) -> dict[tuple[Path, str], UsedRecording]:
     """What is said of each measurement, by its store's folder and its id."""
-    found: dict[tuple[Path, str], UsedRecording] = {}
+    used_recordings: dict[tuple[Path, str], UsedRecording] = {}
     every = [*clean.chosen, *((store, known) for store, known, _ in clean.out)]
     for store in {store.folder: store for store, _ in every}.values():
         stored = [store.measurement(known) for of, known in every if of.folder == store.folder]
         some = store.only(recordings={one.recording_id for one in stored})
         recordings = {one.recording_id: one for one in some.recordings()}  # at once: one by one takes far longer
-        for one in stored:
-            found[store.folder, one.measurement_id] = looked_at(one, recordings[one.recording_id])
-    return found
+        for measurement in stored:
+            used_recordings[store.folder, measurement.measurement_id] = looked_at(
+                measurement, recordings[measurement.recording_id]
+            )
+    return used_recordings
 
 
 def looked_at(stored: StoredMeasurement, recording: RecordingRecord) -> UsedRecording:
@@ -216,13 +218,15 @@ def history_called(store: Store, name: str | None) -> History:
 
     Raises SettingError where there are several, or none.
     """
-    known = [one for one in histories(store) if one.moves]
-    fitting = [one for one in known if name is None or any(m.calibration_id.startswith(name) for m in one.moves)]
+    with_moves = [one for one in histories(store) if one.moves]
+    fitting = [one for one in with_moves if name is None or any(m.calibration_id.startswith(name) for m in one.moves)]
     if len(fitting) == 1:
         return fitting[0]
-    what = "the store has versions of several rig kinds" if fitting else "no such calibration was ever in force"
-    ids = ", ".join((one.in_force or "")[:12] for one in fitting or known)
-    raise SettingError(what, where=name or "calibration", remedy=f"name one that is in force: {ids or 'there is none'}")
+    problem = "the store has versions of several rig kinds" if fitting else "no such calibration was ever in force"
+    ids = ", ".join((one.in_force or "")[:12] for one in fitting or with_moves)
+    raise SettingError(
+        problem, where=name or "calibration", remedy=f"name one that is in force: {ids or 'there is none'}"
+    )
 
 
 def roll_back(store: Store, history: History, reason: str = "") -> tuple[Calibration, list[JudgeResult]]:
@@ -316,6 +320,6 @@ def _resolves(samples: Mapping[tuple[Statistic, Triple], int]) -> float | None:
 
 def _level(clean: CleanFrames) -> float | None:
     levels = [values for (name, _), values in clean.brightness.items() if name == "level"]
-    known = np.concatenate(levels) if levels else np.zeros(0)
-    known = known[~np.isnan(known)]
-    return float(np.median(known)) if known.size else None
+    samples = np.concatenate(levels) if levels else np.zeros(0)
+    samples = samples[~np.isnan(samples)]
+    return float(np.median(samples)) if samples.size else None

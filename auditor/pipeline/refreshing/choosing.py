@@ -159,25 +159,25 @@ def with_shown(used: UsedRecording, shown: DriveScores | None) -> UsedRecording:
     return replace(used, findings_by_others=shown.findings, incidents_by_others=shown.incidents)
 
 
-def choose(group: LogGroup, known: RigKindState, system: System, r: Decimal) -> Choice:
+def choose(group: LogGroup, state: RigKindState, system: System, r: Decimal) -> Choice:
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
-    named, others, barred = _eligible(group, known)
-    others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, known)])
-    base = thresholds_of(known.clean, system, r)
-    in_force = known.in_force
-    by = known.judges if known.parent is not None else f"{known.judges} and the others"
-    chosen = [_chosen(log, known, LABELLED if log.labelled else NAMED) for log in named] + _gone(known, group)
+    named, others, barred = _eligible(group, state)
+    others, too_many = _within_limits(others, [one for one in group.logs if _waits(one, state)])
+    base = thresholds_of(state.clean, system, r)
+    in_force = state.in_force
+    by = state.judges if state.parent is not None else f"{state.judges} and the others"
+    chosen = [_chosen(log, state, LABELLED if log.labelled else NAMED) for log in named] + _gone(state, group)
     raised = list[UsedRecording]()
     for log in others:
         if log.used.recording_id in in_force:
-            chosen.append(_chosen(log, known, _BEFORE))
+            chosen.append(_chosen(log, state, _BEFORE))
             continue
-        one = _chosen(log, known, f"judged clean by {by}")
-        one = replace(one, at_first=shown_by(one.drive.clean, system, base))
-        if one.at_first is not None and (reason := one.at_first.raised(r)):
-            raised.append(one.out(f"raised by {known.judges}: {reason}"))
+        recording = _chosen(log, state, f"judged clean by {by}")
+        recording = replace(recording, at_first=shown_by(recording.drive.clean, system, base))
+        if recording.at_first is not None and (reason := recording.at_first.raised(r)):
+            raised.append(recording.out(f"raised by {state.judges}: {reason}"))
         else:
-            chosen.append(one)
+            chosen.append(recording)
     out = (*barred, *too_many, *raised)
     new = sum(one.new for one in chosen) + len(raised)
     return _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
@@ -193,20 +193,20 @@ def _within_limits(logs: Sequence[Log], waiting: Sequence[Log]) -> tuple[list[Lo
     return [log for place, log in enumerate(left) if place not in same_road], out
 
 
-def _waits(log: Log, known: RigKindState) -> bool:
+def _waits(log: Log, state: RigKindState) -> bool:
     """Whether a log was raised before, and nobody has looked at it since."""
-    waiting = known.waiting.get(log.used.recording_id)
+    waiting = state.waiting.get(log.used.recording_id)
     return waiting is not None and waiting.judged and not log.named
 
 
-def _eligible(group: LogGroup, known: RigKindState) -> tuple[list[Log], list[Log], list[UsedRecording]]:
+def _eligible(group: LogGroup, state: RigKindState) -> tuple[list[Log], list[Log], list[UsedRecording]]:
     """The logs that a person named, others that may be learnt from, and those that may not."""
-    vouched = {one.recording_id for one in known.before if one.reason in _BY_PERSON}
-    named_only = known.parent is None and any(log.named and not log.barred for log in group.logs)
+    vouched = {one.recording_id for one in state.before if one.reason in _BY_PERSON}
+    named_only = state.parent is None and any(log.named and not log.barred for log in group.logs)
     named, others, out = list[Log](), list[Log](), list[UsedRecording]()
     for log in group.logs:
         recording = log.used.recording_id
-        waiting = known.waiting.get(recording)
+        waiting = state.waiting.get(recording)
         if log.barred:
             out.append(_out(log, log.barred, look_at=log.look_at))
         elif log.named or recording in vouched:
@@ -216,7 +216,7 @@ def _eligible(group: LogGroup, known: RigKindState) -> tuple[list[Log], list[Log
         elif waiting is not None and waiting.judged:
             used = replace(log.used, findings_by_others=waiting.findings_by_others)
             out.append(replace(used, reason=waiting.reason, look_at=True))
-        elif recording in known.withdrawn:
+        elif recording in state.withdrawn:
             out.append(_out(log, _WITHDRAWN, look_at=True))
         elif named_only:
             out.append(_out(log, _NOT_NAMED))
@@ -248,29 +248,29 @@ def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
         choice = choice.without(reasons)
 
 
-def _gone(known: RigKindState, group: LogGroup) -> list[LearntRecording]:
+def _gone(state: RigKindState, group: LogGroup) -> list[LearntRecording]:
     """The recordings of the version in force that no store has any more: their frames are in its calibration."""
     there = {log.used.recording_id for log in group.logs}
-    used = {one.recording_id: one for one in known.before}
+    used = {one.recording_id: one for one in state.before}
     return [
         LearntRecording(
             used[one.recording_id], Drive(DriveSource(one.recording_id, *used[one.recording_id].origin), one)
         )
-        for one in known.clean
+        for one in state.clean
         if one.recording_id not in there and one.recording_id in used
     ]
 
 
-def _chosen(log: Log, known: RigKindState, reason: str) -> LearntRecording:
-    drive = Drive(log.source, _kept_frames(log, known) or log.frames())
+def _chosen(log: Log, state: RigKindState, reason: str) -> LearntRecording:
+    drive = Drive(log.source, _kept_frames(log, state) or log.frames())
     hour = log.circumstances().time_of_day
     used = replace(taken(log.used, drive.clean), reason=reason, time_of_day=hour.value if hour else None)
     return LearntRecording(used, drive)
 
 
-def _kept_frames(log: Log, known: RigKindState) -> CleanFrames | None:
+def _kept_frames(log: Log, state: RigKindState) -> CleanFrames | None:
     """The frames of a log that the version in force keeps; None where it has none, or those of several rigs."""
-    of_log = [one for one in known.clean if one.recording_id == log.used.recording_id]
+    of_log = [one for one in state.clean if one.recording_id == log.used.recording_id]
     return of_log[0] if len(of_log) == 1 else None
 
 

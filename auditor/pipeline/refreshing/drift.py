@@ -31,16 +31,18 @@ FROM (
 
 def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     """The drift of a store's vehicles over the last days that have come. Raises StoreError."""
-    [known] = run_sql(store, _DAYS.format(latest=latest_day())).to_pylist()
-    last_day: date | None = known["last_day"]
+    [extent] = run_sql(store, _DAYS.format(latest=latest_day())).to_pylist()
+    last_day: date | None = extent["last_day"]
     first_day = last_day - timedelta(days=days - 1) if last_day is not None else None
     rows = _rows(store, first_day, last_day) if last_day is not None else []
     comparisons = list(_comparisons(rows))
     rigs = {(row["kind"], row["vehicle"], row["day"]): row["rigs"] for row in rows}
     units = {row["check_name"]: row["unit"] for row in rows}
-    found = [_sensor(one, units, rigs) for one in drifts(comparisons, LEAST_DEVIATIONS.of)]
-    found.sort(key=lambda one: (not one.named, one.chance, one.vehicle, one.sensor, one.check))
-    return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
+    sensor_drifts = [_sensor(one, units, rigs) for one in drifts(comparisons, LEAST_DEVIATIONS.of)]
+    sensor_drifts.sort(key=lambda one: (not one.named, one.chance, one.vehicle, one.sensor, one.check))
+    return FleetDrift(
+        tuple(sensor_drifts), first_day, last_day, extent["recordings"], extent["of_nobody"], DRIFT.false_alarms
+    )
 
 
 def _rows(store: Store, first_day: date | None, last_day: date) -> list[dict[str, Any]]:
@@ -54,36 +56,36 @@ def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
     def name(row: Mapping[str, Any]) -> SeriesName:
         return SeriesName(row["kind"], row["check_name"], tuple(row["sensors"]), row["vehicle"])
 
-    for known, some in groupby(sorted(rows, key=lambda row: (name(row), row["day"])), name):
+    for series, some in groupby(sorted(rows, key=lambda row: (name(row), row["day"])), name):
         of_series = list(some)
         day = np.array([(row["day"] - _EPOCH).days for row in of_series], dtype=np.int64)
         level = np.array([row["level"] for row in of_series], dtype=np.float64)
-        yield DailyLevels(known, of_series[0]["signed"], day, level)
+        yield DailyLevels(series, of_series[0]["signed"], day, level)
 
 
-def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
-    kind, vehicle = one.name.kind, one.name.vehicle
-    days = [_date(day) for day in one.levels.day.tolist()]
+def _sensor(drift: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
+    kind, vehicle = drift.name.kind, drift.name.vehicle
+    days = [_date(day) for day in drift.levels.day.tolist()]
     change = None
-    if one.changes:
-        last = one.changes[-1]
+    if drift.changes:
+        last = drift.changes[-1]
         after, on = _date(last.after_day), _date(last.on_day)
         anew = rigs[kind, vehicle, after] != rigs[kind, vehicle, on]
         change = LevelChange(after, on, last.before, last.now, anew)
     return SensorDrift(
         vehicle=vehicle,
-        sensor=one.name.sensors[0],
-        check=one.name.check,
-        level=one.level,
-        unit=units[one.name.check],
-        per_day=one.per_day,
-        drifting=one.trending,
-        days_left=one.days_left,
+        sensor=drift.name.sensors[0],
+        check=drift.name.check,
+        level=drift.level,
+        unit=units[drift.name.check],
+        per_day=drift.per_day,
+        drifting=drift.trending,
+        days_left=drift.days_left,
         change=change,
-        chance=min([one.chance, *(known.chance for known in one.changes)]),
-        deviation=one.deviation,
+        chance=min([drift.chance, *(known.chance for known in drift.changes)]),
+        deviation=drift.deviation,
         kind=kind,
-        levels=tuple(zip(days, one.levels.level.tolist(), strict=True)),
+        levels=tuple(zip(days, drift.levels.level.tolist(), strict=True)),
     )
 
 

@@ -55,39 +55,39 @@ def known_of(store: Store, group: LogGroup) -> RigKindState:
     )
 
 
-def learn(group: LogGroup, known: RigKindState, in_force: Sequence[Calibration], r: Decimal) -> Learnt:
+def learn(group: LogGroup, state: RigKindState, in_force: Sequence[Calibration], r: Decimal) -> Learnt:
     """Choose logs of a rig kind, fit, compare with the version in force, and decide. Raises StoreError.
 
     `in_force` are the calibrations in force for all rig kinds.
     """
-    history, parent = group.history, known.parent
+    history, parent = group.history, state.parent
     system = system_of(group.rig, fitted_on(history.procedure))
-    choice = choose(group, known, system, r)
+    choice = choose(group, state, system, r)
     waiting = _too_few(choice, group, parent)
     if waiting:
-        return Learnt(_decision(group, known, choice, RefreshOutcome.WAITING, [waiting]))
+        return Learnt(_decision(group, state, choice, RefreshOutcome.WAITING, [waiting]))
     calibration = make_calibration(history.rig_kind, history.procedure, [one.drive.clean for one in choice.chosen])
     if parent is not None and calibration.calibration_id == parent.calibration_id:
         refused = list(_too_many_raised(choice)) if choice.judged else []
         decided = RefreshOutcome.REFUSED if refused else RefreshOutcome.NOTHING_NEW
-        return Learnt(_decision(group, known, choice, decided, [*refused, *_raised_line(choice)]))
-    return Learnt(_decide(group, known, calibration, choice, system, r, in_force), calibration)
+        return Learnt(_decision(group, state, choice, decided, [*refused, *_raised_line(choice)]))
+    return Learnt(_decide(group, state, calibration, choice, system, r, in_force), calibration)
 
 
 def _lost(store: Store, history: History) -> Iterator[str]:
     """What is to be said of versions of a rig kind that came into force and whose history is gone."""
     if history.in_force is None:
-        for one in lost_versions(store, histories(store)):
-            if (one.kind, one.matcher) == (str(history.rig_kind), history.procedure.matcher):
-                yield lost_line(one)
+        for version in lost_versions(store, histories(store)):
+            if (version.kind, version.matcher) == (str(history.rig_kind), history.procedure.matcher):
+                yield lost_line(version)
 
 
 def _too_few(choice: Choice, group: LogGroup, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
     procedure = group.history.procedure
     if parent is None and not choice.some_named and not has_prior(procedure):
-        found = f"the prior does not hold for {procedure.matcher}"
-        return f"{found}: name clean recordings, with --clean or auditor label --clean"
+        reason = f"the prior does not hold for {procedure.matcher}"
+        return f"{reason}: name clean recordings, with --clean or auditor label --clean"
     fewest = 1 if parent is not None or choice.some_named else INFLUENCE.fewest_first
     if len(choice.chosen) < fewest:
         clean = len(choice.chosen)
@@ -98,7 +98,7 @@ def _too_few(choice: Choice, group: LogGroup, parent: Calibration | None) -> str
 
 def _decide(
     group: LogGroup,
-    known: RigKindState,
+    state: RigKindState,
     calibration: Calibration,
     choice: Choice,
     system: System,
@@ -108,31 +108,31 @@ def _decide(
     drives = [one.drive.clean for one in choice.chosen]
     shown = [one.shown for one in choice.chosen if one.shown is not None]
     after = thresholds_of(calibration.clean, system, r)
-    before = thresholds_of(known.clean, system, r) if known.parent is not None else after
-    confirmed = thresholds_of(known.confirmed.clean, system, r) if known.confirmed is not None else before
-    found = planted_found(drives, system, after)
-    step, creep = (compared(drives, system, one, after, found) for one in (before, confirmed))
+    before = thresholds_of(state.clean, system, r) if state.parent is not None else after
+    confirmed = thresholds_of(state.confirmed.clean, system, r) if state.confirmed is not None else before
+    attacks = planted_found(drives, system, after)
+    step, creep = (compared(drives, system, one, after, attacks) for one in (before, confirmed))
     rates = rates_by_condition([_conditions(one.used) for one in choice.chosen], shown)
-    at_first, again = choice.judged_twice if known.parent is not None else ((), ())
-    refused = [*_raised_named(choice, known, r), *_too_many_raised(choice), *worse(step, at_first, again)]
+    at_first, again = choice.judged_twice if state.parent is not None else ((), ())
+    refused = [*_raised_named(choice, state, r), *_too_many_raised(choice), *worse(step, at_first, again)]
     held = [
         *doubts(step, creep),
         *raised_often(shown, r),
         *doubtful(rates, r),
-        *_for_a_person(group, known, calibration, choice, in_force),
+        *_for_a_person(group, state, calibration, choice, in_force),
     ]
     decided = RefreshOutcome.REFUSED if refused else RefreshOutcome.HELD if held else RefreshOutcome.PROMOTED
     reasons = [*refused, *held, *_raised_line(choice), *_few_line(group, choice, shown)]
-    first = known.parent is None
+    first = state.parent is None
     return replace(
-        _decision(group, known, choice, decided, reasons),
+        _decision(group, state, choice, decided, reasons),
         calibration_id=calibration.calibration_id,
         in_force=calibration.calibration_id if decided is RefreshOutcome.PROMOTED else group.history.in_force,
         by_others=Interval(*false_alarms(shown)) if shown else None,
         new_by_others=Interval(*false_alarms(again)) if at_first else None,
         new_before=Interval(*false_alarms(at_first)) if at_first else None,
         found_before=None if first else Interval(*step.found),
-        found_after=Interval(*found.share),
+        found_after=Interval(*attacks.share),
         lost=None if first else Interval(*step.lost),
         lost_in_all=None if first else Interval(*creep.lost),
         creep=None if first else creep.rise,
@@ -145,38 +145,38 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
     return {"vehicle": used.vehicle, "weather": used.weather, "time of day": used.time_of_day}
 
 
-def _raised_named(choice: Choice, known: RigKindState, r: Decimal) -> Iterator[str]:
+def _raised_named(choice: Choice, state: RigKindState, r: Decimal) -> Iterator[str]:
     """The recordings that are named clean now; those in force already make nothing worse, and are listed alone."""
-    in_force = known.in_force
-    for one in choice.chosen:
-        new = one.used.recording_id not in in_force
-        if new and one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
-            yield f"{one.used.name} was named clean, and others find {reason}"
+    in_force = state.in_force
+    for recording in choice.chosen:
+        new = recording.used.recording_id not in in_force
+        if new and recording.doubtful and recording.shown is not None and (reason := recording.shown.raised(r)):
+            yield f"{recording.used.name} was named clean, and others find {reason}"
 
 
 def _too_many_raised(choice: Choice) -> Iterator[str]:
-    for raised, of, what in (
+    for raised, of, subject in (
         (choice.raised, choice.judged, "new recordings"),
         (*choice.waiting_of, "recordings of the days that are learnt from"),
     ):
         if raised > 1 and raised > CLEAN_DRIVE.most_raised * of:
             share = f"{CLEAN_DRIVE.most_raised:.0%}"
-            yield f"{raised} of {of} {what} are raised or unlike the others, more than {share}"
+            yield f"{raised} of {of} {subject} are raised or unlike the others, more than {share}"
             return
 
 
 def _for_a_person(
     group: LogGroup,
-    known: RigKindState,
+    state: RigKindState,
     calibration: Calibration,
     choice: Choice,
     in_force: Sequence[Calibration],
 ) -> Iterator[str]:
     """What a refresh does not decide, whatever the thresholds are."""
-    yield from known.lost
+    yield from state.lost
     if calibration.calibration_id in group.history.withdrawn:
         yield "it was rolled back before"
-    if known.parent is None and not choice.some_named:
+    if state.parent is None and not choice.some_named:
         nearest = [
             one for one in in_force if one.procedure == calibration.procedure and closeness(one, group.rig) is not None
         ]
@@ -209,9 +209,9 @@ def _confirmed(store: Store, group: LogGroup, parent: Calibration | None) -> Cal
 
 def _new_in_withdrawn(store: Store, group: LogGroup) -> set[str]:
     """The recordings of versions that were rolled back, but for those that are in force."""
-    known = store.calibration_recordings() if group.history.withdrawn else {}
-    gone = {recording for one in group.history.withdrawn for recording in known.get(one, ())}
-    return gone - set(known.get(group.history.in_force or "", ()))
+    recordings = store.calibration_recordings() if group.history.withdrawn else {}
+    gone = {recording for one in group.history.withdrawn for recording in recordings.get(one, ())}
+    return gone - set(recordings.get(group.history.in_force or "", ()))
 
 
 def _used_before(store: Store, parent: Calibration | None) -> tuple[UsedRecording, ...]:
@@ -221,9 +221,9 @@ def _used_before(store: Store, parent: Calibration | None) -> tuple[UsedRecordin
 
 
 def _decision(
-    group: LogGroup, known: RigKindState, choice: Choice, decided: RefreshOutcome, reasons: Sequence[str]
+    group: LogGroup, state: RigKindState, choice: Choice, decided: RefreshOutcome, reasons: Sequence[str]
 ) -> Decision:
-    in_force = known.in_force
+    in_force = state.in_force
     doubted = {one.used.recording_id for one in choice.chosen if _doubted(one)}
     used = [replace(one, look_at=one.look_at or one.recording_id in doubted) for one in considered(choice)]
     return Decision(
@@ -245,9 +245,9 @@ def _is_provisional(group: LogGroup, choice: Choice) -> bool:
     return not group.history.vouched and (choice.too_few or not choice.some_named)
 
 
-def _doubted(one: LearntRecording) -> bool:
+def _doubted(recording: LearntRecording) -> bool:
     """Whether others find an incident in what a person named clean."""
-    return one.doubtful and one.shown is not None and bool(one.shown.strong)
+    return recording.doubtful and recording.shown is not None and bool(recording.shown.strong)
 
 
 def _rise(step: Step) -> Rise:

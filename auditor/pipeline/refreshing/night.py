@@ -37,11 +37,11 @@ def plan(
     recordings: Sequence[Path | Address], store: Store, rig_file: Path | None = None
 ) -> Iterator[PlannedRecording]:
     """The recordings at some places, each with its rig kinds, and whether the store has measured it."""
-    found, spool = find_all(recordings), Spool()
-    for error in found.errors:
+    search, spool = find_all(recordings), Spool()
+    for error in search.errors:
         yield PlannedRecording(str(error.where), (), measured=False, error=str(error))
     measured = {one.recording_id for one in store.measurements()}
-    for location in found.recordings:
+    for location in search.recordings:
         try:
             with spool.copied(location) as copies:
                 yield from (_planned(one, measured, rig_file) for one in copies)
@@ -62,8 +62,8 @@ def _planned(location: Location, measured: set[str], rig_file: Path | None) -> P
 
 def new_ones(store: Store, r: Decimal, no_sensors: Collection[str] = ()) -> tuple[JudgeSettings, list[str]]:
     """What was never judged, and how a night judges it: what is found is on the incident page from then on."""
-    known = store.current_judgements()
-    new = [one for one in store.ids("measurements") if one not in known]
+    judgements = store.current_judgements()
+    new = [one for one in store.ids("measurements") if one not in judgements]
     return JudgeSettings(Criteria(r, no_sensors=tuple(no_sensors))), new
 
 
@@ -90,18 +90,18 @@ def refresh(
     in_force = calibrations_in_force(store)
     for group in groups_of((store, *others), named, no_sensors):
         try:
-            known = known_of(store, group)
-            learnt = learn(group, known, in_force, r)
+            state = known_of(store, group)
+            learnt = learn(group, state, in_force, r)
             if not dry_run:
-                write_quarantine(store, group.history, waiting_after(learnt.decision, known.waiting, datetime.now(UTC)))
+                write_quarantine(store, group.history, waiting_after(learnt.decision, state.waiting, datetime.now(UTC)))
                 _carry_out(store, learnt, r)
         except AuditorError as error:
             failures.append(Failure(str(group.history.rig_kind), str(error)))
             continue
         decisions.append(_as_it_is(learnt.decision) if dry_run else learnt.decision)
-    found = tuple(_to_be_looked_at(store, decisions, {*measured, *judged}))
+    to_review = tuple(_to_be_looked_at(store, decisions, {*measured, *judged}))
     now = datetime.now(UTC)
-    return Refresh(store.folder, now, r, dry_run, tuple(measured), tuple(failures), tuple(decisions), found)
+    return Refresh(store.folder, now, r, dry_run, tuple(measured), tuple(failures), tuple(decisions), to_review)
 
 
 def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[RecordingToReview]:
@@ -109,13 +109,13 @@ def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collectio
     current, reviewed = store.current_judgements(), false_alarms(store)
     why = {one.measurement_id: one.reason for decision in decisions for one in decision.look_at}
     for used in sorted((one for decision in decisions for one in decision.recordings), key=lambda one: one.name):
-        known = used.measurement_id
-        if known not in new:
+        measurement = used.measurement_id
+        if measurement not in new:
             continue
-        told = current[known].found if known in current else 0
-        if known in why:
-            yield RecordingToReview(used.name, why[known])
-        elif told and known not in reviewed and not store.given_labels(used.recording_id):
+        told = current[measurement].found if measurement in current else 0
+        if measurement in why:
+            yield RecordingToReview(used.name, why[measurement])
+        elif told and measurement not in reviewed and not store.given_labels(used.recording_id):
             yield RecordingToReview(used.name, f"{told} frames of it are in incidents or alerts")
 
 
@@ -154,7 +154,7 @@ def waiting_after(decision: Decision, before: Mapping[str, QuarantineEntry], now
 
     One that was judged, and that no store has just now, waits on.
     """
-    found = [
+    entries = [
         QuarantineEntry(
             one.recording_id,
             one.measurement_id,
@@ -170,17 +170,17 @@ def waiting_after(decision: Decision, before: Mapping[str, QuarantineEntry], now
         for one in decision.look_at
     ]
     seen = {one.recording_id for one in decision.recordings}
-    found += [one for one in before.values() if one.judged and one.recording_id not in seen]
-    return sorted(found, key=lambda one: (one.name, one.recording_id))
+    entries += [one for one in before.values() if one.judged and one.recording_id not in seen]
+    return sorted(entries, key=lambda one: (one.name, one.recording_id))
 
 
-def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) -> bool:
+def _says_more(old_version: CalibrationVersion | None, version: CalibrationVersion) -> bool:
     """Whether a version is new, or another was decided of it; that one came into force is never forgotten."""
-    if known is None:
+    if old_version is None:
         return True
-    if known.outcome is VersionOutcome.PROMOTED is not version.outcome:
+    if old_version.outcome is VersionOutcome.PROMOTED is not version.outcome:
         return False
-    return (known.outcome, known.reasons) != (version.outcome, version.reasons)
+    return (old_version.outcome, old_version.reasons) != (version.outcome, version.reasons)
 
 
 def default_page(store: Path) -> Path:

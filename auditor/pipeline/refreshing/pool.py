@@ -136,7 +136,7 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
     false alarms. Measurements of an earlier way of counting are left out. `no_sensors` are topics that a person
     declares to be neither cameras nor LiDARs.
     """
-    known, groups = histories(stores[0]), list[LogGroup]()
+    all_histories, groups = histories(stores[0]), list[LogGroup]()
     seen: set[str] = set()
     for store in stores:
         reviewed, judged = false_alarms(store), store.current_judgements()
@@ -146,7 +146,7 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
             if measurement not in seen and not counted_earlier(store, measurement):
                 seen.add(measurement)
                 rig = store.rig(stored.rig_id)
-                _group(groups, known, rig, stored.procedure).logs.append(
+                _group(groups, all_histories, rig, stored.procedure).logs.append(
                     _log(
                         store,
                         stored,
@@ -160,14 +160,14 @@ def groups_of(stores: Sequence[Store], named: Collection[str], no_sensors: Colle
     return groups
 
 
-def _group(groups: list[LogGroup], known: Sequence[History], rig: Rig, procedure: Procedure) -> LogGroup:
+def _group(groups: list[LogGroup], all_histories: Sequence[History], rig: Rig, procedure: Procedure) -> LogGroup:
     """The group of a rig and procedure, which is added where there is none yet."""
-    history = history_for([*known, *(one.history for one in groups)], rig.kind, procedure)
-    found = next((one for one in groups if one.history is history), None)
-    if found is None:
-        found = LogGroup(history, rig)
-        groups.append(found)
-    return found
+    history = history_for([*all_histories, *(one.history for one in groups)], rig.kind, procedure)
+    group = next((one for one in groups if one.history is history), None)
+    if group is None:
+        group = LogGroup(history, rig)
+        groups.append(group)
+    return group
 
 
 def _log(
@@ -180,19 +180,19 @@ def _log(
     no_sensors: Collection[str],
     told: int,
 ) -> Log:
-    known, given = stored.measurement_id, store.given_labels(stored.recording_id)
+    measurement, given = stored.measurement_id, store.given_labels(stored.recording_id)
     labelled = reviewed or any(one.attack is None for one in given)
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
     if told and not reviewed and not given:
         # Nobody has looked at what was found in it, whatever it is left out for.
-        found, look_at = f"; {told} frames of it are in incidents or alerts", True
-        barred, doubt = barred and barred + found, doubt and doubt + found
+        remark, look_at = f"; {told} frames of it are in incidents or alerts", True
+        barred, doubt = barred and barred + remark, doubt and doubt + remark
     return Log(
         used,
-        partial(clean_frames_of, store, known),
-        cache(partial(circumstances_of, store, known, recording)),
+        partial(clean_frames_of, store, measurement),
+        cache(partial(circumstances_of, store, measurement, recording)),
         named or labelled,
         labelled,
         barred,
@@ -203,10 +203,10 @@ def _log(
 
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:
     """Why a log is not learnt from, whoever calls it clean, and whether a person should look at it."""
-    known = stored.measurement_id
+    measurement = stored.measurement_id
     if stored.withheld:
         return f"its verdicts are withheld: {stored.withheld}", True
-    if reason := attacked_by_labels(store, known) or held_by(store, recording):
+    if reason := attacked_by_labels(store, measurement) or held_by(store, recording):
         return reason, False
     if conflict := conflicts_of(store, recording):
         return conflict[0], True

@@ -51,10 +51,10 @@ class Address:
 
 def address_of(text: str | Path) -> Address | None:
     """The address that a text is; None where it is a path. Raises SettingError for one that cannot be used."""
-    found = _ADDRESS.fullmatch(text) if isinstance(text, str) else None
-    if found is None:
+    parts = _ADDRESS.fullmatch(text) if isinstance(text, str) else None
+    if parts is None:
         return None
-    scheme, host, key = found[1].lower(), found[2], found[3] or ""
+    scheme, host, key = parts[1].lower(), parts[2], parts[3] or ""
     shown = f"{scheme}://{host.rpartition('@')[2]}/..."
     if "@" in host or (scheme.startswith("http") and "?" in key):
         raise SettingError(

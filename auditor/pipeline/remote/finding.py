@@ -28,9 +28,9 @@ KINDS = "an .mcap, .bag or .db3 object, a rosbag2 folder, or a folder or pattern
 
 def find_all(given: Sequence[Path | Address]) -> LocatedRecordings:
     """The recordings at some paths, as `find_recordings`, and then those at addresses."""
-    found = find_recordings([one for one in given if isinstance(one, Path)])
+    local = find_recordings([one for one in given if isinstance(one, Path)])
     remote = find_remote([one for one in given if isinstance(one, Address)])
-    return LocatedRecordings((*found.recordings, *remote.recordings), (*found.errors, *remote.errors), found.notes)
+    return LocatedRecordings((*local.recordings, *remote.recordings), (*local.errors, *remote.errors), local.notes)
 
 
 def find_remote(addresses: Sequence[Address]) -> LocatedRecordings:
@@ -39,7 +39,7 @@ def find_remote(addresses: Sequence[Address]) -> LocatedRecordings:
     They are not copied yet. Parts of a drive, by their names, are copied together, and then put together as files on
     disk are. Keys that are no recordings are not held.
     """
-    found: dict[str, Location] = {}
+    locations: dict[str, Location] = {}
     errors = []
     for address in addresses:
         try:
@@ -47,21 +47,23 @@ def find_remote(addresses: Sequence[Address]) -> LocatedRecordings:
         except RecordingError as error:
             errors.append(error)
             continue
-        found.update((str(one), one) for one in here)
-    return LocatedRecordings(tuple(found.values()), tuple(errors))
+        locations.update((str(one), one) for one in here)
+    return LocatedRecordings(tuple(locations.values()), tuple(errors))
 
 
 def remote_of(record: RecordingRecord) -> Location:
     """A recording that was read from an object store, as it is there now. Raises RecordingError."""
     address = address_of(record.path)
     assert address is not None, "it was read from an object store"
-    found = find_remote([address])
-    if len(found.recordings) == 1:
-        return found.recordings[0]
+    search = find_remote([address])
+    if len(search.recordings) == 1:
+        return search.recordings[0]
     folder = record.path.rpartition("/")[0]
-    beside = find_remote([one for name in record.files if (one := address_of(f"{folder}/{name}")) is not None])
+    beside = find_remote(
+        [file_address for name in record.files if (file_address := address_of(f"{folder}/{name}")) is not None]
+    )
     if beside.errors or not beside.recordings:
-        raise (*found.errors, *beside.errors)[0]
+        raise (*search.errors, *beside.errors)[0]
     objects = tuple(one for location in beside.recordings if location.remote for one in location.remote.objects)
     return _located(Remote(record.path, objects))
 
@@ -97,13 +99,13 @@ def _recordings_at(address: Address) -> list[Remote]:
     if address.scheme.startswith("http"):
         raise RecordingError("there is no such object", where=address, remedy="on the web, name one file an address")
     keys = _Keys()
-    for one in list_objects(address):
-        if not address.is_pattern or address.matches(one.address.removeprefix(f"{address.root}/")):
-            keys.add(one, whole_folders=not address.is_pattern)
-    found = list(keys.recordings())
-    if not found:
+    for stored_object in list_objects(address):
+        if not address.is_pattern or address.matches(stored_object.address.removeprefix(f"{address.root}/")):
+            keys.add(stored_object, whole_folders=not address.is_pattern)
+    recordings = list(keys.recordings())
+    if not recordings:
         raise RecordingError("there is no recording at this address", where=address, remedy=f"give {KINDS}")
-    return found
+    return recordings
 
 
 def _journals_of(address: Address, single: StoredObject) -> Iterator[StoredObject]:
@@ -112,8 +114,8 @@ def _journals_of(address: Address, single: StoredObject) -> Iterator[StoredObjec
         yield from (one for one in list_objects(beside) if _is_journal_of(one, single))
 
 
-def _is_journal_of(one: StoredObject, single: StoredObject) -> bool:
-    return _JOURNAL.sub("", one.address) == single.address != one.address
+def _is_journal_of(journal: StoredObject, single: StoredObject) -> bool:
+    return _JOURNAL.sub("", journal.address) == single.address != journal.address
 
 
 @dataclass
@@ -123,21 +125,21 @@ class _Keys:
     folders: set[str] = field(default_factory=set)
     files: list[StoredObject] = field(default_factory=list)
 
-    def add(self, one: StoredObject, *, whole_folders: bool) -> None:
+    def add(self, stored_object: StoredObject, *, whole_folders: bool) -> None:
         """Keep an object, unless it is none of a recording's."""
-        name = PurePosixPath(one.address).name
+        name = PurePosixPath(stored_object.address).name
         if name == _METADATA and whole_folders:
-            self.folders.add(one.address.removesuffix(f"/{_METADATA}"))
+            self.folders.add(stored_object.address.removesuffix(f"/{_METADATA}"))
         elif name.startswith(".") or not file_kind(Path(_JOURNAL.sub("", name))):
             return
-        self.files.append(one)
+        self.files.append(stored_object)
 
     def recordings(self) -> Iterator[Remote]:
         """The recordings in order of their addresses."""
         bundles: dict[str, list[StoredObject]] = {}
         kinds = {folder: self._kind_in(folder) for folder in self.folders}
-        for one in self.files:
-            bundles.setdefault(self._bundle(one.address, kinds), []).append(one)
+        for stored_object in self.files:
+            bundles.setdefault(self._bundle(stored_object.address, kinds), []).append(stored_object)
         for common, objects in bundles.items():
             files = [one for one in objects if file_kind(Path(one.address))]
             if common in self.folders:
@@ -202,8 +204,8 @@ class Shard:
 
 def shard_of(text: str) -> Shard:
     """The shard that a text such as 0/8 means. Raises SettingError."""
-    found = _SHARD.fullmatch(text)
-    shard = Shard(int(found[1]), int(found[2])) if found else Shard(0, 0)
+    numbers = _SHARD.fullmatch(text)
+    shard = Shard(int(numbers[1]), int(numbers[2])) if numbers else Shard(0, 0)
     if shard.number >= shard.count:
         raise SettingError(f"{text!r} is no shard", where="--shard", remedy="of eight they are 0/8, 1/8, ... 7/8")
     return shard

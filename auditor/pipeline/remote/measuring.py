@@ -83,17 +83,17 @@ class Supply(Generic[Item]):
         while (item := self._next()) is not None:
             remote = self._location_of(item).remote
             assert remote is not None, "what is on disk is not copied"
-            found: list[Item | Outcome[Item, object]]
+            copies: list[Item | Outcome[Item, object]]
             try:
-                found = [self._at(item, one) for one in self._spool.fetch(remote)]
+                copies = [self._at(item, one) for one in self._spool.fetch(remote)]
             except AuditorError as error:
-                found = [Outcome(item, error=error)]
+                copies = [Outcome(item, error=error)]
             except Exception as error:  # noqa: BLE001 - whatever it is: who waits for the item would wait for ever
-                what = f"auditor failed to copy it: {type(error).__name__}: {error}"
+                problem = f"auditor failed to copy it: {type(error).__name__}: {error}"
                 remedy = "this is a defect of auditor: please report this line"
-                found = [Outcome(item, error=AuditorError(what, where=item, remedy=remedy))]
+                copies = [Outcome(item, error=AuditorError(problem, where=item, remedy=remedy))]
             with self._changed:
-                self._ready.extend(found)
+                self._ready.extend(copies)
                 self._copying -= 1
 
     def _next(self) -> Item | None:
@@ -161,6 +161,6 @@ def _measure_there(
         here = [replace(one, store=folder, network=replace(one.network, threads=1)) for one in tasks]
         spool = spool_of(settings)
         outcomes = measure_here(here, settings.jobs, limits_of, spool, lambda *_: None)
-        found = [Outcome(here.index(one.item.given or one.item), one.result, one.error) for one in outcomes]
+        results = [Outcome(here.index(one.item.given or one.item), one.result, one.error) for one in outcomes]
         spool.close()
-        return found
+        return results

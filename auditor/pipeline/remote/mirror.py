@@ -113,15 +113,15 @@ class Mirror:
                 continue  # a chain has outgrown what this snapshot names of it
             with self._still():
                 mine = self._scan()
-                found = merged(self._base, mine, theirs.files)
-                if found.refused:
-                    raise self._set_aside(found.refused)
+                merge = merged(self._base, mine, theirs.files)
+                if merge.refused:
+                    raise self._set_aside(merge.refused)
                 before = self._base
-                self._take(found, theirs.files)
-                whole = self._whole(mine, found, theirs.files)
+                self._take(merge, theirs.files)
+                whole = self._whole(mine, merge, theirs.files)
                 if put:
                     self._stage(whole, theirs.files)
-            if self._settle(found, before, mine, theirs.files):
+            if self._settle(merge, before, mine, theirs.files):
                 continue
             if not put or whole == theirs.files:
                 return
@@ -138,7 +138,7 @@ class Mirror:
 
     def _scan(self) -> dict[str, File]:
         """What lies in the mirror."""
-        found = {}
+        files = {}
         for above, _, names in os.walk(self.folder):
             for name in names:
                 path = Path(above, name)
@@ -147,11 +147,11 @@ class Mirror:
                 place = path.relative_to(self.folder).as_posix()
                 status = path.stat()
                 stamp = (status.st_size, status.st_mtime_ns, status.st_ino)
-                known = self._hashed.get(place)
-                if known is None or known[0] != stamp:
-                    known = self._hashed[place] = (stamp, hash_file(path)[1])
-                found[place] = (status.st_size, known[1])
-        return found
+                entry = self._hashed.get(place)
+                if entry is None or entry[0] != stamp:
+                    entry = self._hashed[place] = (stamp, hash_file(path)[1])
+                files[place] = (status.st_size, entry[1])
+        return files
 
     # Theirs
 
@@ -183,15 +183,15 @@ class Mirror:
         half.chmod(_OWNERS)
         half.replace(into)
 
-    def _take(self, found: PlaceMerge, theirs: Files) -> None:
+    def _take(self, merge: PlaceMerge, theirs: Files) -> None:
         """Put theirs in its place; of what both changed mine is kept aside for `_settle`."""
         going = self._slot / _GOING
         shutil.rmtree(going, ignore_errors=True)
-        for place in found.both:
+        for place in merge.both:
             _link(self.folder / place, going / "mine" / place)
-        new = {place: theirs.get(place) for place in (*found.taken, *found.both)}
+        new = {place: theirs.get(place) for place in (*merge.taken, *merge.both)}
         foreign = {Path(place).name for place in new if place.startswith(f"{LOG}/")} - {
-            Path(place).name for place in found.both
+            Path(place).name for place in merge.both
         }
         if foreign:
             note_foreign(self.folder, foreign_chains(self.folder) | foreign)
@@ -205,10 +205,10 @@ class Mirror:
         self._base = dict(theirs)
         write_whole(self._slot / BASE, json.dumps(self._base).encode())
 
-    def _whole(self, mine: Files, found: PlaceMerge, theirs: Files) -> dict[str, File]:
+    def _whole(self, mine: Files, merge: PlaceMerge, theirs: Files) -> dict[str, File]:
         """What the mirror holds once theirs is in its place."""
         whole = dict(mine)
-        for place in (*found.taken, *found.both):
+        for place in (*merge.taken, *merge.both):
             file = theirs.get(place)
             if file is None:
                 whole.pop(place, None)
@@ -216,18 +216,18 @@ class Mirror:
                 whole[place] = file
         return whole
 
-    def _settle(self, found: PlaceMerge, base: Files, mine: Files, theirs: Files) -> bool:
+    def _settle(self, merge: PlaceMerge, base: Files, mine: Files, theirs: Files) -> bool:
         """Let what both wrote stand beside one another; True where that wrote something."""
         own, others = (
             [place for place in files if place.startswith("recordings/") and place not in base]
             for files in (mine, theirs)
         )
         unrelated = [place for place in own if place not in theirs] if set(others) - set(own) else []
-        if not found.both and not unrelated:
+        if not merge.both and not unrelated:
             return False
         store = Store(self.folder)
         with logged(self.folder) as run:
-            for place in found.both:
+            for place in merge.both:
                 if place.startswith("recordings/"):
                     aside = self._slot / _GOING / "mine" / place
                     [row] = read_rows("recordings", aside)
@@ -236,11 +236,11 @@ class Mirror:
                     run.output(place, theirs[place][1], theirs[place][0])
             anew = [store.recording(Path(place).stem) for place in unrelated]
             anew = [one for one in anew if one.conflicts is not None]
-            for one in anew:
-                store.write_recording(replace(one, conflicts=None))
+            for record in anew:
+                store.write_recording(replace(record, conflicts=None))
             if anew:
                 relate(store)
-        return bool(found.both or anew)
+        return bool(merge.both or anew)
 
     # Mine
 
@@ -266,18 +266,18 @@ class Mirror:
 
     def _remove_outgrown(self, before: Files, now: Files) -> None:
         """Remove what chains of this mirror were two snapshots ago: whoever reads the last one finds all of it."""
-        for one in self._outgrown:
+        for chain in self._outgrown:
             with suppress(AuditorError):  # it takes room, and nothing else
-                remove_object(object_at(self.address, *one))
+                remove_object(object_at(self.address, *chain))
         self._outgrown = [
             (place, file) for place, file in before.items() if place.startswith(f"{LOG}/") and now.get(place) != file
         ]
 
-    def _put(self, one: tuple[str, File]) -> None:
-        file = self._slot / _GOING / one[0]
-        put_object(object_at(self.address, *one), file)
-        if one[0].startswith("reports/"):  # pages name each other, and are looked at there
-            put_object(under(self.address, one[0]), file)
+    def _put(self, entry: tuple[str, File]) -> None:
+        file = self._slot / _GOING / entry[0]
+        put_object(object_at(self.address, *entry), file)
+        if entry[0].startswith("reports/"):  # pages name each other, and are looked at there
+            put_object(under(self.address, entry[0]), file)
 
     def _set_aside(self, place: str) -> StoreError:
         """Begin a new mirror; what was written in this one stays where a person finds it."""
@@ -362,8 +362,8 @@ def as_folder(place: Path | Address) -> Iterator[Path]:
 
 def _joined(mine: RecordingRecord, theirs: RecordingRecord) -> RecordingRecord:
     """What two writers know of one recording; it is compared with the others anew."""
-    known = {(one.name, one.path) for one in theirs.sightings}
-    new = tuple(one for one in mine.sightings if (one.name, one.path) not in known)
+    places = {(one.name, one.path) for one in theirs.sightings}
+    new = tuple(one for one in mine.sightings if (one.name, one.path) not in places)
     return replace(theirs, sightings=(*theirs.sightings, *new), superseded_by=None, conflicts=None)
 
 

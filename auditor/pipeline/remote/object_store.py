@@ -65,9 +65,9 @@ def list_objects(address: Address) -> Iterator[StoredObject]:
     while True:
         with tries.one(str(address)):
             for page in api.list(store, address.folder or None, offset=last, chunk_size=_KEYS_A_PAGE):
-                for known in page:
-                    yield _described(address, known)
-                    last = known["path"]
+                for entry in page:
+                    yield _described(address, entry)
+                    last = entry["path"]
                     tries.got_on()
             return
 
@@ -89,8 +89,10 @@ def read_small(address: Address) -> tuple[bytes, Written] | None:
     """
 
     def read() -> tuple[bytes, Written]:
-        found = _library().get(_store(address.root), address.key)
-        return bytes(found.bytes()), {name: known for name in ("e_tag", "version") if (known := found.meta.get(name))}
+        response = _library().get(_store(address.root), address.key)
+        return bytes(response.bytes()), {
+            name: value for name in ("e_tag", "version") if (value := response.meta.get(name))
+        }
 
     with suppress(NoObjectError):
         return _asked(str(address), read)
@@ -128,7 +130,7 @@ def remove_object(address: Address) -> None:
         _library().delete(_store(address.root), address.key)
 
 
-def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Event) -> None:
+def copy_object(root: str, stored_object: StoredObject, into: Path, stopped: threading.Event) -> None:
     """Copy an object to a new file, from its beginning to its end.
 
     Where a request fails, or is cut, what follows is asked for, after a while that becomes longer; an object that was
@@ -137,39 +139,39 @@ def copy_object(root: str, one: StoredObject, into: Path, stopped: threading.Eve
     _library()
     try:
         with into.open("xb") as file:
-            _copy(root, one, file, stopped)
+            _copy(root, stored_object, file, stopped)
     except OSError as error:
         raise RecordingError(
             f"its copy cannot be written to {into.parent} ({error.strerror or error})",
-            where=one.address,
+            where=stored_object.address,
             remedy="make room there, or name another folder with --spool",
         ) from error
 
 
-def _copy(root: str, one: StoredObject, file: BinaryIO, stopped: threading.Event) -> None:
+def _copy(root: str, stored_object: StoredObject, file: BinaryIO, stopped: threading.Event) -> None:
     tries = _Tries(stopped.wait)
-    while file.tell() < one.size_bytes:
-        _refuse_stopped(one, stopped)
-        with tries.one(one.address):
-            for chunk in _chunks(root, one, file.tell()):
+    while file.tell() < stored_object.size_bytes:
+        _refuse_stopped(stored_object, stopped)
+        with tries.one(stored_object.address):
+            for chunk in _chunks(root, stored_object, file.tell()):
                 file.write(chunk)
                 tries.got_on()
-                _refuse_stopped(one, stopped)
+                _refuse_stopped(stored_object, stopped)
 
 
-def _chunks(root: str, one: StoredObject, begin: int) -> Iterator[Any]:
+def _chunks(root: str, stored_object: StoredObject, begin: int) -> Iterator[Any]:
     """What an object holds from a place on, for one piece at most. Raises what the library raises."""
-    end = min(one.size_bytes, begin + _PIECE_BYTES)
-    options: dict[str, Any] = {"if_match": one.etag} if one.etag else {}
-    if (begin, end) != (0, one.size_bytes):
+    end = min(stored_object.size_bytes, begin + _PIECE_BYTES)
+    options: dict[str, Any] = {"if_match": stored_object.etag} if stored_object.etag else {}
+    if (begin, end) != (0, stored_object.size_bytes):
         options["range"] = (begin, end)
-    found = _library().get(_store(root), one.address.removeprefix(f"{root}/"), options=options)
-    yield from found.stream(min_chunk_size=_CHUNK_BYTES)
+    response = _library().get(_store(root), stored_object.address.removeprefix(f"{root}/"), options=options)
+    yield from response.stream(min_chunk_size=_CHUNK_BYTES)
 
 
-def _refuse_stopped(one: StoredObject, stopped: threading.Event) -> None:
+def _refuse_stopped(stored_object: StoredObject, stopped: threading.Event) -> None:
     if stopped.is_set():
-        raise RecordingError("its copying was interrupted", where=one.address)
+        raise RecordingError("its copying was interrupted", where=stored_object.address)
 
 
 def _asked(where: str, ask: Callable[[], Answer]) -> Answer:
@@ -249,8 +251,8 @@ def _allows_http(root: str) -> bool:
 
 def _profile() -> dict[str, Any]:
     """Credentials of the user's profiles, where the environment has none and boto3 is installed to read them."""
-    known = Path(os.environ.get("AWS_SHARED_CREDENTIALS_FILE", "~/.aws/credentials")).expanduser()
-    if "AWS_ACCESS_KEY_ID" in os.environ or not (known.is_file() or "AWS_PROFILE" in os.environ):
+    credentials = Path(os.environ.get("AWS_SHARED_CREDENTIALS_FILE", "~/.aws/credentials")).expanduser()
+    if "AWS_ACCESS_KEY_ID" in os.environ or not (credentials.is_file() or "AWS_PROFILE" in os.environ):
         return {}
     try:
         from boto3 import Session  # noqa: PLC0415 - not everybody has it
@@ -260,11 +262,11 @@ def _profile() -> dict[str, Any]:
     return {"credential_provider": Boto3CredentialProvider(Session())}
 
 
-def _described(address: Address, known: Mapping[str, Any]) -> StoredObject:
-    etag = known.get("e_tag")
+def _described(address: Address, entry: Mapping[str, Any]) -> StoredObject:
+    etag = entry.get("e_tag")
     if etag and not etag.endswith('"'):
         etag = f'"{etag}"'  # listings of Azure leave the quotes out
-    return StoredObject(address.at(known["path"]), known["size"], etag, known["last_modified"].isoformat())
+    return StoredObject(address.at(entry["path"]), entry["size"], etag, entry["last_modified"].isoformat())
 
 
 @contextmanager
@@ -284,11 +286,11 @@ def _reporting(where: str) -> Iterator[None]:
 def _told(error: Exception, where: str) -> RecordingError:
     """What went wrong, by its kind, and by the code that the server gave."""
     text, kind = str(error), type(error).__name__
-    said = " ".join(found[1] for pattern in (_STATUS, _CODE) if (found := pattern.search(text)))
+    said = " ".join(code[1] for pattern in (_STATUS, _CODE) if (code := pattern.search(text)))
     said = f" ({said})" if said else ""
     if kind in {"NotFoundError", "FileNotFoundError"} or "404" in said:
-        what = "there is no such bucket" if "NoSuchBucket" in said else "there is no such object"
-        return NoObjectError(what, where=where, remedy="check the address")
+        problem = "there is no such bucket" if "NoSuchBucket" in said else "there is no such object"
+        return NoObjectError(problem, where=where, remedy="check the address")
     if kind in {"PermissionDeniedError", "UnauthenticatedError", "PermissionError"} or any(
         one in said for one in ("401", "403")
     ):
@@ -313,5 +315,5 @@ def _variables(where: str) -> str:
     if where.startswith("http"):
         return "files of a web server have to be public"
     named = {"gs": "GOOGLE_APPLICATION_CREDENTIALS", "az": "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY"}
-    known = named.get(where.partition(":")[0], "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY")
-    return f"give credentials in the environment: {known}, or a role"
+    variables = named.get(where.partition(":")[0], "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY")
+    return f"give credentials in the environment: {variables}, or a role"

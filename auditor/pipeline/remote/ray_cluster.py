@@ -111,13 +111,13 @@ class Cluster:
 
     def _outcomes(self, done: Any, group: Sequence[Item]) -> Iterator[Outcome[Item, Result]]:  # noqa: ANN401 - Ray's
         try:
-            found = self._ray.get(done)
+            outcomes = self._ray.get(done)
         except self._ray.exceptions.RayError as error:
             for item in group:
                 yield Outcome(item, error=_told(error, item))
             return
-        for one in found:
-            yield Outcome(group[one.item], one.result, one.error)
+        for outcome in outcomes:
+            yield Outcome(group[outcome.item], outcome.result, outcome.error)
 
     def _refuse_small(self, needs: Needs) -> None:
         """A task that fits nowhere would wait for ever."""
@@ -143,5 +143,5 @@ def _told(error: Exception, item: object) -> AuditorError:
     if isinstance(cause, AuditorError):
         return cause
     lost = f"its machine was lost, or ended its process, {_RETRIES + 1} times ({type(error).__name__})"
-    what = lost if cause is None else f"auditor failed on it: {type(cause).__name__}: {cause}"
-    return AuditorError(what, where=item, remedy="run the same command again to go on")
+    problem = lost if cause is None else f"auditor failed on it: {type(cause).__name__}: {cause}"
+    return AuditorError(problem, where=item, remedy="run the same command again to go on")

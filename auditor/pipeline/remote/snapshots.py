@@ -56,11 +56,11 @@ class Snapshot:
 
 def read_snapshot(address: Address) -> Snapshot:
     """The snapshot of the store at an address; one without files where there is none. Raises StoreError and others."""
-    found = read_small(_place(address))
-    if found is None:
+    snapshot = read_small(_place(address))
+    if snapshot is None:
         return Snapshot({})
     try:
-        content = json.loads(found[0])
+        content = json.loads(snapshot[0])
         if content["format"] != _FORMAT:
             raise StoreError("it is no snapshot of a store", where=_place(address))
         files = {str(place): (int(size), str(sha256)) for place, (size, sha256) in content["files"].items()}
@@ -68,7 +68,7 @@ def read_snapshot(address: Address) -> Snapshot:
         raise StoreError("it is no snapshot of a store", where=_place(address)) from error
     if any(place.startswith("/") or ".." in place.split("/") for place in files):
         raise StoreError("it names a place outside the store", where=_place(address))
-    return Snapshot(files, found[1])
+    return Snapshot(files, snapshot[1])
 
 
 def replace_snapshot(address: Address, before: Snapshot, files: Files) -> bool:
@@ -120,8 +120,8 @@ def merged(base: Files, mine: Files, theirs: Files) -> PlaceMerge:
 def _refused(base: Files, mine: Files, theirs: Files, both: list[str]) -> str:
     for place in both:
         table = place.split("/")[0]
-        known = table in {*_MADE_ONCE, *_ALIKE, "recordings"}
-        if not known or place not in mine or place not in theirs:
+        mergeable = table in {*_MADE_ONCE, *_ALIKE, "recordings"}
+        if not mergeable or place not in mine or place not in theirs:
             return place
     for group in _TOGETHER:
         changed = [_changed(base, files, group) for files in (mine, theirs)]
@@ -151,9 +151,9 @@ def free_slot(address: Address, *, left: bool) -> tuple[Path, int]:
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "auditor" / "mirrors"
     make_folder(base)
     name = hashlib.sha256(str(address).encode()).hexdigest()[:_ADDRESS_DIGITS]
-    known = sorted(one for one in base.glob(f"{name}-*") if "-aside-" not in one.name)
+    folders = sorted(one for one in base.glob(f"{name}-*") if "-aside-" not in one.name)
     slots: Iterable[Path] = (base / f"{name}-{number}" for number in count())
-    for slot in (one for one in known if (one / USED).exists()) if left else slots:
+    for slot in (one for one in folders if (one / USED).exists()) if left else slots:
         make_folder(slot)
         lock = os.open(slot, os.O_RDONLY)
         try:

@@ -54,28 +54,28 @@ class Spool:
         """The copies of a recording, each of which stays until it is `released`: of parts that do not follow one
         another there are several. Waits for room. Raises RecordingError.
         """
-        known = remote.identity
-        if (located := self._reserve(known, remote)) is not None:
+        identity = remote.identity
+        if (located := self._reserve(identity, remote)) is not None:
             return located
         folder = None
         try:
             folder = self._new_folder()
-            for one in remote.objects:
-                into = folder / _inside(one.address.removeprefix(remote.above))
+            for stored_object in remote.objects:
+                into = folder / _inside(stored_object.address.removeprefix(remote.above))
                 into.parent.mkdir(parents=True, exist_ok=True)
-                copy_object(_root(remote), one, into, self.stopped)
+                copy_object(_root(remote), stored_object, into, self.stopped)
             located = _located(folder, remote)
         except OSError as error:
-            self._give_up(known, folder)
-            what = f"no copy of it can be made in {self.above} ({error.strerror or error})"
-            raise RecordingError(what, where=remote.address, remedy="name another folder with --spool") from error
+            self._give_up(identity, folder)
+            problem = f"no copy of it can be made in {self.above} ({error.strerror or error})"
+            raise RecordingError(problem, where=remote.address, remedy="name another folder with --spool") from error
         except BaseException:
-            self._give_up(known, folder)
+            self._give_up(identity, folder)
             raise
         with self._changed:
-            self._copies[known] = folder, located
-            self._in_use[known] = len(located)
-            self._of_parts.update({one.remote.identity: known for one in located if one.remote is not None})
+            self._copies[identity] = folder, located
+            self._in_use[identity] = len(located)
+            self._of_parts.update({one.remote.identity: identity for one in located if one.remote is not None})
             self._changed.notify_all()
         return located
 
@@ -86,17 +86,17 @@ class Spool:
         try:
             yield located
         finally:
-            for one in located:
-                self.release(one)
+            for copy in located:
+                self.release(copy)
 
     def release(self, location: Location) -> None:
         """Be done with a copy: it goes where there is no room for another."""
         if location.remote is None:
             return
         with self._changed:
-            known = self._of_parts.get(location.remote.identity, "")
-            if known in self._in_use:
-                self._in_use[known] -= 1
+            identity = self._of_parts.get(location.remote.identity, "")
+            if identity in self._in_use:
+                self._in_use[identity] -= 1
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -105,7 +105,7 @@ class Spool:
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _reserve(self, known: str, remote: Remote) -> tuple[Location, ...] | None:
+    def _reserve(self, identity: str, remote: Remote) -> tuple[Location, ...] | None:
         """The copies that there are, also where they were copied with others; without any wait until there is room for
         one, and keep it.
 
@@ -122,39 +122,39 @@ class Spool:
             while True:
                 if self.stopped.is_set():
                     raise RecordingError("its copying was interrupted", where=remote.address)
-                whole = self._of_parts.get(known, known)
+                whole = self._of_parts.get(identity, identity)
                 if whole in self._copies:
                     every = self._copies[whole][1]
-                    located = tuple(one for one in every if one.remote is not None and one.remote.identity == known)
+                    located = tuple(one for one in every if one.remote is not None and one.remote.identity == identity)
                     self._in_use[whole] += len(located or every)
                     return located or every
-                if known not in self._sizes and sum(self._sizes.values()) + size <= self.room_bytes:
-                    self._sizes[known] = size
+                if identity not in self._sizes and sum(self._sizes.values()) + size <= self.room_bytes:
+                    self._sizes[identity] = size
                     return None
-                if known in self._sizes or not self._evict():
+                if identity in self._sizes or not self._evict():
                     self._changed.wait(_WAIT_S)
 
     def _evict(self) -> bool:
         """Remove the oldest copy that nobody reads; False where there is none."""
-        for known, (folder, _) in self._copies.items():
-            if self._in_use[known] <= 0:
+        for identity, (folder, _) in self._copies.items():
+            if self._in_use[identity] <= 0:
                 shutil.rmtree(folder, ignore_errors=True)
-                self._forget(known)
+                self._forget(identity)
                 return True
         return False
 
-    def _give_up(self, known: str, folder: Path | None) -> None:
+    def _give_up(self, identity: str, folder: Path | None) -> None:
         """Leave nothing of a copy that could not be made."""
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
-        self._forget(known)
+        self._forget(identity)
 
-    def _forget(self, known: str) -> None:
+    def _forget(self, identity: str) -> None:
         with self._changed:
-            self._copies.pop(known, None)
-            self._sizes.pop(known, None)
-            self._in_use.pop(known, None)
-            self._of_parts = {part: whole for part, whole in self._of_parts.items() if whole != known}
+            self._copies.pop(identity, None)
+            self._sizes.pop(identity, None)
+            self._in_use.pop(identity, None)
+            self._of_parts = {part: whole for part, whole in self._of_parts.items() if whole != identity}
             self._changed.notify_all()
 
     def _new_folder(self) -> Path:
@@ -202,10 +202,10 @@ def _located(folder: Path, remote: Remote) -> tuple[Location, ...]:
     whole = folder / _inside(remote.address.removeprefix(remote.above))
     if whole.exists():
         return (Location(whole, remote=remote),)
-    found = find_recordings(sorted(file for file in folder.iterdir() if not file.name.endswith(("-wal", "-shm"))))
-    if not found.recordings:
-        raise RecordingError(found.errors[0].what, where=remote.address)
-    return tuple(replace(one, remote=_part_of(one, remote)) for one in found.recordings)
+    search = find_recordings(sorted(file for file in folder.iterdir() if not file.name.endswith(("-wal", "-shm"))))
+    if not search.recordings:
+        raise RecordingError(search.errors[0].what, where=remote.address)
+    return tuple(replace(one, remote=_part_of(one, remote)) for one in search.recordings)
 
 
 def _part_of(location: Location, remote: Remote) -> Remote:

@@ -53,9 +53,9 @@ def calibrations_of(text: str) -> Calibrations:
         documents = list(islice(YAML(typ="safe", pure=True).load_all(text.removeprefix("%YAML:1.0")), _MOST_DOCUMENTS))
     except (YAMLError, RecursionError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise DecodingError(f"it is not YAML ({type(error).__name__})") from error
-    found = [_calibrations_in(document) for document in documents if isinstance(document, Mapping)]
-    cameras = tuple(camera for one in found for camera in one.cameras)
-    transforms = tuple(transform for one in found for transform in one.transforms)
+    calibrations = [_calibrations_in(document) for document in documents if isinstance(document, Mapping)]
+    cameras = tuple(camera for one in calibrations for camera in one.cameras)
+    transforms = tuple(transform for one in calibrations for transform in one.transforms)
     if not cameras and not transforms:
         raise DecodingError("it describes no cam0, no camera and no place of a sensor")
     return Calibrations(cameras, transforms)
@@ -68,8 +68,8 @@ def _calibrations_in(document: Mapping[object, object]) -> Calibrations:
         if "camera_matrix" in document:
             return Calibrations((_camera_info(document),))
     except (KeyError, TypeError, ValueError) as error:
-        what = f"lacks {error}" if isinstance(error, KeyError) else f"is ill-formed ({error})"
-        raise DecodingError(f"its calibration {what}") from error
+        problem = f"lacks {error}" if isinstance(error, KeyError) else f"is ill-formed ({error})"
+        raise DecodingError(f"its calibration {problem}") from error
     return Calibrations(transforms=tuple(_places(document)))
 
 

@@ -56,8 +56,8 @@ def layout_of(cloud: Any, *, of_any_unit: bool = False) -> Layout:  # noqa: ANN4
 
     Raises DecodingError where they cannot be read for sure.
     """
-    found = [_coordinate(cloud, axis, of_any_unit=of_any_unit) for axis in _AXES]
-    axes = [one for one in found if one is not None]
+    coordinates = [_coordinate(cloud, axis, of_any_unit=of_any_unit) for axis in _AXES]
+    axes = [one for one in coordinates if one is not None]
     if len(axes) != len(_AXES):
         raise DecodingError(f"the cloud has no fields x, y and z in points of {cloud.point_step} bytes")
     repairs = []

@@ -196,8 +196,8 @@ class FoxgloveTransformsDecoder(FoxgloveMessages):
 
 def _vector(values: dict[str, Any], name: str, absent: dict[str, float]) -> tuple[float, ...]:
     """The numbers of a rotation or translation, in the order of `absent`, which stands for one that is not there."""
-    found = values.get(name) or absent
-    return tuple(found[axis] for axis in absent)
+    numbers = values.get(name) or absent
+    return tuple(numbers[axis] for axis in absent)
 
 
 DECODERS: dict[str, Callable[[RosTypes], Decoder]] = {

@@ -169,27 +169,27 @@ def _message(name: str, parsed: object, without: Collection[str] = ()) -> dict[s
     for field in LAYOUTS[name].values():
         if field.name in without:
             continue
-        found = parsed.get(_TIMES[field.name] if name == TIMESTAMP else field.name)
+        value = parsed.get(_TIMES[field.name] if name == TIMESTAMP else field.name)
         if field.repeated:
-            if not isinstance(found, list | None):
+            if not isinstance(value, list | None):
                 raise DecodingError(f"the field {field.name!r} of {name} is not a list")
-            values[field.name] = [_value(field, part) for part in found or ()]
+            values[field.name] = [_value(field, part) for part in value or ()]
         else:
-            values[field.name] = _value(field, found)
+            values[field.name] = _value(field, value)
     return values
 
 
-def _value(field: Field, found: object) -> Any:  # noqa: ANN401  # what the field's kind holds
+def _value(field: Field, value: object) -> Any:  # noqa: ANN401  # what the field's kind holds
     if field.kind is FieldType.MESSAGE:
-        return None if found is None else _message(field.message, found)
+        return None if value is None else _message(field.message, value)
     if field.kind in {FieldType.STRING, FieldType.BYTES}:
-        if not isinstance(found, str | None):
+        if not isinstance(value, str | None):
             raise DecodingError(f"the field {field.name!r} is not a text")
-        return found or "" if field.kind is FieldType.STRING else _bytes(found or "")
-    if not isinstance(found, int | float | None) or (field.kind in _NUMBERS and not isinstance(found, int | None)):
+        return value or "" if field.kind is FieldType.STRING else _bytes(value or "")
+    if not isinstance(value, int | float | None) or (field.kind in _NUMBERS and not isinstance(value, int | None)):
         raise DecodingError(f"the field {field.name!r} is not a number")
     try:
-        number = float(found or 0) if field.kind is FieldType.DOUBLE else int(found or 0)
+        number = float(value or 0) if field.kind is FieldType.DOUBLE else int(value or 0)
     except OverflowError as error:
         raise DecodingError(f"the field {field.name!r} is too large") from error
     if field.kind is FieldType.FIXED32 and not 0 <= number < 2**32:

@@ -213,8 +213,8 @@ class RawImageDecoder(RawDecoder):
     def image(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated
         """The message, decoded. Raises DecodingError where it holds no pixels by its first bytes."""
         image = self._types.decode(message)
-        known = image.encoding == _AS_CAPTURED or _known_encoding(image.encoding) is not None
-        if not (known and image.width * image.height):
+        readable = image.encoding == _AS_CAPTURED or _known_encoding(image.encoding) is not None
+        if not (readable and image.width * image.height):
             begins = image.data[:4].tobytes()
             other = next((what for head, what in _NO_PIXELS.items() if begins.startswith(head)), None)
             if other is not None:

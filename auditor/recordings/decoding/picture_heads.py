@@ -141,8 +141,8 @@ def inspect_picture(data: memoryview) -> PictureHead:
         if bytes(data[: len(magics[0])]) in magics:
             return _checked(inspect, data)
     other = next((name for place, mark, name in _OTHERS if data[place : place + len(mark)] == mark), "")
-    known = "neither PNG nor JPEG, WebP, BMP, TIFF, JPEG 2000 or AVIF"
-    raise DecodingError(f"the compressed image is {other}, which is not read" if other else f"the image is {known}")
+    formats = "neither PNG nor JPEG, WebP, BMP, TIFF, JPEG 2000 or AVIF"
+    raise DecodingError(f"the compressed image is {other}, which is not read" if other else f"the image is {formats}")
 
 
 def is_picture(data: memoryview) -> bool:
@@ -208,8 +208,8 @@ def _check_jpeg(data: memoryview) -> None:
     if data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(_END) >= 0:
         return
     for marker, position, length in _jpeg_segments(data):
-        found = _JPEG_NEXT_MARKER.search(data, position + 2 + length) if marker == _JPEG_SCAN else None
-        if found and found.group() == _END:
+        next_marker = _JPEG_NEXT_MARKER.search(data, position + 2 + length) if marker == _JPEG_SCAN else None
+        if next_marker and next_marker.group() == _END:
             return
     raise DecodingError("the JPEG is cut: it has no end")
 
@@ -228,8 +228,8 @@ def _jpeg_segments(data: memoryview) -> Iterator[tuple[int, int, int]]:
             return
         position += 2 + length
         if marker == _JPEG_SCAN:
-            found = _JPEG_NEXT_MARKER.search(data, position)
-            position = found.start() if found else len(data)
+            next_marker = _JPEG_NEXT_MARKER.search(data, position)
+            position = next_marker.start() if next_marker else len(data)
 
 
 def _inspect_webp(data: memoryview) -> PictureHead:

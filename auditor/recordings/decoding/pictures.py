@@ -148,9 +148,9 @@ def encode_picture(pixels: NDArray[np.uint8], form: str) -> bytes:
     return data.tobytes()
 
 
-def check_size(found: SizePx, expected: SizePx | None, most_pixels: int = MAX_PIXELS) -> None:
+def check_size(size: SizePx, expected: SizePx | None, most_pixels: int = MAX_PIXELS) -> None:
     """Raises DecodingError where a declared size is absurd, or not the camera's."""
-    if min(found) <= 0 or found[0] * found[1] > most_pixels:
-        raise DecodingError(f"an image of {found[0]} x {found[1]} px is not accepted")
-    if expected is not None and found != expected:
-        raise DecodingError(f"the image has {found[0]} x {found[1]} px instead of {expected[0]} x {expected[1]}")
+    if min(size) <= 0 or size[0] * size[1] > most_pixels:
+        raise DecodingError(f"an image of {size[0]} x {size[1]} px is not accepted")
+    if expected is not None and size != expected:
+        raise DecodingError(f"the image has {size[0]} x {size[1]} px instead of {expected[0]} x {expected[1]}")

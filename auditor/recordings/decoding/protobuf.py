@@ -152,18 +152,18 @@ def check_schema(name: str, schema: bytes) -> None:
             full_name = f"{file['package']}.{message['name']}"
             layout = LAYOUTS.get(full_name, {})
             known_names = {field.name: number for number, field in layout.items()}
-            for found in message["field"]:
-                number = known_names.get(found["name"], found["number"])
-                if number in layout and not _agrees(found, number, layout[number]):
+            for definition in message["field"]:
+                number = known_names.get(definition["name"], definition["number"])
+                if number in layout and not _agrees(definition, number, layout[number]):
                     raise DecodingError(
-                        f"{full_name}.{found['name']} is defined otherwise than by foxglove", where=name
+                        f"{full_name}.{definition['name']} is defined otherwise than by foxglove", where=name
                     )
 
 
-def _agrees(found: Mapping[str, Any], number: int, known: Field) -> bool:
-    return (found["name"], found["number"], found["type"], found["label"] == _REPEATED) == (
-        known.name,
+def _agrees(definition: Mapping[str, Any], number: int, field: Field) -> bool:
+    return (definition["name"], definition["number"], definition["type"], definition["label"] == _REPEATED) == (
+        field.name,
         number,
-        known.kind,
-        known.repeated,
-    ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is FieldType.ENUM]}
+        field.kind,
+        field.repeated,
+    ) and definition["type_name"].lstrip(".") in {field.message, *_ENUM_NAMES[field.kind is FieldType.ENUM]}

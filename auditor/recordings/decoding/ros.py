@@ -136,8 +136,8 @@ class RosTypes:
 
     def definition(self, schema: str) -> Definition | None:
         """The definition that the recording carries, or None where there is none, or one without text."""
-        found = self._definition(schema)
-        return found if found is not None and not found.is_blank else None
+        definition = self._definition(schema)
+        return definition if definition is not None and not definition.is_blank else None
 
     def store(self, schema: str, encoding: str) -> Typestore:
         """The typestore of one schema and encoding. Raises DecodingError where its definition is ill-formed."""
@@ -176,19 +176,19 @@ def types_of(schema: str, definition: Definition | None, encoding: str) -> Types
 
     Raises DecodingError where the definition is ill-formed, or where nobody defines the schema.
     """
-    known = known_types(encoding).fielddefs
+    ros_types = known_types(encoding).fielddefs
     if definition is not None:
         whole = parse_definition(schema, definition)
-    elif schema in known:
-        whole = {schema: ([], known[schema][1])}
+    elif schema in ros_types:
+        whole = {schema: ([], ros_types[schema][1])}
     else:
         raise DecodingError("the recording does not define it", where=schema)
     due = list(whole)
     while due:
         for _, kind in whole[due.pop()][1]:
             name = _name_in(kind)
-            if name is not None and name not in whole and name in known:
-                whole[name] = ([], known[name][1])
+            if name is not None and name not in whole and name in ros_types:
+                whole[name] = ([], ros_types[name][1])
                 due.append(name)
     return whole
 
@@ -214,9 +214,9 @@ def registered(schema: str, types: Types) -> Typestore:
 
 def _check_layout(schema: str, store: Typestore) -> None:
     """Raises DecodingError where a well-known name has another definition than ROS's."""
-    known = known_types().fielddefs
+    ros_types = known_types().fielddefs
     for name, (_, fields) in store.fielddefs.items():
-        if name in known and _layout(fields) != _layout(known[name][1]):
+        if name in ros_types and _layout(fields) != _layout(ros_types[name][1]):
             raise DecodingError(f"{name} is defined otherwise than by ROS", where=schema)
 
 

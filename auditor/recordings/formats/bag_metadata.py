@@ -53,8 +53,8 @@ def _listed_in(folder: Path) -> Sequence[str]:
     if items is None:
         return ()
     raw = items[1].split(",") if items[1] is not None else [line.strip()[1:] for line in items[2].splitlines()]
-    found = [_NAME.fullmatch(one.strip()) for one in raw]
-    names = [PurePosixPath(one[one.lastindex or 0]).name for one in found if one]
+    matches = [_NAME.fullmatch(one.strip()) for one in raw]
+    names = [PurePosixPath(one[one.lastindex or 0]).name for one in matches if one]
     return [name for name in names if kind_of(Path(name)) in _KINDS] if len(names) == len(raw) else ()
 
 

@@ -164,9 +164,9 @@ class FilesRecording(OpenedRecording, ABC):
         """Raise RecordingError where not one of the files can be read."""
         if len(self._unreadable) == len(self._sources):
             self.close()
-            source, what = next(iter(self._unreadable.items()))
+            source, problem = next(iter(self._unreadable.items()))
             where = self.files[0].with_name(source.name) if len(self._sources) == 1 else self.path
-            raise RecordingError(what, where=where, remedy=remedy)
+            raise RecordingError(problem, where=where, remedy=remedy)
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[Sequence[FileRead], Iterator[Message]]:
         """A new read of every file, and the messages of all."""
@@ -291,11 +291,11 @@ def stem_of(file: Path) -> str:
 
 def part_name(file: Path) -> PartName | None:
     """The parts of a file's name; None where it has no number at its end, or is no recording in one file."""
-    kind, found = file_kind(file), _NUMBERED.fullmatch(stem_of(file))
-    if not kind or found is None:
+    kind, parts = file_kind(file), _NUMBERED.fullmatch(stem_of(file))
+    if not kind or parts is None:
         return None
-    series = _BAG_TIME.sub("", found[1]) if kind == BAG else found[1]
-    return PartName(file.parent, series, kind, int(found[2]), found[1])
+    series = _BAG_TIME.sub("", parts[1]) if kind == BAG else parts[1]
+    return PartName(file.parent, series, kind, int(parts[2]), parts[1])
 
 
 def common_name(files: Sequence[Path]) -> str:

@@ -132,10 +132,10 @@ class FolderRecording(OpenedRecording, ABC):
                 raise
         return b""
 
-    def _note(self, file: Path, what: str) -> None:
+    def _note(self, file: Path, problem: str) -> None:
         """Note the damage of a file; of places there is none, for it is none of what is measured."""
         if file not in self._of_places:
-            self.damage += (Damage(what, file=file.name),)
+            self.damage += (Damage(problem, file=file.name),)
 
     def _in_order(self) -> list[tuple[int, Topic, Path]]:
         streams = (*self._streams, *self._places)

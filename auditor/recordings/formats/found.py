@@ -24,10 +24,10 @@ class DamageLog:
         """The log of one file: what is added to it belongs to this log, with the name of the file."""
         return DamageLog(file, self)
 
-    def add(self, what: str, offset: int | None = None) -> None:
+    def add(self, problem: str, offset: int | None = None) -> None:
         """Note one damaged part."""
         self.count += 1
-        self._whole._keep(Damage(what, offset, self._file))
+        self._whole._keep(Damage(problem, offset, self._file))
 
     def _keep(self, damage: Damage) -> None:
         if len(self._entries) < MAX_ENTRIES:
@@ -97,14 +97,14 @@ class Names:
         """
         if len(definition.data) <= MAX_NAME and schema_name(definition.text.strip()) == schema:
             definition = Definition(definition.encoding, b"")
-        known = self.definitions.get(schema)
-        if known is None or known.is_blank:
+        earlier = self.definitions.get(schema)
+        if earlier is None or earlier.is_blank:
             self._definition_bytes += len(definition.data) + len(schema)
             if self._definition_bytes > MAX_DEFINITION_BYTES:
                 damage.add(f"the definition of {schema[:80]!r} is left out: there are too many", offset)
             else:
                 self.definitions[schema] = definition
-        elif not (definition.is_blank or known.says_the_same(definition)):
+        elif not (definition.is_blank or earlier.says_the_same(definition)):
             damage.add(f"a second, different definition of {schema[:80]!r} is ignored", offset)
 
 

@@ -112,8 +112,8 @@ class McapRead(FileRead):
         with self._source.open() as file:
             size = self._source.size
             ending = read_ending(file, size)
-            if ending and (known := span_of_summary(ending.summary)):
-                return known
+            if ending and (span := span_of_summary(ending.summary)):
+                return span
             file.seek(0)
             with suppress(CutError):
                 return span_of_records(ForwardStream(file, size))
@@ -238,13 +238,13 @@ class McapRead(FileRead):
 
 def attached_in_summary(summary: bytes) -> list[Record]:
     """Where a summary says that attachments and metadata lie."""
-    found: list[Record] = []
+    places: list[Record] = []
     for opcode, body, _ in summary_records(summary):
-        if opcode in _INDEXES and len(body) >= _PLACE.size and len(found) < _MOST_NOTED:
+        if opcode in _INDEXES and len(body) >= _PLACE.size and len(places) < _MOST_NOTED:
             offset, length = _PLACE.unpack_from(body)
             if length >= HEAD.size:
-                found.append(Record(_INDEXES[opcode], offset, length - HEAD.size))
-    return sorted(found, key=lambda record: record.offset)
+                places.append(Record(_INDEXES[opcode], offset, length - HEAD.size))
+    return sorted(places, key=lambda record: record.offset)
 
 
 def attached_to(source: Source, noted: Sequence[Record] | None = None) -> Iterator[Attachment | Metadata]:
@@ -322,15 +322,15 @@ class McapRecording(FilesRecording):
 
     def calibrations(self) -> Mapping[str, str]:
         """Attachments of YAML and JSON, and metadata's values of several lines, that its files' summaries list."""
-        found: dict[str, str] = {}
+        calibrations: dict[str, str] = {}
         for source in self._sources:
             for attached in attached_to(source, self._listed.get(source, ())):
                 if isinstance(attached, Metadata):
                     texts = {f"{attached.name} {key}": text for key, text in attached.metadata.items() if "\n" in text}
-                    found.update(texts)
+                    calibrations.update(texts)
                 elif attached.name.lower().endswith((".yaml", ".yml", ".json")):
-                    found[attached.name] = attached.data.decode("utf-8", "replace")
-        return found
+                    calibrations[attached.name] = attached.data.decode("utf-8", "replace")
+        return calibrations
 
     @cached_property
     def _extras(self) -> tuple[tuple[AttackLabel, ...], Mapping[str, str]]:

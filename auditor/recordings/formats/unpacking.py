@@ -270,13 +270,13 @@ class FrameWalk:
             elif magic & 0xFFFFFFF0 == _SKIPPABLE:
                 position += 8 + int.from_bytes(head[4:8], "little")
             elif magic == _MAGIC:
-                found = zstandard.get_frame_parameters(head)
-                sizes.append(found.content_size if found.content_size < zstandard.CONTENTSIZE_ERROR else None)
-                position = self._end_of_blocks(position + zstandard.frame_header_size(head)) + 4 * found.has_checksum
+                header = zstandard.get_frame_parameters(head)
+                sizes.append(header.content_size if header.content_size < zstandard.CONTENTSIZE_ERROR else None)
+                position = self._end_of_blocks(position + zstandard.frame_header_size(head)) + 4 * header.has_checksum
             else:
                 raise zstandard.ZstdError("its frames are followed by other data")
-        known = [size for size in sizes if size is not None]
-        return Frames(sum(known) if len(known) == len(sizes) else None, whole=position == self._length)
+        lengths = [size for size in sizes if size is not None]
+        return Frames(sum(lengths) if len(lengths) == len(sizes) else None, whole=position == self._length)
 
     def _end_of_blocks(self, position: int) -> int:
         """Where the blocks of a frame end; behind the end of the data where they are cut."""

@@ -192,11 +192,11 @@ def check_camera(matrices: Iterable[Matrix], rotation: Matrix, distortion: Itera
 
 def same_numbers(a: ArrayLike, b: ArrayLike) -> bool:
     """True where no number differs by more than the noise, which is relative to the largest of them."""
-    one, other = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    if one.shape != other.shape or not one.size:
-        return one.shape == other.shape
-    largest = max(float(np.abs(one).max()), float(np.abs(other).max()))
-    return bool(np.all(np.abs(one - other) <= _NOISE * largest))
+    numbers, other = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    if numbers.shape != other.shape or not numbers.size:
+        return numbers.shape == other.shape
+    largest = max(float(np.abs(numbers).max()), float(np.abs(other).max()))
+    return bool(np.all(np.abs(numbers - other) <= _NOISE * largest))
 
 
 def same_camera_info(a: CameraInfo, b: CameraInfo) -> bool:

@@ -121,11 +121,11 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
     infos_by_frame = _infos_by_frame(survey)
     in_tf = {frame for transform in survey.transforms for frame in (transform.parent, transform.child)}
     for image in sorted(without_renamed(survey.images, reasons), key=_preference):
-        found = _camera_info_of(image, survey, infos_by_frame)
-        if found is None:
+        calibration = _camera_info_of(image, survey, infos_by_frame)
+        if calibration is None:
             reasons.append(Reason(f"{image.topic.name} has no camera info", image.topic.name))
             continue
-        topic, info = found
+        topic, info = calibration
         try:
             view = _view(image, info, survey.conventions)
         except RigError as error:

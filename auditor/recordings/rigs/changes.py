@@ -117,8 +117,8 @@ class Changes:
         if decoder.kind == "transforms":
             if not self._may_have_links(message):
                 return
-            for found in decoder.transforms(message):
-                transform = transform_of(found, message.topic, self._spaces)
+            for link in decoder.transforms(message):
+                transform = transform_of(link, message.topic, self._spaces)
                 key = Key("transform", transform.parent, transform.child)
                 if not transform.problem and self._differs(key, transform):
                     yield Change(message.log_time_ns - self._delay_ns, key, transform)

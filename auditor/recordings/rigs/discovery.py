@@ -58,14 +58,14 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
         none = "there are no camera images and no points that can be read"
         missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
         raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
-    found = search_rigs(survey)
-    if not found.rigs:
+    search = search_rigs(survey)
+    if not search.rigs:
         raise RigError(
-            "no triple possible: " + "; ".join(_summary(survey, found.left_out)),
+            "no triple possible: " + "; ".join(_summary(survey, search.left_out)),
             remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; or a camera "
             "and a LiDAR whose place beside it tf gives; or describe the rig in a rig file",
         )
-    return found.rigs
+    return search.rigs
 
 
 def search_rigs(survey: Survey) -> FoundRigs:
@@ -223,10 +223,10 @@ def rig_of_yaml(path: Path, survey: Survey) -> Rig:
 
     Raises RigError where the file has none, or gives no rig.
     """
-    found = read_calibrations(path)
-    if any(camera.info.header.frame_id for camera in found.cameras):
-        return _rig_of_camchain(path, found, survey)
-    infos, transforms = completed(found, survey.images, survey.camera_infos, survey.transforms, replacing=True)
+    calibrations = read_calibrations(path)
+    if any(camera.info.header.frame_id for camera in calibrations.cameras):
+        return _rig_of_camchain(path, calibrations, survey)
+    infos, transforms = completed(calibrations, survey.images, survey.camera_infos, survey.transforms, replacing=True)
     searched = search_rigs(replace(survey, camera_infos=infos, transforms=transforms))
     rigs = [rig for rig in searched.rigs if rig.cameras]  # a LiDAR alone needs no calibration
     if not rigs:
@@ -234,13 +234,13 @@ def rig_of_yaml(path: Path, survey: Survey) -> Rig:
     return rigs[0]
 
 
-def _rig_of_camchain(path: Path, found: Calibrations, survey: Survey) -> Rig:
+def _rig_of_camchain(path: Path, calibrations: Calibrations, survey: Survey) -> Rig:
     """The rig of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of its cameras.
 
     Raises RigError where its cameras form no rig.
     """
     reasons: list[Reason] = []
-    cameras = chained_cameras(found, path)
+    cameras = chained_cameras(calibrations, path)
     _check_count(len(cameras))
     aside, turn = aligned(cameras, reasons)
     rig = _rig(aside, _turned(_lidar_beside(cameras, survey), turn), reasons)
@@ -396,5 +396,5 @@ def _unknown(survey: Survey) -> Iterator[str]:
 
 def _unreadable(survey: Survey) -> Iterator[str]:
     """What is there and cannot be read, as far as the recording's beginning shows."""
-    for one in [one for one in survey.unreadable if not other_content(one.reason)][:12]:
-        yield f"{one.topic.name} ({one.kind}): {one.reason}; {one.remedy}"
+    for sensor in [one for one in survey.unreadable if not other_content(one.reason)][:12]:
+        yield f"{sensor.topic.name} ({sensor.kind}): {sensor.reason}; {sensor.remedy}"

@@ -38,8 +38,8 @@ def read_rig(path: Path) -> Rig:
     try:
         description = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
-        what = f"the rig file cannot be read ({error.strerror})"
-        raise RigError(what, where=path, remedy=f"check the path; {_REMEDY}") from error
+        problem = f"the rig file cannot be read ({error.strerror})"
+        raise RigError(problem, where=path, remedy=f"check the path; {_REMEDY}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RigError(f"the rig file is not TOML ({error})", where=path, remedy=_REMEDY) from error
     try:
@@ -127,13 +127,13 @@ def read_calibrations(path: Path) -> Calibrations:
         raise RigError(error.what, where=path, remedy=_YAML_REMEDY) from error
 
 
-def chained_cameras(found: Calibrations, path: Path) -> list[Camera]:
+def chained_cameras(calibrations: Calibrations, path: Path) -> list[Camera]:
     """The cameras of Kalibr's camchain in the frame of cam0, not numbered. Raises RigError."""
     cameras: list[Camera] = []
     cam_SE3_cam0 = np.eye(4)
-    for number, (topic, info) in enumerate(found.cameras):
+    for number, (topic, info) in enumerate(calibrations.cameras):
         if number:
-            cam_SE3_cam0 = invert(found.transforms[number - 1].parent_SE3_child) @ cam_SE3_cam0
+            cam_SE3_cam0 = invert(calibrations.transforms[number - 1].parent_SE3_child) @ cam_SE3_cam0
         try:
             lens, K = of_camera(info.distortion_model, info.distortion, info.intrinsics)
         except RigError as error:

@@ -71,8 +71,8 @@ def rig_places(survey: Survey, rigs: Sequence[Rig]) -> list[Matrix | None]:
     frames, root = FrameTree(survey.transforms), _root(survey)
     frame_ids = {image.topic.name: image.frame_id for image in survey.images}
     frame_ids |= {cloud.topic.name: cloud.frame_id for cloud in survey.clouds}
-    found = [_place(rig, frame_ids, frames, root) for rig in rigs]
-    return [np.eye(4), *(None for _ in found[1:])] if found and found[0] is None else found
+    places = [_place(rig, frame_ids, frames, root) for rig in rigs]
+    return [np.eye(4), *(None for _ in places[1:])] if places and places[0] is None else places
 
 
 def unused_lidars(survey: Survey, rigs: Sequence[Rig], no_sensors: Collection[str] = ()) -> dict[str, Matrix | None]:

@@ -57,10 +57,10 @@ class RigsInForce(NamedTuple):
     remarks: tuple[str, ...] = ()
     withheld: str = ""
 
-    def larger_than(self, one: RigInForce) -> Iterator[Rig]:
+    def larger_than(self, rig_in_force: RigInForce) -> Iterator[Rig]:
         """The rigs that have all sensors of one of them, and more, when it is in force."""
-        topics = {*map(one.rig.topic, one.rig.sensors)}
-        at_once = (other.rig for other in self.rigs if other.stretches == one.stretches)
+        topics = {*map(rig_in_force.rig.topic, rig_in_force.rig.sensors)}
+        at_once = (other.rig for other in self.rigs if other.stretches == rig_in_force.stretches)
         return (rig for rig in at_once if topics < {*map(rig.topic, rig.sensors)})
 
 
@@ -94,15 +94,15 @@ def _changes_of(recording: Recording, survey: Survey, needed: Sequence[Mapping[K
 def _in_force(
     survey: Survey, rigs: Sequence[Rig], needed: Sequence[Mapping[Key, int]], changes: Changes
 ) -> RigsInForce:
-    found: dict[str, RigInForce] = {}
+    by_id: dict[str, RigInForce] = {}
     remarks = dict.fromkeys(_repairs(rigs, survey))
     for rig, needs in zip(rigs, needed, strict=True):
         line = _Line(rig, survey, needs, [other for other in rigs if other is not rig])
         line.follow(changes)
-        for one in line.in_force():
-            found.setdefault(one.rig.rig_id, one)
+        for rig_in_force in line.in_force():
+            by_id.setdefault(rig_in_force.rig.rig_id, rig_in_force)
         remarks.update(dict.fromkeys(line.remarks))
-    return RigsInForce(tuple(found.values()), tuple(remarks))
+    return RigsInForce(tuple(by_id.values()), tuple(remarks))
 
 
 def _repairs(rigs: Sequence[Rig], survey: Survey) -> Iterator[str]:
@@ -212,8 +212,8 @@ class _Line:
 
     def _end(self, from_ns: int, cluster: _Cluster) -> None:
         self._add(self._last, Stretch(from_ns, None, TOO_OFTEN))
-        what = f"{TOO_OFTEN}, more than {CALIBRATION_CHANGES.most} times"
-        self.remarks.append(f"{what}: frames from {self._at(cluster.first_ns)} on are not audited")
+        reason = f"{TOO_OFTEN}, more than {CALIBRATION_CHANGES.most} times"
+        self.remarks.append(f"{reason}: frames from {self._at(cluster.first_ns)} on are not audited")
 
     def _add(self, rigs: Sequence[Rig], stretch: Stretch) -> None:
         for rig in rigs:
@@ -272,10 +272,10 @@ class _Line:
                 continue
             if not topics & set(map(rig.topic, rig.sensors)):
                 continue
-            known = next((one for one in self._known if _alike(one, rig)), None)
-            if known is None:
+            earlier = next((one for one in self._known if _alike(one, rig)), None)
+            if earlier is None:
                 self._known[rig], self._stretches[rig] = survey, []
-            rigs.append(known or rig)
+            rigs.append(earlier or rig)
         return tuple(rigs)
 
 

@@ -95,11 +95,11 @@ def overlapping_most(
     return [cameras[index] for index in sorted(chosen)]
 
 
-def first_ones(some: Sequence[Some], most: int, what: str, names: Iterable[str], reasons: list[Reason]) -> list[Some]:
+def first_ones(some: Sequence[Some], most: int, fact: str, names: Iterable[str], reasons: list[Reason]) -> list[Some]:
     """The first `most` of some things; `reasons` then gets the `names` of the others. There is one name for each."""
     if len(some) > most:
         left_out = tuple(names)[most:]
-        why = f"{len(some)} {what}, and at most {most} are looked at. Left out: {names_of(left_out)}"
+        why = f"{len(some)} {fact}, and at most {most} are looked at. Left out: {names_of(left_out)}"
         reasons.append(Reason(why, others=left_out))
     return list(some[:most])
 

@@ -146,17 +146,17 @@ def _overlapping(first: CloudTopic, others: Sequence[CloudTopic], frames: FrameT
     return together
 
 
-def _overlap(one: CloudTopic, other: CloudTopic, frames: FrameTree) -> bool:
+def _overlap(cloud: CloudTopic, other: CloudTopic, frames: FrameTree) -> bool:
     """Whether two LiDARs look at the same things, and often enough, from places that tf knows.
 
     Points that were put into the frame of the vehicle's body are not compared: where their LiDAR was is not known.
     """
-    one_SE3_other = frames.between(one.frame_id, other.frame_id)
-    if one_SE3_other is None or not {one.frame_id, other.frame_id}.isdisjoint(_BODIES):
+    cloud_SE3_other = frames.between(cloud.frame_id, other.frame_id)
+    if cloud_SE3_other is None or not {cloud.frame_id, other.frame_id}.isdisjoint(_BODIES):
         return False
-    if np.linalg.norm(one_SE3_other[:3, 3]) > RIG_LIMITS.most_apart_m or not (_is_fast(one) and _is_fast(other)):
+    if np.linalg.norm(cloud_SE3_other[:3, 3]) > RIG_LIMITS.most_apart_m or not (_is_fast(cloud) and _is_fast(other)):
         return False
-    a, b = _from_above(one, np.eye(4)), _from_above(other, one_SE3_other)
+    a, b = _from_above(cloud, np.eye(4)), _from_above(other, cloud_SE3_other)
     return max(_beside(a, b), _beside(b, a)) >= LIDAR_OVERLAP.least_share
 
 

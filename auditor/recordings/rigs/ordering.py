@@ -132,9 +132,9 @@ def _not_placed(group: Sequence[View]) -> Reason:
     spaces = [f"/{one}" for one in sharing_frames((view.image.topic.name, view.frame_id) for view in group)]
     if not spaces:
         return Reason(f"neither P nor tf gives the positions of {', '.join(names)}", others=names)
-    what = f"the cameras below {names_of(spaces)} have coordinate frames of the same names, as of several vehicles"
+    problem = f"the cameras below {names_of(spaces)} have coordinate frames of the same names, as of several vehicles"
     remedy = f"record the tf of each below its own name ({spaces[0]}/tf_static), or give a rig file of one (--rig)"
-    return Reason(f"{what}: {remedy}", others=names)
+    return Reason(f"{problem}: {remedy}", others=names)
 
 
 class Contradictions(NamedTuple):

@@ -235,8 +235,8 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
         if lidar.sweep:
             places = whole_sweeps(lidar.sweep, survey.sectors(lidar.topic))
             samples[sensor] = tuple(samples[sensor][place] for place in places)
-    found = {sensor: usual_period_ns(taken) for sensor, taken in samples.items()}
-    periods = {sensor: period for sensor, period in found.items() if period}
+    usual_periods = {sensor: usual_period_ns(taken) for sensor, taken in samples.items()}
+    periods = {sensor: period for sensor, period in usual_periods.items() if period}
     period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)
     few_ns = few_periods_ns(period_ns)
     clocks = learn_clocks(samples, few_ns)

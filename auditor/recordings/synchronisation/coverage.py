@@ -105,8 +105,8 @@ def _of_sensor(
     recording: Recording, rig: Rig, survey: Survey, sensor: int, counts: MessageCounts, time: TimeCoverage
 ) -> TopicCoverage:
     topic = rig.topic(sensor)
-    found = next((one for one in survey.unreadable if one.topic.name == topic), None)
-    unread = found is not None and not counts.used
+    unreadable = next((one for one in survey.unreadable if one.topic.name == topic), None)
+    unread = unreadable is not None and not counts.used
     schema = next((known.schema for known in recording.topics() if known.name == topic), "")
     return TopicCoverage(
         topic,
@@ -119,20 +119,22 @@ def _of_sensor(
         counts.regular,
         dict(sorted(counts.against.items())),
         time,
-        found.reason if found and unread else "",
-        found.remedy if found and unread else "",
+        unreadable.reason if unreadable and unread else "",
+        unreadable.remedy if unreadable and unread else "",
     )
 
 
 def _unreadable(survey: Survey, traffic: Mapping[Topic, Traffic]) -> Iterator[TopicCoverage]:
-    for one in survey.unreadable:
-        found = traffic.get(one.topic, Traffic())
-        if not found.messages:
+    for sensor in survey.unreadable:
+        own_traffic = traffic.get(sensor.topic, Traffic())
+        if not own_traffic.messages:
             continue
-        if other := _other_content(one.topic, one.kind, found) or sensor_types.other_content(one.reason):
-            yield _outside(one.topic, one.kind, TopicState.LEFT_OUT, found.messages, other)
+        if other := _other_content(sensor.topic, sensor.kind, own_traffic) or sensor_types.other_content(sensor.reason):
+            yield _outside(sensor.topic, sensor.kind, TopicState.LEFT_OUT, own_traffic.messages, other)
         else:
-            yield _outside(one.topic, one.kind, TopicState.UNREADABLE, found.messages, one.reason, one.remedy)
+            yield _outside(
+                sensor.topic, sensor.kind, TopicState.UNREADABLE, own_traffic.messages, sensor.reason, sensor.remedy
+            )
 
 
 def _other_content(topic: Topic, kind: sensor_types.SensorKind, traffic: Traffic) -> str:
@@ -148,15 +150,15 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     outside = [(topic, kind) for topic, kind in (*images, *clouds) if topic.name not in topics]
     if not outside:
         return
-    found, counted = search_rigs(survey), recording.counts
+    search, counted = search_rigs(survey), recording.counts
     spaces = sharing_frames(survey.frames)
-    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in found.rigs)), spaces)
-    own = rig is None or rig.rig_id in {one.rig_id for of in found.rigs for one in (of, *pasts_of(of))}
+    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in search.rigs)), spaces)
+    own = rig is None or rig.rig_id in {one.rig_id for of in search.rigs for one in (of, *pasts_of(of))}
     for topic, kind in outside:
-        if own and _is_of_any(topic, found.rigs):
+        if own and _is_of_any(topic, search.rigs):
             continue  # it is audited with another rig of this recording
-        told = next((why for why in found.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
-        why = _why_left_out(topic, kind, rig, found.rigs, told)
+        told = next((why for why in search.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
+        why = _why_left_out(topic, kind, rig, search.rigs, told)
         at_one_place = isinstance(told, AtOnePlace) and not space_of(topic.name, spaces)
         of_one_sensor = at_one_place or not compared.isdisjoint(_frames_of(survey, {topic.name}, spaces))
         # Who wrote a rig file chose what it leaves out.

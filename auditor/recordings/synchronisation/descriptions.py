@@ -116,9 +116,9 @@ def metadata_of(recording: Recording) -> dict[str, str]:
     published = _published(recording, metadata_topics(recording.topics()))
     attached = set(_attached(recording)) if any(place not in published for place in beside.values()) else set()
     shared = attached.pop() if len(attached) == 1 else None
-    found = ((name, published.get(place, shared)) for name, place in beside.items())
-    known = {name: text for name, text in sorted(found) if text is not None}
-    return known | _gathered(recording)
+    pairs = ((name, published.get(place, shared)) for name, place in beside.items())
+    texts = {name: text for name, text in sorted(pairs) if text is not None}
+    return texts | _gathered(recording)
 
 
 def metadata_topics(topics: Sequence[Topic]) -> set[str]:
@@ -135,12 +135,12 @@ def _beside(topics: Sequence[Topic]) -> dict[str, str]:
 
 def _gathered(recording: Recording) -> dict[str, str]:
     """The calibrations that packets of Velodynes hold, of LiDARs whose packets name no model."""
-    found: dict[str, str] = {}
+    calibrations: dict[str, str] = {}
     for topic in recording.topics():
         if topic.schema == schemas.VELODYNE and names_no_model(_packets(recording, topic)):
             text = calibration_of(_packets(recording, topic))
-            found.update({} if text is None else {topic.name: text})
-    return found
+            calibrations.update({} if text is None else {topic.name: text})
+    return calibrations
 
 
 def _packets(recording: Recording, topic: Topic) -> Iterator[bytes]:
@@ -154,17 +154,17 @@ def _packets(recording: Recording, topic: Topic) -> Iterator[bytes]:
 
 
 def _published(recording: Recording, topics: set[str]) -> dict[str, str]:
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     types = RosTypes(recording.definition)
     for message in recording.messages(topics) if topics else ():
-        if message.schema == schemas.STRING and message.topic not in found and len(message.data) <= MAX_METADATA:
+        if message.schema == schemas.STRING and message.topic not in texts and len(message.data) <= MAX_METADATA:
             try:
-                found[message.topic] = types.decode(message).data
+                texts[message.topic] = types.decode(message).data
             except DecodingError:
                 continue
-        if found.keys() == topics:
+        if texts.keys() == topics:
             break
-    return found
+    return texts
 
 
 def _attached(recording: Recording) -> Iterator[str]:
@@ -217,7 +217,7 @@ def completed_by_texts(
 
 
 def completed(
-    found: Calibrations,
+    calibrations: Calibrations,
     images: Iterable[PictureTopic],
     infos: Mapping[str, CameraInfo],
     transforms: Sequence[Transform],
@@ -225,28 +225,31 @@ def completed(
     replacing: bool,
 ) -> tuple[dict[str, CameraInfo], tuple[Transform, ...]]:
     """Camera infos by topic, and transforms; those of the recording stay, or with `replacing` give way."""
-    known, frames = dict(infos), {}
+    camera_infos, frames = dict(infos), {}
     for image in images:
-        for one in found.cameras:
-            if _is_of(image.topic.name, one):
-                frames[one.info.header.frame_id] = image.frame_id or one.info.header.frame_id
-                info = replace(one.info, header=replace(one.info.header, frame_id=frames[one.info.header.frame_id]))
+        for calibration in calibrations.cameras:
+            if _is_of(image.topic.name, calibration):
+                frames[calibration.info.header.frame_id] = image.frame_id or calibration.info.header.frame_id
+                info = replace(
+                    calibration.info,
+                    header=replace(calibration.info.header, frame_id=frames[calibration.info.header.frame_id]),
+                )
                 beside, below = (
                     f"{name}/camera_info" for name in (image.topic.name.rpartition("/")[0], image.topic.name)
                 )
-                if replacing and beside in known:
-                    known[beside] = info
-                elif beside not in known:
-                    known.setdefault(below, info)
+                if replacing and beside in camera_infos:
+                    camera_infos[beside] = info
+                elif beside not in camera_infos:
+                    camera_infos.setdefault(below, info)
     named = tuple(
         replace(one, parent=frames.get(one.parent, one.parent), child=frames.get(one.child, one.child))
-        for one in found.transforms
+        for one in calibrations.transforms
     )
     first, then = (named, transforms) if replacing else (transforms, named)
     placed = {one.child for one in first}
-    return known, (*first, *(one for one in then if one.child not in placed))
+    return camera_infos, (*first, *(one for one in then if one.child not in placed))
 
 
-def _is_of(topic: str, one: CameraCalibration) -> bool:
+def _is_of(topic: str, calibration: CameraCalibration) -> bool:
     """Whether a calibration is that of a topic's camera: by the topic, or by a part of it that is the camera's name."""
-    return topic == one.camera or one.camera.strip("/") in topic.strip("/").split("/")
+    return topic == calibration.camera or calibration.camera.strip("/") in topic.strip("/").split("/")

@@ -219,12 +219,12 @@ class _Track:
         """The poses of the frames that have one, by stamp."""
         for frame in self.frames:
             values = self._values[self._nearest.side[frame], self._nearest.place[frame]].tolist()
-            known = {name: value for name, value in zip(self._columns, values, strict=True) if not isnan(value)}
+            coordinates = {name: value for name, value in zip(self._columns, values, strict=True) if not isnan(value)}
             yield FramePose(
                 frame=self._numbers[frame],
                 stamp_ns=self._stamps_ns[frame],
                 offset_ns=int(self._nearest.offset_ns[frame]),
                 topic=self.topic.name,
                 schema=self.topic.schema,
-                pose=Pose(self._frame_id, **known),
+                pose=Pose(self._frame_id, **coordinates),
             )

@@ -48,31 +48,31 @@ def sector_of(xyz_m: Points) -> Sector | None:
 
 def in_parts(sectors: Sequence[Sector | None]) -> bool:
     """Whether successive clouds look next to each other, and not the same way."""
-    known = [sector for sector in sectors if sector is not None]
-    if len(known) < SWEEPS.fewest_clouds:
+    parts = [sector for sector in sectors if sector is not None]
+    if len(parts) < SWEEPS.fewest_clouds:
         return False
-    return bool(_step(known) > SWEEPS.least_step * median(sector.width_rad for sector in known))
+    return bool(_step(parts) > SWEEPS.least_step * median(sector.width_rad for sector in parts))
 
 
 def show_whole_sweeps(sectors: Sequence[Sector | None]) -> bool:
     """Whether parts go on long enough for a whole sweep between two that the edges cut; true where none are parts."""
     if not in_parts(sectors):
         return True
-    known = [sector for sector in sectors if sector is not None]
-    return len(known) * _step(known) >= _CUT_AND_WHOLE * _TURN
+    parts = [sector for sector in sectors if sector is not None]
+    return len(parts) * _step(parts) >= _CUT_AND_WHOLE * _TURN
 
 
 def sweep_of(sectors: Sequence[Sector | None], ahead_rad: float) -> Sweep | None:
     """The sweep that successive clouds are parts of, beginning opposite of `ahead_rad`; None where each is whole."""
     if not in_parts(sectors):
         return None
-    known = [sector for sector in sectors if sector is not None]
-    step_rad = _step(known)
-    direction = _direction(known, step_rad)
+    parts = [sector for sector in sectors if sector is not None]
+    step_rad = _step(parts)
+    direction = _direction(parts, step_rad)
     behind_rad = ahead_rad + np.pi
     # Where parts repeat their sectors the seam lies between two of them: through the middle of one it would cut at
     # random. For the same reason the sweep has the time of a certain part.
-    within = [direction * (sector.azimuth_rad - behind_rad) / step_rad * _TURN for sector in known]
+    within = [direction * (sector.azimuth_rad - behind_rad) / step_rad * _TURN for sector in parts]
     middle = float(np.arctan2(np.sin(within).mean(), np.cos(within).mean())) / _TURN * step_rad
     edge = middle - np.sign(middle or 1.0) * step_rad / 2
     ahead = middle + round((np.pi - middle) / step_rad) * step_rad

@@ -145,10 +145,10 @@ def survey(recording: Recording, units_m: Mapping[str, float] | None = None) -> 
     It ends as soon as every sensor topic known has given enough stamps and a calibration was seen, at the latest after
     _MOST_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
     """
-    found = _Surveyor(recording, units_m).run()
-    spaces = sharing_frames(found.frames)
-    apart = spaces and have_tf_each(spaces, found.topics)
-    return _Surveyor(recording, units_m, spaces).run() if apart else found
+    first_look = _Surveyor(recording, units_m).run()
+    spaces = sharing_frames(first_look.frames)
+    apart = spaces and have_tf_each(spaces, first_look.topics)
+    return _Surveyor(recording, units_m, spaces).run() if apart else first_look
 
 
 class _Surveyor:
@@ -176,8 +176,8 @@ class _Surveyor:
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def run(self) -> Survey:
-        known = set(self._by_kind("image", "cloud", "camera_info", "transforms")) | self._descriptions()
-        for message in self._recording.messages(known) if known or not self._recording.topics() else ():
+        topics = set(self._by_kind("image", "cloud", "camera_info", "transforms")) | self._descriptions()
+        for message in self._recording.messages(topics) if topics or not self._recording.topics() else ():
             self._take(message)
             if self._enough():
                 break
@@ -236,11 +236,11 @@ class _Surveyor:
         """The places that a robot's description has of frames that tf does not place: what tf says goes before it."""
         placed = {transform.child for transform in self._mountings.all()}
         for topic, joints in sorted(self._described.items()):
-            found = [joint for joint in joints if joint.child not in placed]
-            placed.update(joint.child for joint in found)
-            if found:
-                self._note(f"{topic}: the places of {len(found)} frames are those of the robot's description")
-            yield from found
+            new_joints = [joint for joint in joints if joint.child not in placed]
+            placed.update(joint.child for joint in new_joints)
+            if new_joints:
+                self._note(f"{topic}: the places of {len(new_joints)} frames are those of the robot's description")
+            yield from new_joints
 
     def _enough(self) -> bool:
         if self._bytes > _MOST_BYTES:

@@ -302,17 +302,17 @@ def _calibrations_before(recording: Recording, from_ns: int, to_ns: int) -> list
         if (decoder := decoders.of(topic.schema, topic.encoding)) and decoder.kind in ("camera_info", "transforms")
     }
     kinds |= dict.fromkeys(metadata_topics(recording.topics()), "metadata")
-    known: dict[str, deque[Message]] = {
+    last_messages: dict[str, deque[Message]] = {
         topic: deque(maxlen=_MOST_BEFORE if kind == "transforms" else 1) for topic, kind in kinds.items()
     }
     for message in recording.messages(kinds.keys()):
-        if message.topic not in known:
+        if message.topic not in last_messages:
             continue
         if from_ns <= message.log_time_ns <= to_ns:
-            del known[message.topic]
+            del last_messages[message.topic]
         elif message.log_time_ns < from_ns:
-            known[message.topic].append(_kept(message))
-    return sorted((message for some in known.values() for message in some), key=lambda one: one.log_time_ns)
+            last_messages[message.topic].append(_kept(message))
+    return sorted((message for some in last_messages.values() for message in some), key=lambda one: one.log_time_ns)
 
 
 def _kept(message: Message) -> Message:

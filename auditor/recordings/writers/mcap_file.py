@@ -111,9 +111,9 @@ class McapFile:
 
     def add_labels(self, labels: Iterable[AttackLabel], time_ns: int) -> None:
         """Attach ground truth, where there is any."""
-        known = tuple(labels)
-        if known:
-            self._writer.add_attachment(time_ns, time_ns, LABELS_NAME, LABELS_MEDIA_TYPE, labels_to_json(known))
+        attack_labels = tuple(labels)
+        if attack_labels:
+            self._writer.add_attachment(time_ns, time_ns, LABELS_NAME, LABELS_MEDIA_TYPE, labels_to_json(attack_labels))
 
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
         """Add the recording's own description, where there is any."""

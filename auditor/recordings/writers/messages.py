@@ -209,8 +209,8 @@ def protobuf(name: str, values: Mapping[str, Any], layouts: Mapping[str, Mapping
     written = bytearray()
     for number, field in layouts[name].items():
         value = values.get(field.name)
-        for one in value or () if field.repeated else () if value is None else (value,):
-            written += _field(number, field, one, layouts)
+        for part in value or () if field.repeated else () if value is None else (value,):
+            written += _field(number, field, part, layouts)
     return bytes(written)
 
 

@@ -50,13 +50,13 @@ def chain_paths(folder: Path) -> list[Path]:
 
 def heads(folder: Path) -> dict[str, ChainHead]:
     """The head of each chain, by its name; chains are left out whose last entry was changed. Raises StoreError."""
-    found = {}
+    chain_heads = {}
     for path in chain_paths(folder):
         with suppress(StoreError):
             last = last_entry(path)
             if last is not None:
-                found[path.stem] = ChainHead(last.sha256, last.order)
-    return found
+                chain_heads[path.stem] = ChainHead(last.sha256, last.order)
+    return chain_heads
 
 
 def entries(folder: Path) -> list[Entry]:
@@ -83,7 +83,7 @@ def read_chain(path: Path) -> Chain:
     with _opened(path) as file:
         content = file.read()
     lines = content.split(b"\n")
-    torn, found, problems = lines.pop(), list[Entry](), list[str]()
+    torn, chain_entries, problems = lines.pop(), list[Entry](), list[str]()
     before: str | None = START
     order = 0
     for number, line in enumerate(lines, start=1):
@@ -96,10 +96,10 @@ def read_chain(path: Path) -> Chain:
         if before not in {None, entry.before} or entry.order <= order:
             problems.append(f"line {number}: it does not follow the line before it: entries were removed or replaced")
         before, order = entry.sha256, entry.order
-        found.append(entry)
+        chain_entries.append(entry)
     if torn and _is_whole(torn):
         problems.append(f"line {len(lines) + 1}: its end was changed after it was written")
-    return Chain(path.stem, tuple(found), tuple(problems))
+    return Chain(path.stem, tuple(chain_entries), tuple(problems))
 
 
 def _is_whole(tail: bytes) -> bool:
@@ -111,21 +111,21 @@ def _is_whole(tail: bytes) -> bool:
     return False
 
 
-def append(path: Path, kind: EntryKind, run: str, what: Mapping[str, Any]) -> Entry:
+def append(path: Path, kind: EntryKind, run: str, content: Mapping[str, Any]) -> Entry:
     """Append an entry to a chain and make it durable; the log must be locked. Raises StoreError.
 
     What a killed process left of an entry goes.
     """
-    known = heads(path.parent.parent)
-    mine = known.get(path.stem)
+    all_heads = heads(path.parent.parent)
+    mine = all_heads.get(path.stem)
     entry = Entry(
-        order=1 + max((head.order for head in known.values()), default=0),
+        order=1 + max((head.order for head in all_heads.values()), default=0),
         at=datetime.now(UTC).isoformat(timespec="microseconds"),
         kind=kind.value,
         run=run,
         pid=os.getpid(),
         before=START if mine is None else mine.sha256,
-        what=what,
+        what=content,
     )
     try:
         with open(path, "r+b" if path.exists() else "x+b", opener=for_owner) as file:

@@ -147,13 +147,13 @@ def user() -> str:
 
 @cache
 def _versions() -> dict[str, str]:
-    found = {"auditor": __version__, "python": platform.python_version(), "system": platform.platform()}
+    versions = {"auditor": __version__, "python": platform.python_version(), "system": platform.platform()}
     for name in _VERSIONED:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 @cache

@@ -51,9 +51,9 @@ class Run:
     begin: int = 0
     """Where in its chain it begins, in bytes, or before that."""
 
-    def used(self, what: str, sha256: str, name: str = "") -> None:
+    def used(self, subject: str, sha256: str, name: str = "") -> None:
         """Say what the run reads: a recording, a calibration or a model, by its hash. Raises StoreError."""
-        self.say(EntryKind.USED, {"what": what, "hash": sha256, "name": name})
+        self.say(EntryKind.USED, {"what": subject, "hash": sha256, "name": name})
 
     def output(self, path: str | Path, sha256: str, size: int | None = None) -> None:
         """Say that a file lies in its place. Raises StoreError."""
@@ -62,10 +62,10 @@ class Run:
         self.say(EntryKind.WROTE, {"files": [OutputFile(place, size, sha256).fields]})
 
     @contextmanager
-    def saying(self, kind: EntryKind, what: dict[str, Any]) -> Iterator[None]:
+    def saying(self, kind: EntryKind, content: dict[str, Any]) -> Iterator[None]:
         """Append an entry, and do within the block what it says. Raises StoreError."""
         with log_lock(self.folder):
-            append(self.chain, kind, self.run_id, what)
+            append(self.chain, kind, self.run_id, content)
             yield
 
     def writing(self, outputs: Sequence[OutputFile], kind: EntryKind = EntryKind.WROTE) -> AbstractContextManager[None]:
@@ -88,9 +88,9 @@ class Run:
         """Say that files of the store are removed, and do so within the block. Raises StoreError."""
         return self.saying(EntryKind.REMOVED, {"files": [{"path": one} for one in places], "why": why})
 
-    def say(self, kind: EntryKind, what: dict[str, Any]) -> None:
+    def say(self, kind: EntryKind, content: dict[str, Any]) -> None:
         """Append an entry. Raises StoreError."""
-        with self.saying(kind, what):
+        with self.saying(kind, content):
             pass
 
 
@@ -145,9 +145,9 @@ def close_interrupted(folder: Path) -> None:
     """Close the runs of processes that are gone; the log must be locked. Raises StoreError."""
     for path in _own_chains(folder):
         with held(path) as free:
-            found = open_run(path) if free and _is_usable(path) else None
-            if found is not None:
-                interrupted = Run(folder, path, found.run)
+            opening = open_run(path) if free and _is_usable(path) else None
+            if opening is not None:
+                interrupted = Run(folder, path, opening.run)
                 _append_closing(interrupted, RunOutcome.INTERRUPTED, "its process was gone when the next run began")
 
 
@@ -183,20 +183,20 @@ def _close(ended: Run, outcome: RunOutcome, reason: str = "", signer: Signer | N
 
 def _append_closing(ended: Run, outcome: RunOutcome, reason: str) -> None:
     """Close a run, and say which of its last files are not in the places where they should be."""
-    found = entries_from(ended.chain, ended.begin)
+    entries = entries_from(ended.chain, ended.begin)
     unwritten = [
         [entry.order, file["path"]]
-        for entry in pending(found, ended.run_id)
+        for entry in pending(entries, ended.run_id)
         for file in entry.what["files"]
         if not _is_true(ended.folder, file)
     ]
-    what = {
+    content = {
         "outcome": outcome.value,
         "reason": reason,
         "unwritten": unwritten,
         "heads": _heads(ended.folder, ended.chain),
     }
-    append(ended.chain, EntryKind.CLOSED, ended.run_id, what)
+    append(ended.chain, EntryKind.CLOSED, ended.run_id, content)
 
 
 def _is_true(folder: Path, file: dict[str, Any]) -> bool:
@@ -258,9 +258,9 @@ class Place:
     accepted: tuple[OutputFile | None, ...]
     entry: Entry
 
-    def accepts(self, found: OutputFile | None) -> bool:
+    def accepts(self, file: OutputFile | None) -> bool:
         """Whether this is what should lie there."""
-        return found in self.accepted
+        return file in self.accepted
 
 
 @dataclass(frozen=True)

@@ -45,14 +45,14 @@ class Hashes:
             stamp = _stamp((self._folder / place).stat())
         except OSError:
             return None
-        known = self._trusted.get(place)
-        if known is None or known.stamp != stamp:
+        check = self._trusted.get(place)
+        if check is None or check.stamp != stamp:
             try:
-                known = FileCheck(stamp, hash_file(self._folder / place)[1])
+                check = FileCheck(stamp, hash_file(self._folder / place)[1])
             except StoreError:
                 return None
-        self._hashed[place] = known
-        return OutputFile(place, stamp[0], known.sha256)
+        self._hashed[place] = check
+        return OutputFile(place, stamp[0], check.sha256)
 
     def keep(self, wrong: set[str]) -> None:
         """Keep the files that were found right, for the next time: those that were looked at, and those trusted."""

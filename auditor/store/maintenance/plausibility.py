@@ -65,9 +65,9 @@ def _of_frames(frames: pa.Table, area_px: int) -> Iterator[str]:
 
 def _of_cells(store: Store, measurement_id: str) -> Iterator[str]:
     for cells in stream_tables(store.source("cells", measurement_id), _OF_CELLS):
-        row, what = _first_wrong(cells)
-        if what:
-            yield f"frame {cells['frame'][row].as_py()}: {what}"
+        row, problem = _first_wrong(cells)
+        if problem:
+            yield f"frame {cells['frame'][row].as_py()}: {problem}"
             return
 
 
@@ -101,19 +101,19 @@ def _over(
     count = int(sizes.sum())
     most = np.maximum.reduceat(valid[:count], starts) > _MOST_IN_CELL
     larger = np.logical_or.reduceat(total[:count] > valid[:count], starts)
-    found = np.flatnonzero(there)[most | (larger & counted[there])]
-    return np.asarray(found, dtype=np.int64)
+    rows = np.flatnonzero(there)[most | (larger & counted[there])]
+    return np.asarray(rows, dtype=np.int64)
 
 
 def _bytes_of(column: pa.Array | pa.ChunkedArray) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """The bytes of all values of a column, one after the other, and the length of each."""
-    found = []
+    pieces = []
     for part in column.chunks if isinstance(column, pa.ChunkedArray) else [column]:
         _, offsets, data = part.buffers()
         places = np.frombuffer(offsets, np.int32)[part.offset : part.offset + len(part) + 1]
         if len(part) and data is not None:
-            found.append(np.frombuffer(data, np.uint8)[places[0] : places[-1]])
-    whole = found[0] if len(found) == 1 else np.concatenate([np.empty(0, np.uint8), *found])
+            pieces.append(np.frombuffer(data, np.uint8)[places[0] : places[-1]])
+    whole = pieces[0] if len(pieces) == 1 else np.concatenate([np.empty(0, np.uint8), *pieces])
     return whole, np.asarray(pc.fill_null(pc.binary_length(column), 0), dtype=np.int64)
 
 
@@ -185,10 +185,10 @@ def _counts(store: Store, table: str, row_ids: Iterable[str]) -> dict[str, int]:
     """How many rows there are of each id, but for files that cannot be read, of which that is said."""
     column = id_column(table)
     files = finished_files(store.packs, store.folder, table, [one for one in row_ids if store.has(table, one)])
-    found = Counter[str]()
+    totals = Counter[str]()
     for path in files.packs:
-        found.update(read_table(table, path, [column])[column].to_pylist())
-    counts = {one: found[one] for path in files.packs for one in store.packs.members(path) if one not in files.hidden}
+        totals.update(read_table(table, path, [column])[column].to_pylist())
+    counts = {one: totals[one] for path in files.packs for one in store.packs.members(path) if one not in files.hidden}
     for path in files.alone:
         with suppress(StoreError):
             counts[path.stem] = len(read_table(table, path, [column]))

@@ -96,18 +96,18 @@ def relate(store: Store) -> tuple[SupersededRecording, ...]:
         if not new:
             return ()
         comparison = _Comparison(store, records)
-        found: dict[str, RecordingRecord] = {known: replace(records[known], conflicts=()) for known in new}
-        for one, other in _of_one_time(records, new):
-            for changed in comparison.compare(found.get(one, records[one]), found.get(other, records[other])):
-                found[changed.recording_id] = changed
+        updates: dict[str, RecordingRecord] = {known: replace(records[known], conflicts=()) for known in new}
+        for first, other in _of_one_time(records, new):
+            for changed in comparison.compare(updates.get(first, records[first]), updates.get(other, records[other])):
+                updates[changed.recording_id] = changed
         with logged(store.folder) as entry:
-            for known, changed in found.items():
+            for recording_id, changed in updates.items():
                 store.write_recording(changed)
-                if changed.superseded_by is not None and changed.superseded_by != records[known].superseded_by:
-                    entry.say(EntryKind.SUPERSEDED, {"earlier": known, "later": changed.superseded_by})
+                if changed.superseded_by is not None and changed.superseded_by != records[recording_id].superseded_by:
+                    entry.say(EntryKind.SUPERSEDED, {"earlier": recording_id, "later": changed.superseded_by})
     return tuple(
-        SupersededRecording(changed, found.get(changed.superseded_by, records[changed.superseded_by]))
-        for known, changed in sorted(found.items())
+        SupersededRecording(changed, updates.get(changed.superseded_by, records[changed.superseded_by]))
+        for known, changed in sorted(updates.items())
         if changed.superseded_by is not None and changed.superseded_by != records[known].superseded_by
     )
 
@@ -121,10 +121,10 @@ def _of_one_time(records: Mapping[str, RecordingRecord], new: set[str]) -> Itera
     open_ones: list[RecordingRecord] = []
     for record in timed:
         open_ones = [one for one in open_ones if (one.to_ns or 0) >= (record.from_ns or 0)]
-        for one in open_ones:
-            known = one.vehicle and record.vehicle and one.vehicle != record.vehicle
-            if not known and (one.recording_id in new or record.recording_id in new):
-                yield one.recording_id, record.recording_id
+        for earlier in open_ones:
+            other_vehicle = earlier.vehicle and record.vehicle and earlier.vehicle != record.vehicle
+            if not other_vehicle and (earlier.recording_id in new or record.recording_id in new):
+                yield earlier.recording_id, record.recording_id
         open_ones.append(record)
 
 
@@ -142,17 +142,17 @@ class _Comparison:
 
     def compare(self, a: RecordingRecord, b: RecordingRecord) -> Iterator[RecordingRecord]:
         """The recordings of which something is known now."""
-        one, other = self._known(a), self._known(b)
-        if not one.measurements or not other.measurements:
+        first, other = self._known(a), self._known(b)
+        if not first.measurements or not other.measurements:
             return
-        holders = [(low, high) for low, high in ((one, other), (other, one)) if self._holds(high, low)]
+        holders = [(low, high) for low, high in ((first, other), (other, first)) if self._holds(high, low)]
         if len(holders) == 2:
             holders = [(low, high) for low, high in holders if low.rank < high.rank]
         for low, high in holders:
             before = self._records.get(low.record.superseded_by or "")
             if before is None or self._known(before).rank < high.rank:
                 yield replace(low.record, superseded_by=high.record.recording_id)
-        if not holders and not one.labelled and not other.labelled and self._conflict(one, other):
+        if not holders and not first.labelled and not other.labelled and self._conflict(first, other):
             yield replace(a, conflicts=_with(a.conflicts, b.recording_id))
             yield replace(b, conflicts=_with(b.conflicts, a.recording_id))
 
@@ -174,13 +174,13 @@ class _Comparison:
             for one in common
         )
 
-    def _conflict(self, one: _RecordingMeasurements, other: _RecordingMeasurements) -> bool:
-        if not _of_one_clock(one.record, other.record):
+    def _conflict(self, first: _RecordingMeasurements, other: _RecordingMeasurements) -> bool:
+        if not _of_one_clock(first.record, other.record):
             return False
-        same_vehicle = one.record.vehicle is not None and one.record.vehicle == other.record.vehicle
+        same_vehicle = first.record.vehicle is not None and first.record.vehicle == other.record.vehicle
         return any(
             _differ(self._messages(a.measurement_id), self._messages(b.measurement_id), same_vehicle=same_vehicle)
-            for a in one.measurements
+            for a in first.measurements
             for b in other.measurements
             if a.procedure.matcher == b.procedure.matcher  # which decides whether images are read with their colours
         )

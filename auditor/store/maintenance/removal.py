@@ -38,16 +38,16 @@ def find_removable(store: Store, wanted: Collection[str]) -> list[RecordingRecor
 
     Raises StoreError where one names no recording, or several.
     """
-    found: dict[str, RecordingRecord] = {}
-    for one in wanted:
-        called = store.recordings_called(one)
+    records: dict[str, RecordingRecord] = {}
+    for name in wanted:
+        called = store.recordings_called(name)
         if len(called) != 1:
-            what = f"{len(called)} recordings are called" if called else "no recording is called"
+            problem = f"{len(called)} recordings are called" if called else "no recording is called"
             ids = ", ".join(record.recording_id[:12] for record in called)
             remedy = f"name one by its id: {ids}" if called else "auditor store list shows them"
-            raise StoreError(f"{what} {one!r}", where=store.folder, remedy=remedy)
-        found[called[0].recording_id] = called[0]
-    return list(found.values())
+            raise StoreError(f"{problem} {name!r}", where=store.folder, remedy=remedy)
+        records[called[0].recording_id] = called[0]
+    return list(records.values())
 
 
 def remove_recordings(store: Store, recording_ids: Collection[str]) -> RemovalResult:
@@ -58,12 +58,12 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> RemovalRe
         measurements = [one.measurement_id for one in store.measurements() if one.recording_id in gone]
         judgements = _remove_measurements(store, measurements)
         parts = [(table, known) for table in _EVALUATIONS for known in _parts_of(store, table, gone)]
-        for table, known in parts:
-            _remove(store, table, known)
+        for table, row_id in parts:
+            _remove(store, table, row_id)
         store.packs.hide(dict.fromkeys(_OF_RECORDINGS, gone), entry)
-        for known in gone:
-            paths = [store.path(table, known) for table in _OF_RECORDINGS]
-            with entry.removing(_places(store, paths), f"recording {known} was removed"):
+        for recording in gone:
+            paths = [store.path(table, recording) for table in _OF_RECORDINGS]
+            with entry.removing(_places(store, paths), f"recording {recording} was removed"):
                 for path in paths:
                     _unlink(path)
         for record in store.recordings():
@@ -80,15 +80,15 @@ def remove_measurement(store: Store, measurement_id: str) -> int:
 
 def _remove_measurements(store: Store, measurement_ids: Collection[str]) -> int:
     """Every judgement of the store is looked at once, however many measurements go."""
-    known = rows_of_files("judgements", store.files("judgements"), ["judgement_id", "measurement_id"])
-    judgements = [row["judgement_id"] for row in known if row["measurement_id"] in measurement_ids]
+    rows = rows_of_files("judgements", store.files("judgements"), ["judgement_id", "measurement_id"])
+    judgements = [row["judgement_id"] for row in rows if row["measurement_id"] in measurement_ids]
     for judgement in judgements:
         _remove(store, "judgements", judgement)
-    for one in measurement_ids:
-        if store.has_measurement(one):
-            _remove(store, "measurements", one)
-        _remove_pictures(store, one)
-        store.forget(one)
+    for measurement in measurement_ids:
+        if store.has_measurement(measurement):
+            _remove(store, "measurements", measurement)
+        _remove_pictures(store, measurement)
+        store.forget(measurement)
     return len(judgements)
 
 
@@ -142,12 +142,12 @@ def remove_counted_earlier(store: Store, measurement: str) -> None:
     if not store.has_measurement(measurement):
         return
 
-    def measured(known: str) -> tuple[str, str, str]:
-        one = store.measurement(known)
-        return one.recording_id, one.rig_id, one.procedure.matcher
+    def measured(candidate: str) -> tuple[str, str, str]:
+        record = store.measurement(candidate)
+        return record.recording_id, record.rig_id, record.procedure.matcher
 
     version = store.measurement(measurement).procedure.counting_version
-    for known in store.ids("measurements"):
-        earlier = store.measurement(known).procedure.counting_version < version
-        if earlier and measured(known) == measured(measurement):
-            remove_measurement(store, known)
+    for candidate in store.ids("measurements"):
+        earlier = store.measurement(candidate).procedure.counting_version < version
+        if earlier and measured(candidate) == measured(measurement):
+            remove_measurement(store, candidate)

@@ -158,8 +158,8 @@ def _ids(old: Path, packs: Packs, table: str) -> list[str]:
 def _finished(old: Path, packs: Packs, table: str) -> list[str]:
     """The ids of a table's finished rows: those that its manifest names, too, where it has one."""
     manifest = MANIFESTS.get(table)
-    known = set(_ids(old, packs, manifest)) if manifest else None
-    return [row_id for row_id in _ids(old, packs, table) if known is None or row_id in known]
+    manifest_ids = set(_ids(old, packs, manifest)) if manifest else None
+    return [row_id for row_id in _ids(old, packs, table) if manifest_ids is None or row_id in manifest_ids]
 
 
 def _rows(place: Path | PackPart) -> Iterator[_Row]:

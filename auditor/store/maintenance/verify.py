@@ -81,10 +81,10 @@ def _settled(store: StoreFolder, look: Callable[[], VerifyResult]) -> VerifyResu
     """What was found while no run wrote to the store, or at the last try."""
     for _ in range(_AT_MOST):
         before = heads(store.folder)
-        found = look()
-        if not found.grave or heads(store.folder) == before:
+        result = look()
+        if not result.grave or heads(store.folder) == before:
             break
-    return found
+    return result
 
 
 def _row_id(place: str) -> str:
@@ -146,8 +146,8 @@ class _Verification:
         """What does not fit inside the files that are as they were finished."""
         for table in TABLES:
             right = [one for one in self._store.ids(table) if f"{table}/{one}.parquet" not in self._wrong]
-            found = untied(self._store, table, right)
-            yield from self._noted(Problem(f"{table}/{row_id}.parquet", what) for row_id, what in found)
+            problems = untied(self._store, table, right)
+            yield from self._noted(Problem(f"{table}/{row_id}.parquet", what) for row_id, what in problems)
         yield from self._noted(self._implausible())
 
     def _noted(self, problems: Iterator[Problem]) -> Iterator[Problem]:
@@ -161,21 +161,21 @@ class _Verification:
             yield Problem(MARKER, "it is not as auditor writes it")
 
     def _of_logged(self, place: str) -> Iterator[Problem]:
-        known = self._log.places[place]
+        in_log = self._log.places[place]
         path = self._store.folder / place
         if not path.is_file():
-            if not known.accepts(None):
+            if not in_log.accepts(None):
                 yield Problem(place, f"it is missing: {self._log.told(place)} wrote it")
             return
         self._seen.add(place)
-        if known.accepted == (None,):
+        if in_log.accepted == (None,):
             problem = Problem(place, f"it was added: {self._log.told(place)} removed it")
             if _is_unfinished(place) and place.endswith(_PARQUET):  # it was packed, and made again: a row finishes it
                 if not self._is_apart(place):  # else its row is not looked at
                     self._removed[place] = problem
             else:
                 yield problem
-        elif not known.accepts(self._hashes.of(place)):
+        elif not in_log.accepts(self._hashes.of(place)):
             yield Problem(place, f"it is not as {self._log.told(place)} wrote it")
 
     def _of_manifest(self, manifest: str) -> Iterator[Problem]:
@@ -228,24 +228,24 @@ class _Verification:
     def _packed(self, place: str) -> Member | None:
         """What a pack that is as it was written has of the file in a place; None where none has."""
         table, _, name = place.partition("/")
-        found = self._store.packs.member(table, name.removesuffix(".parquet"))
-        return found and found[1]
+        member = self._store.packs.member(table, name.removesuffix(".parquet"))
+        return member and member[1]
 
     def _added(self) -> Iterator[Problem]:
         """Files that neither the log nor a row knows."""
-        known = {MARKER, *(place for place in self._log.places), *self._seen}
-        known |= {f"{LOG}/{path.name}" for path in chain_paths(self._store.folder)}
+        places = {MARKER, *(place for place in self._log.places), *self._seen}
+        places |= {f"{LOG}/{path.name}" for path in chain_paths(self._store.folder)}
         for path in sorted(self._store.folder.rglob("*")):
             place = path.relative_to(self._store.folder).as_posix()
-            if place in known or self._is_apart(place) or (path.is_dir() and not path.is_symlink()):
+            if place in places or self._is_apart(place) or (path.is_dir() and not path.is_symlink()):
                 continue
             if is_part(path) or place.startswith(f"{UPGRADED}/"):
                 yield Problem(place, "left by a run that was killed, or is being written: nobody reads it", grave=False)
             elif self._is_of_finished(place):
                 yield Problem(place, "it was added: no run wrote it")
             elif _is_unfinished(place):
-                what = "it was added, or left by a run that was killed: no row finishes it, and nobody reads it"
-                yield Problem(place, what, grave=False)
+                problem = "it was added, or left by a run that was killed: no row finishes it, and nobody reads it"
+                yield Problem(place, problem, grave=False)
             else:
                 yield Problem(place, "it was added: no run wrote it")
 
@@ -264,17 +264,17 @@ class _Verification:
 
     def _implausible(self) -> Iterator[Problem]:
         tables = [table for table, manifest in MANIFESTS.items() if manifest == "measurements"]
-        for known, rig_id in sorted(self._rigs.items()):
-            needed = {f"{table}/{known}.parquet" for table in ("measurements", *tables)}
+        for measurement, rig_id in sorted(self._rigs.items()):
+            needed = {f"{table}/{measurement}.parquet" for table in ("measurements", *tables)}
             if not self._wrong & {*needed, f"rigs/{rig_id}.parquet"}:
-                for table, what in implausible(self._store, known, self._store.rig(rig_id)):
-                    yield Problem(f"{table}/{known}.parquet", what)
+                for table, sentence in implausible(self._store, measurement, self._store.rig(rig_id)):
+                    yield Problem(f"{table}/{measurement}.parquet", sentence)
 
 
 def outputs_of(rows: list[dict[str, object]]) -> list[OutputFile]:
     """The files that the rows of a manifest's file finish."""
-    found = (row["outputs"] or () for row in rows)
-    return [OutputFile.of_fields(one) for outputs in found for one in outputs]  # type: ignore[attr-defined]
+    all_outputs = (row["outputs"] or () for row in rows)
+    return [OutputFile.of_fields(one) for outputs in all_outputs for one in outputs]  # type: ignore[attr-defined]
 
 
 def log_problems(chains: list[Chain]) -> Iterator[Problem]:
@@ -290,8 +290,8 @@ def log_problems(chains: list[Chain]) -> Iterator[Problem]:
             for name, sha256 in entry.what.get("heads", {}).items():
                 if name not in broken and sha256 not in hashes.get(name, ()):
                     broken.add(name)
-                    what = "entries are gone" if name in hashes else "it is missing"
-                    yield Problem(f"{LOG}/{name}.jsonl", f"{what}: {chain.name} saw them at {entry.at[:19]}Z")
+                    sentence = "entries are gone" if name in hashes else "it is missing"
+                    yield Problem(f"{LOG}/{name}.jsonl", f"{sentence}: {chain.name} saw them at {entry.at[:19]}Z")
 
 
 def _is_unfinished(place: str) -> bool:

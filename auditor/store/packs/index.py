@@ -78,8 +78,8 @@ class Index:
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(_COLUMNS)
-        for what, tables in ((_PACK, self.packs), (_REMOVED, self.removed)):
-            rows.writerows((what, table, one) for table in sorted(tables) for one in sorted(tables[table]))
+        for kind, tables in ((_PACK, self.packs), (_REMOVED, self.removed)):
+            rows.writerows((kind, table, one) for table in sorted(tables) for one in sorted(tables[table]))
         return text.getvalue().encode()
 
 
@@ -87,17 +87,17 @@ def read_index(folder: Path) -> Index:
     """The index of the store in a folder; an empty one where nothing was packed. Raises StoreError."""
     try:
         header, *rows = csv.reader((folder / INDEX).read_text(encoding="utf-8").splitlines())
-        found: dict[str, dict[str, list[str]]] = {_PACK: {}, _REMOVED: {}}
-        for what, table, one in rows:
-            found[what].setdefault(table, []).append(one)
+        tables: dict[str, dict[str, list[str]]] = {_PACK: {}, _REMOVED: {}}
+        for kind, table, row_id in rows:
+            tables[kind].setdefault(table, []).append(row_id)
     except FileNotFoundError:
         return Index()
     except (OSError, ValueError, KeyError) as error:
         raise StoreError(f"it cannot be read ({error})", where=folder / INDEX) from error
     if tuple(header) != _COLUMNS:
         raise StoreError("it is no index of packs", where=folder / INDEX)
-    packs = {table: tuple(ids) for table, ids in found[_PACK].items()}
-    return Index(packs, {table: frozenset(ids) for table, ids in found[_REMOVED].items()})
+    packs = {table: tuple(ids) for table, ids in tables[_PACK].items()}
+    return Index(packs, {table: frozenset(ids) for table, ids in tables[_REMOVED].items()})
 
 
 def pack_path(folder: Path, table: str, pack_id: str) -> Path:
@@ -171,16 +171,16 @@ class Packs:
 
     def _packs_of(self, table: str) -> Mapping[str, Path]:
         """By id the pack that has its rows, of several the first; put together once for each index."""
-        index, known = self.index, self._packs.get(table)
-        if known is None or known[0] is not index:
-            known = index, {one: path for path in reversed(self.paths(table)) for one in self.members(path)}
-            self._packs[table] = known
-        return known[1]
+        index, entry = self.index, self._packs.get(table)
+        if entry is None or entry[0] is not index:
+            entry = index, {one: path for path in reversed(self.paths(table)) for one in self.members(path)}
+            self._packs[table] = entry
+        return entry[1]
 
     def part(self, table: str, row_id: str) -> PackPart | None:
         """Where the rows of an id lie; None where no pack has them."""
-        found = self.member(table, row_id)
-        return found and PackPart(found[0], id_column(table), row_id, found[1].group)
+        member = self.member(table, row_id)
+        return member and PackPart(member[0], id_column(table), row_id, member[1].group)
 
     def hide(self, rows: Mapping[str, Collection[str]], entry: "Run") -> None:
         """The rows of some ids count no longer, by table; all of them go at one moment. Raises StoreError."""

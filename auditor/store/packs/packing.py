@@ -76,9 +76,9 @@ def pack(store: Store, least: int = 2) -> PackingResult:
     done = PackingResult()
     with logged(store.folder) as entry, index_lock(store.folder):
         tables = [table for table in PACKED if len(_small(store, table)) >= least]
-        known = expected(entries(store.folder)) if tables else LogState()
+        log_state = expected(entries(store.folder)) if tables else LogState()
         for table in tables:
-            of_table = _pack_table(store, table, known, entry)
+            of_table = _pack_table(store, table, log_state, entry)
             done = PackingResult(done.files + of_table.files, done.packs + of_table.packs, done.left + of_table.left)
         _remove_unread(store, entry)
     return done
@@ -100,8 +100,8 @@ def small_files(store: Store) -> int:
     return sum(len(_small(store, table)) for table in PACKED)
 
 
-def _pack_table(store: Store, table: str, known: LogState, entry: Run) -> PackingResult:
-    own = list(_own(store, table, known))
+def _pack_table(store: Store, table: str, log_state: LogState, entry: Run) -> PackingResult:
+    own = list(_own(store, table, log_state))
     if not own:
         return PackingResult()
     counting = set(store.ids(table)) - set(finished(store.folder / table))
@@ -118,20 +118,20 @@ def _pack_table(store: Store, table: str, known: LogState, entry: Run) -> Packin
 
 def _small(store: Store, table: str) -> list[Path]:
     """The finished files of a table that are small enough."""
-    known = set(store.ids(table))
-    paths = (store.path(table, one) for one in finished(store.folder / table) if one in known)
+    ids = set(store.ids(table))
+    paths = (store.path(table, one) for one in finished(store.folder / table) if one in ids)
     return [path for path in paths if path.stat().st_size <= SMALL_BYTES]
 
 
-def _own(store: Store, table: str, known: LogState) -> Iterator[_Piece]:
+def _own(store: Store, table: str, log_state: LogState) -> Iterator[_Piece]:
     """The small files of a table that are as they were written."""
     manifest = MANIFESTS.get(table)
     named = _named(store, manifest) if manifest else {}
     for path in _small(store, table):
-        identity, found = _identity(path), output_of(path, store.folder)
-        place = known.places.get(found.path)
-        if named.get(found.path) == found or (manifest is None and place is not None and place.accepted == (found,)):
-            yield _Piece(path, found, path.stem, path, identity)
+        identity, output = _identity(path), output_of(path, store.folder)
+        place = log_state.places.get(output.path)
+        if named.get(output.path) == output or (manifest is None and place is not None and place.accepted == (output,)):
+            yield _Piece(path, output, path.stem, path, identity)
 
 
 def _named(store: Store, manifest: str) -> dict[str, OutputFile]:
@@ -148,10 +148,10 @@ def _is_made_anew(store: Store, path: Path, counting: Collection[str]) -> bool:
 
 
 def _of_pack(store: Store, table: str, path: Path, counting: Collection[str]) -> Iterator[_Piece]:
-    for one in store.packs.members(path).values():
-        if one.row_id in counting:
-            first = OutputFile(f"{table}/{one.row_id}.parquet", one.size, one.sha256)
-            yield _Piece(store.source(table, one.row_id), first, one.row_id)
+    for member in store.packs.members(path).values():
+        if member.row_id in counting:
+            first = OutputFile(f"{table}/{member.row_id}.parquet", member.size, member.sha256)
+            yield _Piece(store.source(table, member.row_id), first, member.row_id)
 
 
 def _portions(pieces: Sequence[_Piece]) -> Iterator[list[_Piece]]:
@@ -229,8 +229,8 @@ def _put_in_force(store: Store, index: Index, own: Sequence[_Piece], old: Sequen
 
 def _remove_unread(store: Store, entry: Run) -> None:
     """Remove packs that the index does not name: a killed packing left them, or somebody read them until now."""
-    known = {path for table in PACKED for path in store.packs.paths(table)}
-    unnamed = [path for path in (store.folder / FOLDER).glob("*/*.parquet") if path not in known]
+    packs = {path for table in PACKED for path in store.packs.paths(table)}
+    unnamed = [path for path in (store.folder / FOLDER).glob("*/*.parquet") if path not in packs]
     with _unread(store.folder) as unread:
         if unnamed and unread:
             places = [path.relative_to(store.folder).as_posix() for path in unnamed]

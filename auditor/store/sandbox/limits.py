@@ -44,5 +44,5 @@ class SqlLimits:
         )
 
 
-def _error(what: str, remedy: str) -> LimitError:
-    return LimitError(what, where="SQL", remedy=remedy)
+def _error(problem: str, remedy: str) -> LimitError:
+    return LimitError(problem, where="SQL", remedy=remedy)

@@ -90,9 +90,9 @@ class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships n
 
     def names(self, paths: Iterable[Path]) -> list[str]:
         """Take files of the store in, and return the names that DuckDB may open them by."""
-        known = {name_of(path, status): (path, status) for path, status in ((path, path.stat()) for path in paths)}
-        self._files |= known
-        return [*known]
+        files = {name_of(path, status): (path, status) for path, status in ((path, path.stat()) for path in paths)}
+        self._files |= files
+        return [*files]
 
     def path(self, name: str) -> Path:
         """Where a file lies."""

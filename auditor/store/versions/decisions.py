@@ -159,30 +159,30 @@ class NextStep(NamedTuple):
     command: str
 
 
-def next_steps(one: Decision, store: Path) -> list[NextStep]:
+def next_steps(decision: Decision, store: Path) -> list[NextStep]:
     """What a person does about a rig kind, in order; nothing where nothing waits for a person."""
-    return [NextStep(what, one_line(join([*words, "--store", str(store)]))) for what, words in _steps(one)]
+    return [NextStep(what, one_line(join([*words, "--store", str(store)]))) for what, words in _steps(decision)]
 
 
-def _steps(one: Decision) -> Iterator[tuple[str, list[str]]]:
-    candidate, before = one.calibration_id or "", one.before
-    if one.look_at:
-        what = f"look at the recordings that wait ({len(one.look_at)}) and at their incidents"
-        yield what, ["auditor", "calibration", "quarantine"]
-        first = one.look_at[0].name
+def _steps(decision: Decision) -> Iterator[tuple[str, list[str]]]:
+    candidate, before = decision.calibration_id or "", decision.before
+    if decision.look_at:
+        action = f"look at the recordings that wait ({len(decision.look_at)}) and at their incidents"
+        yield action, ["auditor", "calibration", "quarantine"]
+        first = decision.look_at[0].name
         yield "of each that is clean say so: the next refresh learns from it", ["auditor", "label", first, "--clean"]
         attack = ["--sensor", "S_NUMBER", "--attack", "KIND"]
         yield "of each that was attacked say what: it is never learnt from", ["auditor", "label", first, *attack]
-    if one.decided is RefreshOutcome.WAITING:
+    if decision.decided is RefreshOutcome.WAITING:
         yield "name recordings that you know to be clean", ["auditor", "refresh", "RECORDING", "--clean"]
-    if one.decided is RefreshOutcome.HELD:
+    if decision.decided is RefreshOutcome.HELD:
         if before is not None:
             yield "look at what the candidate changes", ["auditor", "calibration", "diff", before[:12], candidate[:12]]
-        what = "put it in force if that is right, else leave it: the next refresh makes another"
-        yield what, ["auditor", "calibration", "promote", candidate[:12]]
-    if one.decided is RefreshOutcome.PROMOTED and one.provisional:
-        what = "confirm the version in force: nobody named its recordings clean, or they are too few"
-        yield what, ["auditor", "calibration", "promote", candidate[:12]]
+        action = "put it in force if that is right, else leave it: the next refresh makes another"
+        yield action, ["auditor", "calibration", "promote", candidate[:12]]
+    if decision.decided is RefreshOutcome.PROMOTED and decision.provisional:
+        action = "confirm the version in force: nobody named its recordings clean, or they are too few"
+        yield action, ["auditor", "calibration", "promote", candidate[:12]]
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ def read_quarantine(store: Store, history: History) -> tuple[QuarantineEntry, ..
     path = store.path("quarantine", history.history_id)
     rows = read_rows("quarantine", path) if path.is_file() else []
     own = ("history_id", "kind", "matcher")
-    known = [{name: value for name, value in row.items() if name not in own} for row in rows]
-    return tuple(QuarantineEntry(**{**one, "since": one["since"].replace(tzinfo=UTC)}) for one in known)
+    entries = [{name: value for name, value in row.items() if name not in own} for row in rows]
+    return tuple(QuarantineEntry(**{**one, "since": one["since"].replace(tzinfo=UTC)}) for one in entries)
 
 
 def write_quarantine(store: Store, history: History, waiting: Sequence[QuarantineEntry]) -> None:

@@ -119,27 +119,27 @@ class FleetDrift:
         return len({one.vehicle for one in self.sensors})
 
 
-def row_of(one: SensorDrift) -> dict[str, object]:
+def row_of(drift: SensorDrift) -> dict[str, object]:
     """One row of an answer, by COLUMNS."""
-    change = one.change
+    change = drift.change
     return {
-        "vehicle": one.vehicle,
-        "sensor": one.sensor,
-        "check": one.check,
-        "what": one.what,
-        "level": one.level,
-        "unit": one.unit,
-        "per_day": one.per_day,
-        "days_left": one.days_left,
+        "vehicle": drift.vehicle,
+        "sensor": drift.sensor,
+        "check": drift.check,
+        "what": drift.what,
+        "level": drift.level,
+        "unit": drift.unit,
+        "per_day": drift.per_day,
+        "days_left": drift.days_left,
         "after_day": change and change.after_day,
         "changed_on": change and change.on_day,
         "before": change and change.before,
         "now": change and change.now,
         "calibrated_anew": change and change.calibrated_anew,
-        "chance": one.chance,
-        "deviation": one.deviation,
-        "days": len(one.levels),
-        "first_day": one.first_day,
-        "last_day": one.last_day,
-        "kind": one.kind,
+        "chance": drift.chance,
+        "deviation": drift.deviation,
+        "days": len(drift.levels),
+        "first_day": drift.first_day,
+        "last_day": drift.last_day,
+        "kind": drift.kind,
     }

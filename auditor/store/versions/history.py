@@ -83,8 +83,8 @@ class History:
     def confirmed(self) -> str | None:
         """The calibration that a person put in force last; the first of all where nobody did."""
         stack = self._stack()
-        known = [move for move in stack if move.how.by_person] or stack[:1]
-        return known[-1].calibration_id if known else None
+        moves = [move for move in stack if move.how.by_person] or stack[:1]
+        return moves[-1].calibration_id if moves else None
 
     @property
     def vouched(self) -> bool:
@@ -118,14 +118,14 @@ def histories(store: Store) -> list[History]:
     return [_history(read_rows("calibration_history", path)) for path in store.finished_paths("calibration_history")]
 
 
-def history_of(known: Sequence[History], calibration: Calibration) -> History:
+def history_of(all_histories: Sequence[History], calibration: Calibration) -> History:
     """The history that a calibration is of; an empty one of its own rig kind where there is none yet."""
-    return history_for(known, calibration.rig_kind, calibration.procedure)
+    return history_for(all_histories, calibration.rig_kind, calibration.procedure)
 
 
-def history_for(known: Sequence[History], rig_kind: RigKind, procedure: Procedure) -> History:
+def history_for(all_histories: Sequence[History], rig_kind: RigKind, procedure: Procedure) -> History:
     """The history of a rig kind and procedure, of several that of exactly it; an empty one where there is none."""
-    fitting = [one for one in known if one.procedure == procedure and one.rig_kind.matches(rig_kind)]
+    fitting = [one for one in all_histories if one.procedure == procedure and one.rig_kind.matches(rig_kind)]
     exact = [one for one in fitting if one.rig_kind == rig_kind]
     return (exact or fitting or [History(rig_kind, procedure)])[0]
 
@@ -183,13 +183,13 @@ def put_first_in_force(store: Store, calibration: Calibration) -> bool:
     return before in (None, calibration.calibration_id)
 
 
-def in_force_of(store: Store, known: Sequence[History]) -> list[Calibration]:
+def in_force_of(store: Store, all_histories: Sequence[History]) -> list[Calibration]:
     """The calibrations of some histories that are in force; outdated ones are left out."""
-    found = []
-    for one in (history.in_force for history in known if history.in_force is not None):
+    calibrations = []
+    for calibration_id in (history.in_force for history in all_histories if history.in_force is not None):
         with suppress(OutdatedCalibrationError):
-            found.append(store.calibration(one))
-    return found
+            calibrations.append(store.calibration(calibration_id))
+    return calibrations
 
 
 def _entry(before: History, move: Move) -> dict[str, Any]:

@@ -93,13 +93,15 @@ class CalibrationVersion:
 
 def write_version(store: Store, version: CalibrationVersion) -> None:
     """Keep how a calibration was made; the row of the version is written last."""
-    known = version.calibration_id
-    rows = ({"calibration_id": known, **asdict(one)} for one in version.recordings)
-    store.write("calibration_recordings", known, rows)
+    calibration_id = version.calibration_id
+    rows = ({"calibration_id": calibration_id, **asdict(one)} for one in version.recordings)
+    store.write("calibration_recordings", calibration_id, rows)
     store.write(
-        "calibration_conditions", known, ({"calibration_id": known, **asdict(one)} for one in version.conditions)
+        "calibration_conditions",
+        calibration_id,
+        ({"calibration_id": calibration_id, **asdict(one)} for one in version.conditions),
     )
-    store.write("calibration_versions", known, [_row(version)])
+    store.write("calibration_versions", calibration_id, [_row(version)])
 
 
 def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None:
@@ -124,30 +126,30 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
     )
 
 
-def lost_versions(store: Store, known: Sequence[History]) -> list[CalibrationVersion]:
-    """The versions that came into force for a rig kind that no history, of `known`, tells of.
+def lost_versions(store: Store, all_histories: Sequence[History]) -> list[CalibrationVersion]:
+    """The versions that came into force for a rig kind that none of `all_histories` tells of.
 
     The file of such a history is gone: nothing says any more what was in force. A person restores it, or puts a version
     in force, which begins another.
     """
-    told = {(str(one.rig_kind), one.procedure.matcher) for one in known if one.moves}
+    told = {(str(one.rig_kind), one.procedure.matcher) for one in all_histories if one.moves}
     versions = [read_version(store, one) for one in store.ids("calibration_versions")]
     promoted = [one for one in versions if one is not None and one.outcome is VersionOutcome.PROMOTED]
     return [one for one in promoted if (one.kind, one.matcher) not in told]
 
 
-def lost_line(one: CalibrationVersion) -> str:
+def lost_line(version: CalibrationVersion) -> str:
     """What to say and do about a version of `lost_versions`."""
-    known = one.calibration_id[:12]
+    short_id = version.calibration_id[:12]
     return (
-        f"calibration {known} came into force for {one.kind}, and its history is gone from the store: restore "
-        f"calibration_history, or put it in force with auditor calibration promote {known}"
+        f"calibration {short_id} came into force for {version.kind}, and its history is gone from the store: restore "
+        f"calibration_history, or put it in force with auditor calibration promote {short_id}"
     )
 
 
-def missing_calibrations(store: Store, known: Sequence[History]) -> list[str]:
-    """One sentence for each version that the store tells of, or that a history, of `known`, names, without its file."""
-    named = {move.calibration_id for one in known for move in one.moves} | {*store.ids("calibration_versions")}
+def missing_calibrations(store: Store, all_histories: Sequence[History]) -> list[str]:
+    """One sentence for each version that the store tells of, or that one of `all_histories` names, without its file."""
+    named = {move.calibration_id for one in all_histories for move in one.moves} | {*store.ids("calibration_versions")}
     return [
         f"{one}: its file is gone from the store: restore calibrations/{one}.parquet, or make it again from its "
         "recordings with auditor calibrate"
@@ -155,9 +157,9 @@ def missing_calibrations(store: Store, known: Sequence[History]) -> list[str]:
     ]
 
 
-def provisional_of(store: Store, known: Sequence[History]) -> frozenset[str]:
+def provisional_of(store: Store, all_histories: Sequence[History]) -> frozenset[str]:
     """The calibrations of some histories that are in force, provisional, and not confirmed by a person."""
-    alone = [one.in_force for one in known if one.in_force is not None and not one.vouched]
+    alone = [one.in_force for one in all_histories if one.in_force is not None and not one.vouched]
     versions = [read_version(store, calibration_id) for calibration_id in alone]
     return frozenset(one.calibration_id for one in versions if one is not None and one.provisional)
 

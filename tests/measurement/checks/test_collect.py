@@ -17,6 +17,8 @@ from tests.making.scenes import RIG, plane_frame, plane_rig, scene
 
 OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
 """The checks of two grey cameras that are measured as they are."""
+OF_THREE = {SensorCheck(Check.FOREIGN_TEXTURE, camera, (3,)) for camera in (1, 2)}
+"""The reference and each other camera say how far away is what the third one has to show."""
 
 
 def checks_of(rig, without=frozenset()):
@@ -50,6 +52,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
         *(SensorCheck(check, 0, (3,)) for check in LIDAR_CHECKS),
         *(SensorCheck(check, 0, (1, 2, 3)) for check in (Check.FALSE_RANGES, Check.SCATTERED_RANGES)),
         *(SensorCheck(check, *pair) for check in OF_PICTURES for i in (1, 2) for pair in ((i, (3,)), (3, (i,)))),
+        *OF_THREE,
     }
     for counted, of_grid in cells.items():
         assert of_grid.valid.shape == ((80, 160) if counted.sensor == 0 else (15, 40))
@@ -62,7 +65,7 @@ def test_every_matched_pair_is_counted_in_the_images_of_both_its_cameras():
 def test_without_a_lidar_there_are_no_lidar_conflicts():
     frame_checks = checks_of(plane_rig(), without=frozenset({0}))
     assert not frame_checks.by_direction[Check.LIDAR_CONFLICT]
-    assert {one.check for one in frame_checks.shares} == set(OF_PICTURES)
+    assert {one.check for one in frame_checks.shares} == {*OF_PICTURES, Check.FOREIGN_TEXTURE}
     assert set(frame_checks.counts) == {(1, 3), (2, 3)}
 
 

@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auditor.measurement.checks.count_grid import (
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
+from auditor.measurement.checks.photometric_consistency import Matches
+from auditor.measurement.count_grid import (
     ImageGrid,
     opposite,
     places_of,
     sums_of_pair,
     sums_of_some,
 )
-from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
-from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import LIGHT_STEPS

@@ -219,9 +219,9 @@ def _varints(data: NDArray[np.uint8], count: int, fields: int) -> NDArray[np.int
 
 
 def _signed(numbers: NDArray[np.uint64]) -> NDArray[np.int64]:
-    one = np.uint64(1)
-    zigzag = numbers - one
-    signed = (zigzag >> one).view(np.int64) ^ -(zigzag & one).view(np.int64)
+    unit = np.uint64(1)
+    zigzag = numbers - unit
+    signed = (zigzag >> unit).view(np.int64) ^ -(zigzag & unit).view(np.int64)
     return np.where(numbers == 0, _NAN, signed)
 
 

@@ -91,11 +91,13 @@ def sensor_of(metadata: str) -> OusterSensor:
         raise DecodingError(f"the sensor's metadata are no description of an Ouster ({str(error)[:80]})") from error
 
 
-def _sensor(found: Any) -> OusterSensor:  # noqa: ANN401  # JSON
-    beams = found.get("beam_intrinsics", found)
-    form = next((found[key] for key in ("lidar_data_format", "data_format") if isinstance(found.get(key), dict)), None)
-    form = form or _form_of_mode(found.get("lidar_mode") or found["config_params"]["lidar_mode"])
-    place = found.get("lidar_intrinsics", found)["lidar_to_sensor_transform"]
+def _sensor(metadata: Any) -> OusterSensor:  # noqa: ANN401  # JSON
+    beams = metadata.get("beam_intrinsics", metadata)
+    form = next(
+        (metadata[key] for key in ("lidar_data_format", "data_format") if isinstance(metadata.get(key), dict)), None
+    )
+    form = form or _form_of_mode(metadata.get("lidar_mode") or metadata["config_params"]["lidar_mode"])
+    place = metadata.get("lidar_intrinsics", metadata)["lidar_to_sensor_transform"]
     profile = form.get("udp_profile_lidar", _LEGACY)
     if profile not in _PIXEL_BYTES:
         raise ValueError(f"packets of the profile {str(profile)[:40]!r} are not read")
@@ -112,7 +114,7 @@ def _sensor(found: Any) -> OusterSensor:  # noqa: ANN401  # JSON
     )
     lens = beams.get("beam_to_lidar_transform")
     if lens is None:
-        line = str(found.get("sensor_info", found).get("prod_line", ""))
+        line = str(metadata.get("sensor_info", metadata).get("prod_line", ""))
         usual = {} if not line.startswith("OS-1") else {"lidar_origin_to_beam_origin_mm": _USUAL_MM}
         beam_mm = (float(_numbers([(usual | beams)["lidar_origin_to_beam_origin_mm"]], 1)[0]), 0.0)
     else:

@@ -58,8 +58,8 @@ class VelodyneDecoder(PointCloudDecoder):
             made = velodyne.PacketVector([velodyne.VelodynePacket(0.0, packet.data) for packet in packets])
             _, points = scans.decode(made)
         except (RuntimeError, ValueError, TypeError, IndexError) as error:
-            what = str(error).splitlines()[0][:100]
-            raise DecodingError(f"its packets cannot be decoded ({what})", where=message.topic) from error
+            problem = str(error).splitlines()[0][:100]
+            raise DecodingError(f"its packets cannot be decoded ({problem})", where=message.topic) from error
         return finite(np.ascontiguousarray(points[:, :3]))
 
 
@@ -82,10 +82,10 @@ def calibration_of(packets: Iterable[bytes]) -> str | None:
         velodyne = _velodyne()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a round that is no calibration; the next one may be
-            found = velodyne.hdl64e.read_status_info(islice(packets, MOST_GATHERED))
-        made = velodyne.hdl64e.status_info_to_calib_dict(found)
+            status = velodyne.hdl64e.read_status_info(islice(packets, MOST_GATHERED))
+        made = velodyne.hdl64e.status_info_to_calib_dict(status)
         kept = {key: made[key] for key in ("distance_resolution", "num_lasers", "lasers")}
-        text = json.dumps({"model": found["Model"], **kept})
+        text = json.dumps({"model": status["Model"], **kept})
         _config(velodyne, text)
     except (DecodingError, ValueError, KeyError, IndexError, TypeError, RuntimeError, OverflowError):
         return None

@@ -56,12 +56,12 @@ class H264:
         """The head of an access unit."""
         declared = parameter_sets(data)
         self._parameters = declared[-1] if declared else self._parameters
-        sizes_px, known = tuple(one.size_px for one in declared), self._parameters
-        if known is None:
+        sizes_px, parameters = tuple(one.size_px for one in declared), self._parameters
+        if parameters is None:
             return VideoHead(sizes_px, period=1)
-        number = picture_number(data, known)
+        number = picture_number(data, parameters)
         is_key = number is not None and has_key_picture(data)
-        return VideoHead(sizes_px, is_key, number, 1 << known.number_bits, may_repeat=True)
+        return VideoHead(sizes_px, is_key, number, 1 << parameters.number_bits, may_repeat=True)
 
 
 def _parameters(data: bytes) -> Parameters:

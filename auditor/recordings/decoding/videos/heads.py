@@ -74,10 +74,10 @@ class Bits:
 
 def units(data: bytes) -> list[int]:
     """Where the units of H.264 or H.265 begin, behind their start codes."""
-    found = [start.end() for start in START.finditer(data) if start.end() < len(data)]
-    if len(found) > _MAX_UNITS:
+    begins = [start.end() for start in START.finditer(data) if start.end() < len(data)]
+    if len(begins) > _MAX_UNITS:
         raise DecodingError("the video message has too many units")
-    return found
+    return begins
 
 
 def payload(data: bytes, start: int, most_bytes: int = _MAX_UNIT_BYTES) -> bytes:

@@ -122,14 +122,14 @@ def load_table(file: Path, contents: Contents) -> Any:  # noqa: ANN401  # what J
 
 def existing(folder: Path, named: Iterable[tuple[int, str]]) -> tuple[tuple[tuple[int, Path], ...], int]:
     """Stamps and paths of the files below a folder that are named and there, in order, and how many are not there."""
-    top, found, lacking = folder.resolve(), [], 0
+    top, files, lacking = folder.resolve(), [], 0
     for stamp_ns, name in named:
         file = folder / name
         if file.resolve().is_relative_to(top) and file.is_file():
-            found.append((stamp_ns, file))
+            files.append((stamp_ns, file))
         else:
             lacking += 1
-    return tuple(sorted(found)), lacking
+    return tuple(sorted(files)), lacking
 
 
 def numbered_by_stamp(folder: Path, pattern: str) -> tuple[tuple[int, Path], ...]:

@@ -67,11 +67,11 @@ def _sensor(
     folder: Path, data: list[Any], name: str, place: Mapping[str, Any], K: Mapping[str, float]
 ) -> tuple[Sensor, int]:
     """The sensor, and how many of its files are not there."""
-    found = list(_files(data, name))
-    entries, lacking = existing(folder, [(stamp_ns, str(datum["filename"])) for stamp_ns, datum in found])
+    records = list(_files(data, name))
+    entries, lacking = existing(folder, [(stamp_ns, str(datum["filename"])) for stamp_ns, datum in records])
     translation = [float(place["translation"][axis]) for axis in "xyz"]
     vehicle_SE3_sensor = motion_of(quaternion_of(place["rotation"]), translation)
-    pictures = [datum for _, datum in found if "width" in datum]
+    pictures = [datum for _, datum in records if "width" in datum]
     if not pictures:
         return Sensor(name, vehicle_SE3_sensor, entries, read=points_of_npz), lacking
     matrix = np.array([[K["fx"], K["skew"], K["cx"]], [0, K["fy"], K["cy"]], [0, 0, 1]], np.float64)
@@ -80,10 +80,10 @@ def _sensor(
 
 
 def _files(data: list[Any], name: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    for one in data:
-        datum = one["datum"].get("image") or one["datum"].get("point_cloud")
-        if one["id"]["name"] == name and datum is not None:
-            yield _stamp_ns(str(one["id"]["timestamp"])), datum
+    for record in data:
+        datum = record["datum"].get("image") or record["datum"].get("point_cloud")
+        if record["id"]["name"] == name and datum is not None:
+            yield _stamp_ns(str(record["id"]["timestamp"])), datum
 
 
 def _stamp_ns(text: str) -> int:

@@ -44,8 +44,8 @@ class NuscenesReader:
                     where=path,
                     remedy="make a folder of one scene: python recipes/nuscenes_scene.py",
                 )
-            _, data, calibrated, known = (load_table(file, contents) for file in files)
-            sensors = list(_sensors(path, data, _by_token(calibrated), _by_token(known)))
+            _, data, calibrated, sensor_rows = (load_table(file, contents) for file in files)
+            sensors = list(_sensors(path, data, _by_token(calibrated), _by_token(sensor_rows)))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RecordingError(f"its tables are ill-formed ({error!r})", where=folder) from error
         lacking = sum(missing for _, missing in sensors)
@@ -60,7 +60,7 @@ def _sensors(
     folder: Path,
     data: list[Mapping[str, Any]],
     calibrated: Mapping[str, Mapping[str, Any]],
-    known: Mapping[str, Mapping[str, Any]],
+    sensor_rows: Mapping[str, Mapping[str, Any]],
 ) -> Iterator[tuple[Sensor, int]]:
     """Each camera and LiDAR, and how many of its files are not there."""
     of_sensors: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
@@ -68,7 +68,7 @@ def _sensors(
         of_sensors[str(row["calibrated_sensor_token"])].append(row)
     for token, rows in of_sensors.items():
         place = calibrated[token]
-        sensor = known[str(place["sensor_token"])]
+        sensor = sensor_rows[str(place["sensor_token"])]
         if sensor["modality"] not in {"camera", "lidar"}:
             continue
         entries, lacking = existing(folder, [(int(row["timestamp"]) * 1000, str(row["filename"])) for row in rows])

@@ -1,0 +1,177 @@
+"""Foreign texture: a camera shows something else where two others agree what is there, and how far away.
+
+Whatever is painted into one picture matches something in the others, here and there: of the disparities that stereo
+tries one always correlates a little. So a camera is not asked where it matches itself. Where two other cameras show the
+same at the disparity that stereo found between them, that disparity says where the camera has to show it as well.
+Clean cameras do nearly everywhere: what hides it from one of three on a line lies nearer, and is known. Pictures are
+compared at quarter resolution: "quarter px" are pixels of it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.photometric_consistency import consistency_of
+from auditor.measurement.checks.seen import FrameViews
+from auditor.measurement.disparity.half_resolution import halve, warp
+from auditor.measurement.parameters import PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
+from auditor.model.arrays import Floats32, Image, Mask
+from auditor.model.parameters import BY_HAND, parameter
+
+_REAL = "62 clean frames of three real drives, and patches of another street painted in (docs/decisions.md)"
+
+
+@dataclass(frozen=True)
+class ForeignTexture:
+    """How much of a window of one camera is not what two others agree on."""
+
+    window_px: tuple[int, int] = parameter((12, 16), unit="quarter px, rows and columns", source=_REAL)
+    pseudo_count: int = parameter(30, unit="quarter px that are added to those of a window", source=_REAL)
+    beyond: float = parameter(
+        2.1, unit="times the distance of two cameras, of a third one from the farther of them, at most", source=_REAL
+    )
+    nearer_px: float = parameter(1.0, unit="quarter px of disparity by which what is nearer hides it", source=BY_HAND)
+    beside_px: int = parameter(1, unit="quarter px either way that it may lie beside its place", source=_REAL)
+
+
+NUMBERS = ForeignTexture()
+_QUARTER = 2
+"""Half px a quarter px is wide."""
+_SIDE = 2 * PATCH_CORRELATION.radius_px + 1
+_AREA = _SIDE * _SIDE
+_SURE = np.ones((3, 3), dtype=np.uint8)
+_HIDING = np.ones((3, 5), dtype=np.uint8)
+_SMOOTHED_PX = 5
+
+
+class _Disagreement(NamedTuple):
+    """How much of a window of one camera is not what two others show, 0 to 1: by the source, and by the reference."""
+
+    by_source: float
+    by_reference: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreement:
+    """What a pair agrees on, at quarter resolution in its reference's view: `surfaces` and their `disparity` (h, w).
+
+    `seen` are all matches, also those that are less sure; they may hide something.
+    """
+
+    disparity: Floats32
+    surfaces: Mask
+    seen: Mask
+
+    def column(self, share: float) -> Floats32:
+        """(h, w) where a camera has each pixel that lies a share of the way from the reference to the source."""
+        width = self.disparity.shape[1]
+        return np.arange(width, dtype=np.float32) - self.disparity * np.float32(share)
+
+    def hidden(self, column: Floats32) -> Mask:
+        """(h, w) what a nearer surface hides from a camera that has the pixels in these columns."""
+        place = np.clip(np.rint(column), 0, column.shape[1] - 1).astype(np.intp)
+        place += np.arange(len(column), dtype=np.intp)[:, None] * column.shape[1]
+        nearest = np.zeros(column.size, dtype=np.float32)
+        np.maximum.at(nearest, place[self.seen], self.disparity[self.seen])
+        nearest = np.asarray(cv2.dilate(nearest.reshape(column.shape), _HIDING), dtype=np.float32)
+        return np.asarray(nearest.take(place) > self.disparity + np.float32(NUMBERS.nearer_px))
+
+
+@dataclass(frozen=True, eq=False)
+class _Texture:
+    """A picture (h, w) at quarter resolution, and the means and norms of the patches around its pixels."""
+
+    levels: Floats32
+    mean: Floats32
+    norm: Floats32
+
+    @classmethod
+    def of(cls, picture: Image) -> "_Texture":
+        levels = picture.astype(np.float32)
+        mean = _means(levels)
+        power = np.maximum(_means(levels * levels) - mean * mean, 0)
+        return cls(levels, mean, np.sqrt(power * np.float32(_AREA)))
+
+    def ncc(self, other: "_Texture") -> Floats32:
+        """(h, w) the correlation of the patches of two pictures."""
+        floor = np.float32(PATCH_CORRELATION.norm_floor)
+        covariance = (_means(self.levels * other.levels) - self.mean * other.mean) * np.float32(_AREA)
+        return np.asarray(covariance / ((self.norm + floor) * (other.norm + floor)))
+
+
+def measure_foreign_texture(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
+    """How much of a window of the source, and of the reference, is not what the other one and a third camera show.
+
+    Of several third cameras it is the least: one that is attacked itself may agree with nobody. None where none stands
+    so that it could tell.
+    """
+    return min(_by(seen, i, k), default=None), min(_by(seen, k, i), default=None)
+
+
+def _by(seen: FrameViews, camera: int, voter: int) -> Iterator[float]:
+    """What each pair of a voter and a third camera says of a camera."""
+    for source, reference in seen.maps:
+        if voter in (source, reference) and camera not in (source, reference):
+            place = seen.once(_share_of_way, source, reference, camera)
+            if max(abs(place), abs(1 - place)) <= NUMBERS.beyond:
+                said = seen.once(_disagreement, source, reference, camera)
+                yield said.by_source if voter == source else said.by_reference
+
+
+def _share_of_way(seen: FrameViews, source: int, reference: int, camera: int) -> float:
+    """Where a camera stands on the way from the reference, 0, to the source, 1."""
+    start, end, place = (float(seen.rig.camera(one).centre_m[0]) for one in (reference, source, camera))
+    return (place - start) / (end - start)
+
+
+def _disagreement(seen: FrameViews, source: int, reference: int, camera: int) -> _Disagreement:
+    agreed = seen.once(_agreement, source, reference)
+    column = agreed.column(seen.once(_share_of_way, source, reference, camera))
+    width, margin = column.shape[1], PATCH_CORRELATION.radius_px + NUMBERS.beside_px
+    there = agreed.surfaces & (column >= margin) & (column <= width - 1 - margin) & ~agreed.hidden(column)
+    picture, pair = seen.once(_picture, camera), seen.once(_textures, source, reference)
+    beside = range(-NUMBERS.beside_px, NUMBERS.beside_px + 1)
+    own = [_Texture.of(warp(picture, column + np.float32(shift))) for shift in beside]
+    shares = []
+    for texture in pair:
+        best = np.maximum.reduce([texture.ncc(one) for one in own])
+        compared = there & (own[NUMBERS.beside_px].norm > PHOTOMETRIC_CONSISTENCY.textured_norm)
+        shares.append(_largest(compared, compared & (best < PHOTOMETRIC_CONSISTENCY.inconsistent)))
+    return _Disagreement(*shares)
+
+
+def _agreement(seen: FrameViews, source: int, reference: int) -> _Agreement:
+    """What two cameras agree on: their patches correlate well at stereo's disparity."""
+    consistency = seen.once(consistency_of, source, reference)
+    column, seen_by_both = consistency.matches.column, consistency.matches.seen
+    sure = (seen_by_both & (consistency.ncc >= PATCH_CORRELATION.consistent)).view(np.uint8)
+    height, width = seen.once(_picture, reference).shape
+    disparity = (np.arange(column.shape[1], dtype=np.float32) - column)[::_QUARTER, ::_QUARTER] / np.float32(_QUARTER)
+    smooth = cv2.medianBlur(np.ascontiguousarray(disparity[:height, :width]), _SMOOTHED_PX)
+    surfaces, matched = cv2.erode(sure, _SURE)[::_QUARTER, ::_QUARTER] > 0, seen_by_both[::_QUARTER, ::_QUARTER]
+    return _Agreement(np.asarray(smooth, np.float32), surfaces[:height, :width], matched[:height, :width])
+
+
+def _textures(seen: FrameViews, source: int, reference: int) -> tuple[_Texture, _Texture]:
+    """The textures of a pair's source, warped into its reference's view, and of its reference."""
+    agreed = seen.once(_agreement, source, reference)
+    warped = warp(seen.once(_picture, source), agreed.column(1.0))
+    return _Texture.of(warped), _Texture.of(seen.once(_picture, reference))
+
+
+def _picture(seen: FrameViews, camera: int) -> Image:
+    return halve(seen.half_res[camera])
+
+
+def _means(values: Floats32) -> Floats32:
+    return np.asarray(cv2.blur(values, (_SIDE, _SIDE)), dtype=np.float32)
+
+
+def _largest(compared: Mask, foreign: Mask) -> float:
+    """The largest share of a window's pixels that are foreign."""
+    size = NUMBERS.window_px[::-1]
+    counted, those = (cv2.boxFilter(one.astype(np.float32), -1, size, normalize=False) for one in (compared, foreign))
+    return float((those / (counted + np.float32(NUMBERS.pseudo_count))).max())
