@@ -62,18 +62,18 @@ _FEWEST_BEHIND = 2  # messages behind another topic's last one: a single one may
 
 def without_renamed(sensors: Sequence[Sensor], reasons: list[Reason]) -> list[Sensor]:
     """The topics, less those that go on where another of the same frame ends; `reasons` gets a sentence for each."""
-    seen = [(span_over(sample.log_time_ns for sample in one.samples), one) for one in sensors if one.frame_id]
-    known = sorted(((*span, one.topic.name, one) for span, one in seen if span), key=itemgetter(0, 2))
+    spans = [(span_over(sample.log_time_ns for sample in topic.samples), topic) for topic in sensors if topic.frame_id]
+    in_turn = sorted(((*span, topic.topic.name, topic) for span, topic in spans if span), key=itemgetter(0, 2))
     last: dict[str, tuple[int, str]] = {}
     renamed: set[str] = set()
-    for begins_ns, ends_ns, name, one in known:
-        ended_ns, before = last.get(one.frame_id, (begins_ns, ""))
-        if ended_ns < begins_ns and len(one.samples) >= _FEWEST_BEHIND:
+    for begins_ns, ends_ns, name, sensor in in_turn:
+        ended_ns, before = last.get(sensor.frame_id, (begins_ns, ""))
+        if ended_ns < begins_ns and len(sensor.samples) >= _FEWEST_BEHIND:
             why = f"{name} goes on where {before} ends, in the same frame"
             reasons.append(Reason(f"{why}: the recording renames it there: cut it there, and audit both parts", name))
             renamed.add(name)
-        last[one.frame_id] = max((ended_ns, before), (ends_ns, name))
-    return [one for one in sensors if one.topic.name not in renamed]
+        last[sensor.frame_id] = max((ended_ns, before), (ends_ns, name))
+    return [sensor for sensor in sensors if sensor.topic.name not in renamed]
 
 
 def overlapping_most(
