@@ -288,7 +288,7 @@ class _Measuring:
             damage=self._damage,
             calibration_warnings=(*doubts.calibration_warnings, *rigs_in_force.remarks),
             withheld=doubts.withheld or None,
-            remarks=doubts.remarks,
+            remarks=(*doubts.remarks, *self._in_force.survey.transform_problems),
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=coverage,

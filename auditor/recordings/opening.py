@@ -19,9 +19,9 @@ from auditor.recordings.formats.datasets.kitti_odometry import KittiOdometryRead
 from auditor.recordings.formats.datasets.kitti_raw import KittiReader
 from auditor.recordings.formats.datasets.nuscenes import NuscenesReader
 from auditor.recordings.formats.datasets.pandaset import PandaSetReader
-from auditor.recordings.formats.files import DB3, file_kind
+from auditor.recordings.formats.files import file_kind
 from auditor.recordings.formats.mcap import McapReader
-from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, open_streams
+from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, folder_files, open_streams
 from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located
 from auditor.recordings.parts import files_of, grouped
@@ -30,10 +30,11 @@ from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.survey import survey
 from auditor.resources import entries_of
 
+_ROSBAG2 = "rosbag2"
+
 READERS: tuple[tuple[str, Reader], ...] = (
     ("mcap", McapReader()),
     ("bag", Ros1Reader()),
-    ("rosbag2", Ros2Reader()),
     ("kitti", KittiReader()),
     ("kitti_odometry", KittiOdometryReader()),
     ("kitti_360", Kitti360Reader()),
@@ -41,8 +42,12 @@ READERS: tuple[tuple[str, Reader], ...] = (
     ("argoverse", ArgoverseReader()),
     ("nuscenes", NuscenesReader()),
     ("pandaset", PandaSetReader()),
+    (_ROSBAG2, Ros2Reader()),
 )
 """Built-in readers, each with its name; those of the entry points group `auditor.readers` are tried after them."""
+
+_DATASETS = frozenset(name for name, _ in READERS) - {"mcap", "bag", _ROSBAG2}
+"""The readers of folders that hold no .mcap, .bag or .db3 file of theirs."""
 
 _ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
 """Names of recordings, also hidden ones or with something behind: logs are so renamed, and would be overlooked."""
@@ -132,7 +137,7 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     for path in paths:
         try:
             places.update(dict.fromkeys(_recordings_at(path, errors)))
-            for candidate in _almost_recordings(path) if path not in places else ():
+            for candidate in _almost_recordings(path):
                 if (overlooked := _overlooked(candidate)) is None:
                     notes[candidate] = None
                 else:
@@ -227,7 +232,7 @@ def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]
     if not path.exists():
         raise RecordingError("there is no such file or folder", where=path, remedy="check the path")
     if _is_one(path):
-        return [path]
+        return [path, *_beside(path, errors)]
     if not path.is_dir():
         raise unknown_kind(path)
     recordings = list(_search(path, errors))
@@ -243,10 +248,20 @@ def _is_one(path: Path) -> bool:
     """
     if reader_of(path) is None:
         return False
-    if not path.is_dir() or (path / "metadata.yaml").exists():
+    if format_of(path) != _ROSBAG2 or not path.is_dir() or (path / METADATA).exists():
         return True
-    files = [child for child in sorted(path.iterdir()) if child.is_file() and file_kind(child) == DB3]
+    files = folder_files(path)
     return len(files) < 2 or len(grouped(files, _has_rig)) == 1
+
+
+def _beside(folder: Path, errors: dict[Path, RecordingError] | None = None) -> Iterator[Path]:
+    """The recordings in the folder of a recording that are no part of it: it would pass over them in silence."""
+    name = format_of(folder) if folder.is_dir() else None
+    if name == _ROSBAG2:
+        own = set(folder_files(folder))
+        yield from (path for path in _search(folder, errors) if path not in own)
+    elif name in _DATASETS:  # the files of other packages' folders are known to them alone
+        yield from (path for path in sorted(folder.iterdir()) if file_kind(path) and path.is_file())
 
 
 def _search(folder: Path, errors: dict[Path, RecordingError] | None = None) -> Iterator[Path]:
@@ -262,6 +277,7 @@ def _search(folder: Path, errors: dict[Path, RecordingError] | None = None) -> I
         try:
             if _is_one(child):
                 yield child
+                yield from _beside(child, errors)
             elif child.is_dir():
                 yield from _search(child, errors)
         except OSError as error:

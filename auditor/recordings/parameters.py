@@ -26,6 +26,10 @@ class FirstLook:
 
     samples: int = parameter(40, unit="stamps a sensor", source=BY_HAND)
     most_lag_ns: int = parameter(2 * 10**9, unit="ns between messages of a file", source=BY_HAND)
+    most_disorder_ns: int = parameter(
+        300 * 10**6, unit="ns of log times between topics", source="10 periods of 30 Hz: so long frames wait"
+    )
+    most_back: float = parameter(0.25, unit="share of steps in a topic whose log time goes back", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -210,7 +214,11 @@ class PictureOrder:
 class OddPictures:
     """Pictures that no sensor gives: of three channels without a colour anywhere, or with rows of one level."""
 
-    most_apart: int = parameter(2, unit="levels between two channels of a pixel", source="lossy codecs round by 1 each")
+    most_apart: int = parameter(
+        7,
+        unit="levels between two channels of a pixel",
+        source="H.264 rounds chroma by up to 2, of 3.2 levels each; cameras in colour had 54 at least",
+    )
     most_tint: int = parameter(
         6, unit="levels more, where all pixels have them", source="a converter's grey of U = V = 127 has 3; by hand"
     )

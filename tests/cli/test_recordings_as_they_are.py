@@ -1,5 +1,6 @@
 """What a scan does with recordings that are cut, too dear, or of sensors that cannot be compared."""
 
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -105,6 +106,19 @@ def test_bags_without_cameras_say_what_is_missing_or_how_little_is_looked_at(
     for name, said in (("ros1_tilt_laser.bag", "no triple possible"), ("ros2_vlp16", "LiDAR alone")):
         assert run(["inspect", str(source / name)]) == 3
         assert said in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(("left", "what"), [(8, "the recording"), (60, "this chunk")])
+def test_of_a_recording_that_is_cut_before_its_first_message_the_cut_is_said(
+    left: int, what: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = write_drive(tmp_path / "cut.mcap", count=2)
+    os.truncate(path, left)
+    for words in (["inspect", str(path)], ["scan", str(path), "--store", str(tmp_path / "audit")]):
+        assert run(words) == 3
+        said = " ".join("".join(capfd.readouterr()).split())
+        assert f"no message is left in it: {what} is cut" in said
+        assert "no camera images" not in said
 
 
 def test_a_recording_over_its_budget_is_one_line_and_leaves_nothing_half_done(

@@ -324,6 +324,15 @@ def test_parts_of_a_drive_are_put_together_and_drives_of_one_series_are_not(
     assert f"s3://{BUCKET}/split/drive_2.mcap: {FRAMES} frames measured" in said
 
 
+def test_what_lies_in_a_rosbag2_folder_of_another_kind_is_a_recording_by_itself(bucket: Proxy, tmp_path: Path) -> None:
+    (tmp_path / "any").write_bytes(b"0")
+    for name in ("metadata.yaml", "night_0.db3", "night_0.db3-wal", "night_1.db3", "other.bag", "other.mcap"):
+        bucket.put(f"beside/night/{name}", tmp_path / "any")
+    found = [one.remote for one in find_remote([Address(f"s3://{BUCKET}", "beside")]).recordings]
+    names = {one.address.rpartition("beside/")[2]: len(one.objects) for one in found if one is not None}
+    assert names == {"night": 4, "night/other.bag": 1, "night/other.mcap": 1}
+
+
 def test_shards_without_a_coordinator_and_one_scan_behind_them_equal_one_scan(
     fleet: list[Path], bucket: Proxy, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

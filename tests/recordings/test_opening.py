@@ -47,6 +47,61 @@ def test_a_rosbag2_folder_without_its_metadata_is_a_recording(fleet: Path, tmp_p
         assert len(list(recording.messages())) == 1 + 2 * 5 + 1
 
 
+def test_a_db3_file_in_a_folder_hides_no_other_recording(fleet: Path, tmp_path: Path) -> None:
+    night = tmp_path / "night"
+    shutil.copytree(fleet / "b", night)
+    shutil.copy(fleet / "c" / "c.db3", night / "c.db3")
+    shutil.copytree(fleet / "a", night / "deeper")
+    (night / "empty.db3").touch()
+    (night / "damaged.db3").write_bytes(bytes(5000))
+    found = find_recordings([night])
+    assert names(found.recordings) == ["c.db3", "damaged.db3", "three.bag", "empty.db3", "one.MCAP", "two.mcap"]
+    assert names(find_recordings([tmp_path]).recordings) == names(found.recordings)
+    with pytest.raises(RecordingError, match="it holds 6 recordings"):
+        open_recording(night)
+    with pytest.raises(RecordingError, match="is empty"):
+        open_recording(night / "empty.db3")
+
+
+def test_db3_files_are_one_recording_only_where_their_names_are_those_of_parts(fleet: Path, tmp_path: Path) -> None:
+    for name in ("monday.db3", "tuesday.db3"):
+        shutil.copy(fleet / "c" / "c.db3", tmp_path / name)
+    assert names(find_recordings([tmp_path]).recordings) == ["monday.db3", "tuesday.db3"]
+
+
+@pytest.mark.parametrize("listed", ["", "  relative_file_paths:\n  - c.db3\n"])
+def test_what_lies_in_a_rosbag2_folder_and_is_no_part_of_it_is_a_recording_too(
+    fleet: Path, tmp_path: Path, listed: str
+) -> None:
+    bag = tmp_path / "night" / "c"
+    shutil.copytree(fleet / "c", bag)
+    shutil.copytree(fleet / "a", bag / "deeper")
+    shutil.copy(fleet / "b" / "two.mcap", bag / "b.mcap")
+    shutil.copy(fleet / "a" / "deep" / "three.bag", bag / "a.bag")
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information:\n" + listed)
+    for given in (bag, tmp_path / "night", tmp_path):
+        assert names(find_recordings([given]).recordings) == ["c", "a.bag", "b.mcap", "three.bag"]
+    with open_recording(bag) as recording:
+        assert [file.name for file in recording.files] == ["c.db3"]
+
+
+def test_the_files_of_a_rosbag2_folder_are_those_that_its_metadata_list(fleet: Path, tmp_path: Path) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "drive_0.mcap")
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "drive_1.mcap")
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "other.mcap")
+    shutil.copy(fleet / "c" / "c.db3", tmp_path / "c.db3")
+    (tmp_path / "metadata.yaml").write_text("  relative_file_paths:\n  - drive_0.mcap\n")
+    assert names(find_recordings([tmp_path]).recordings) == [tmp_path.name, "c.db3", "other.mcap"]
+    with open_recording(tmp_path) as recording:
+        assert [file.name for file in recording.files] == ["drive_0.mcap", "drive_1.mcap"]
+
+
+def test_a_recording_in_the_folder_of_a_dataset_s_drive_is_one_too(fleet: Path, tmp_path: Path) -> None:
+    (tmp_path / "drive" / "image_00" / "data").mkdir(parents=True)
+    shutil.copy(fleet / "c" / "c.db3", tmp_path / "drive" / "c.db3")
+    assert names(find_recordings([tmp_path]).recordings) == ["drive", "c.db3"]
+
+
 def test_each_path_without_a_recording_gives_an_error_and_the_others_are_found(fleet: Path, tmp_path: Path) -> None:
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "nothing").mkdir()

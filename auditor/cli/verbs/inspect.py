@@ -181,7 +181,7 @@ def _remarks(description: dict[str, Any]) -> Iterator[str]:
     yield from description["problems"]
     for piece in description["damage"]:
         yield f"damaged: {piece}"
-    if description["missing"]:
+    if description["missing"] and description["missing"] not in description["problems"]:
         yield description["missing"]
 
 

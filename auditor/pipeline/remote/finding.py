@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -10,7 +10,7 @@ from auditor.errors import RecordingError, SettingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import LocatedRecordings, find_recordings
-from auditor.recordings.formats.files import DB3, common_name, file_kind, part_name
+from auditor.recordings.formats.files import DB3, MCAP, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.recordings.opening import unknown_kind
 from auditor.store.records import RecordingRecord
@@ -137,8 +137,9 @@ class _Keys:
     def recordings(self) -> Iterator[Remote]:
         """The recordings in order of their addresses."""
         bundles: dict[str, list[StoredObject]] = {}
+        kinds = {folder: self._kind_in(folder) for folder in self.folders}
         for stored_object in self.files:
-            bundles.setdefault(self._bundle(stored_object.address), []).append(stored_object)
+            bundles.setdefault(self._bundle(stored_object.address, kinds), []).append(stored_object)
         for common, objects in bundles.items():
             files = [one for one in objects if file_kind(Path(one.address))]
             if common in self.folders:
@@ -150,12 +151,17 @@ class _Keys:
                     beside = (one for one in objects if _is_journal_of(one, file))
                     yield Remote(file.address, (file, *beside))
 
-    def _bundle(self, address: str) -> str:
+    def _kind_in(self, folder: str) -> str:
+        """The kind of the files of a rosbag2 folder; what else lies in it are recordings by themselves."""
+        kinds = {file_kind(Path(one.address)) for one in self.files if one.address.rpartition("/")[0] == folder}
+        return min(kinds & {DB3, MCAP}, default="")
+
+    def _bundle(self, address: str, kinds: Mapping[str, str]) -> str:
         """What the objects of one recording have in common."""
         folder = address.rpartition("/")[0]
-        if folder in self.folders:
-            return folder
         own = _JOURNAL.sub("", address)
+        if file_kind(Path(own)) in {"", kinds.get(folder)}:
+            return folder
         name = part_name(Path(own))
         return f"{folder}/{name.series}*{name.kind}" if name is not None else own
 

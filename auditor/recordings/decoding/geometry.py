@@ -98,12 +98,13 @@ def transform_of(parent: str, child: str, quaternion: Sequence[float], translati
 def motion_of(quaternion: Sequence[float], translation_m: Sequence[float]) -> Matrix:
     """The (4, 4) motion of a quaternion (x, y, z, w) and a translation. Raises ValueError where they are none."""
     if not all(abs(number) < ABSURD for number in (*quaternion, *translation_m)):
-        raise ValueError("a transform is absurdly large or not finite")
+        raise ValueError("its numbers are absurdly large or not finite")
     return motion(rotation_from_quaternion(*quaternion), np.array(translation_m, dtype=np.float64))
 
 
 def checked_transforms(transforms: Sequence[Transform], topic: str) -> tuple[Transform, ...]:
     """Transforms of one message. Raises DecodingError where each has a problem: then the message is damaged."""
     if transforms and all(transform.problem for transform in transforms):
-        raise DecodingError(transforms[0].problem, where=topic)
+        first = transforms[0]
+        raise DecodingError(f"{first.parent} to {first.child}: {first.problem}", where=topic)
     return tuple(transforms)

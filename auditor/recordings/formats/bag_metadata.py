@@ -39,6 +39,12 @@ def listed_and_missing(files: Sequence[Path]) -> Iterator[str]:
         yield from (f"{listed[one]} is missing, which {METADATA} lists" for one in listed if one not in there)
 
 
+def listed_and_there(files: Sequence[Path]) -> Iterator[Path]:
+    """Those of some files that the metadata.yaml beside them lists."""
+    listed = {folder: {_unpacked(name) for name in _listed_in(folder)} for folder in {file.parent for file in files}}
+    yield from (file for file in files if _unpacked(file.name) in listed[file.parent])
+
+
 def _listed_in(folder: Path) -> Sequence[str]:
     """The names of recordings that a folder's metadata.yaml lists; none where it has none, or they cannot be read."""
     text = _text_in(folder) or ""

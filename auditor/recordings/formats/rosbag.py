@@ -9,7 +9,8 @@ from typing import Any
 from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import ChangedError
-from auditor.recordings.formats.files import BAG, MCAP, NO_JOURNALS, FilesRecording, Streams, file_kind
+from auditor.recordings.formats.bag_metadata import METADATA, listed_and_there
+from auditor.recordings.formats.files import BAG, DB3, MCAP, NO_JOURNALS, FilesRecording, Streams, file_kind, part_name
 from auditor.recordings.formats.found import DamageLog
 from auditor.recordings.formats.mcap import McapRecording
 from auditor.recordings.formats.rosbag1 import BagRead
@@ -38,14 +39,14 @@ class Ros2Reader:
     """Recognises .db3 files, rosbag2 folders, and files that rosbag2 compressed."""
 
     def detects(self, path: Path) -> bool:
-        """True for a .db3 file, or a packed one or .mcap, and for a folder with metadata.yaml or .db3 files."""
+        """True for a .db3 file, or a packed one or .mcap, and for a folder that is one recording, see folder_files."""
         if path.is_dir():
-            return bool(_storage_files(path)) and ((path / "metadata.yaml").is_file() or bool(_files(path, ".db3")))
+            return bool(folder_files(path))
         return kind_of(path) in {".db3", ".mcap"} and path.is_file()
 
     def open(self, path: Path) -> Recording:
         """Open it; the files of a folder are in the order of their names. Raises RecordingError."""
-        files = _storage_files(path) if path.is_dir() else (path,)
+        files = folder_files(path) if path.is_dir() else (path,)
         if kind_of(files[0]) == ".mcap":
             return McapRecording(path, (files,))
         # The files are opened one by one: metadata.yaml may be missing, or name files that are missing.
@@ -60,14 +61,35 @@ def open_streams(path: Path, streams: Streams) -> Recording:
     return RosbagRecording(path, streams, BagRead if kind == BAG else Db3Read)
 
 
-def _files(folder: Path, suffix: str) -> tuple[Path, ...]:
+def folder_files(folder: Path) -> tuple[Path, ...]:
+    """The files that are the recording of a rosbag2 folder, in order; none where it is no such folder.
+
+    They are those that its metadata.yaml lists and the other parts of their series, which a recorder that was killed
+    has not listed. A list that names none of the files says nothing. A folder without it is one recording where it
+    holds no folder, and of recordings the .db3 files of one series alone.
+    """
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    files = [entry for entry in entries if file_kind(entry) and entry.is_file()]
+    if (folder / METADATA).is_file():
+        files = [file for file in files if file_kind(file) != BAG]
+        series = {_series(file) for file in listed_and_there(files)}
+        files = [file for file in files if _series(file) in series] or files
+        first = min((file_kind(file) for file in files), default="")  # .db3 before .mcap
+        files = [file for file in files if file_kind(file) == first]
+    elif (
+        {file_kind(file) for file in files} != {DB3}
+        or len({_series(file) for file in files}) > 1
+        or any(entry.is_dir() for entry in entries)
+    ):
+        return ()
     # "_10" comes after "_9": recorders number the files of a folder without leading zeros.
-    files = (file for file in folder.iterdir() if kind_of(file) == suffix and file.is_file())
     return tuple(sorted(files, key=lambda file: (len(file.name), file.name)))
 
 
-def _storage_files(folder: Path) -> tuple[Path, ...]:
-    return _files(folder, ".db3") or _files(folder, ".mcap")
+def _series(file: Path) -> object:
+    """What the parts of one drive have in common by their names; a file without a number is one by itself."""
+    name = part_name(file)
+    return name.key if name else file
 
 
 def _journals(files: Iterable[Path]) -> Mapping[Path, Path]:

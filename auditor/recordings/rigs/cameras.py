@@ -21,7 +21,7 @@ from auditor.recordings.rigs.calibrations import (
     of_pictures,
     scaled_by,
 )
-from auditor.recordings.rigs.left_out import Reason, first_ones
+from auditor.recordings.rigs.left_out import Reason, first_ones, without_renamed
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 from auditor.recordings.synchronisation.vehicles import space_of
 
@@ -120,7 +120,7 @@ def find_views(survey: Survey, reasons: list[Reason]) -> list[View]:
     best: dict[str, View] = {}
     infos_by_frame = _infos_by_frame(survey)
     in_tf = {frame for transform in survey.transforms for frame in (transform.parent, transform.child)}
-    for image in sorted(survey.images, key=_preference):
+    for image in sorted(without_renamed(survey.images, reasons), key=_preference):
         calibration = _camera_info_of(image, survey, infos_by_frame)
         if calibration is None:
             reasons.append(Reason(f"{image.topic.name} has no camera info", image.topic.name))

@@ -53,6 +53,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images and not survey.clouds:
+        if not survey.topics and survey.problems:
+            raise RigError(survey.problems[0], remedy="copy it again, or end its recording first")
         none = "there are no camera images and no points that can be read"
         missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
         raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
@@ -377,6 +379,7 @@ def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
     if not survey.clouds:
         yield "there is no LiDAR"
     yield from _unreadable(survey)
+    yield from survey.transform_problems[:12]
     yield from map(str, reasons[:12])
     if any(isinstance(why, TooFew) for why in reasons):
         degrees = round(np.degrees(MAX_SQUINT))

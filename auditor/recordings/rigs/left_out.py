@@ -6,6 +6,7 @@ Of many cameras those stay that can be compared: pairs grow with the square of c
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +15,9 @@ from auditor.model.optics.common_view import NEAREST_AHEAD
 from auditor.model.optics.geometry import Matrix
 from auditor.model.parameters import COMMON_VIEW, PAIR_DEPTH
 from auditor.model.rig import Camera
+from auditor.recordings.formats.found import span_over
 from auditor.recordings.parameters import RIG_LIMITS
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,26 @@ _MOST_NAMED = 100
 _DIGITS = 9  # what differs by rounding alone overlaps alike
 
 Some = TypeVar("Some")
+
+Sensor = TypeVar("Sensor", bound=ImageTopic | CloudTopic)
+
+_FEWEST_BEHIND = 2  # messages behind another topic's last one: a single one may only come first
+
+
+def without_renamed(sensors: Sequence[Sensor], reasons: list[Reason]) -> list[Sensor]:
+    """The topics, less those that go on where another of the same frame ends; `reasons` gets a sentence for each."""
+    spans = [(span_over(sample.log_time_ns for sample in topic.samples), topic) for topic in sensors if topic.frame_id]
+    in_turn = sorted(((*span, topic.topic.name, topic) for span, topic in spans if span), key=itemgetter(0, 2))
+    last: dict[str, tuple[int, str]] = {}
+    renamed: set[str] = set()
+    for begins_ns, ends_ns, name, sensor in in_turn:
+        ended_ns, before = last.get(sensor.frame_id, (begins_ns, ""))
+        if ended_ns < begins_ns and len(sensor.samples) >= _FEWEST_BEHIND:
+            why = f"{name} goes on where {before} ends, in the same frame"
+            reasons.append(Reason(f"{why}: the recording renames it there: cut it there, and audit both parts", name))
+            renamed.add(name)
+        last[sensor.frame_id] = max((ended_ns, before), (ends_ns, name))
+    return [sensor for sensor in sensors if sensor.topic.name not in renamed]
 
 
 def overlapping_most(

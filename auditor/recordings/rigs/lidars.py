@@ -11,7 +11,7 @@ from auditor.model.rig import LIDAR, Lidar, Rig
 from auditor.recordings.parameters import LIDAR_CHOICE, LIDAR_OVERLAP, RIG_LIMITS
 from auditor.recordings.rigs.cameras import View, sensor_name
 from auditor.recordings.rigs.frame_tree import FrameTree
-from auditor.recordings.rigs.left_out import Reason
+from auditor.recordings.rigs.left_out import Reason, without_renamed
 from auditor.recordings.rigs.ordering import PlacedViews
 from auditor.recordings.synchronisation.clocks import usual_period_ns
 from auditor.recordings.synchronisation.sectors import sweep_of
@@ -69,16 +69,17 @@ def lidar_of(cloud: CloudTopic, rig_SE3_lidar: Matrix, ahead: Matrix) -> Lidar:
 
 
 def on_vehicle(survey: Survey, frames: FrameTree, reasons: list[Reason]) -> tuple[CloudTopic, ...]:
-    """The topics of points, less those whose points were put into a frame in which the vehicle moves.
+    """The topics of points, less renamed ones, and those whose points are in a frame in which the vehicle moves.
 
     Such points are no sensor's own: where its LiDAR was is not known of them. `reasons` gets a sentence for each.
     """
+    clouds = without_renamed(survey.clouds, reasons)
     if not survey.moving:
-        return survey.clouds
+        return tuple(clouds)
     frame_ids = [info.header.frame_id for info in survey.camera_infos.values()]
     frame_ids += [*(image.frame_id for image in survey.images), *(cloud.frame_id for cloud in survey.clouds), *_BODIES]
     kept = []
-    for cloud in survey.clouds:
+    for cloud in clouds:
         chains = (frames.chain(cloud.frame_id, other) for other in {*frame_ids} - {"", cloud.frame_id})
         moves = [not survey.moving.isdisjoint(pairwise(chain)) for chain in chains if chain is not None]
         if moves and all(moves) and cloud.frame_id not in _BODIES:

@@ -27,6 +27,8 @@ from auditor.safety.budget import MAX_TRANSFORM_BYTES, MAX_TRANSFORMS, MAX_TRANS
 _FIXED_TO_THE_WORLD = frozenset({"map", "odom", "earth"})
 """Frames in which vehicles move, by their names in REP 105."""
 
+_MOST_ABOVE = 64  # frames above one that are looked at for a loop: it bounds the work
+
 
 class Mountings:
     """The first transform between each two frames: mountings do not move."""
@@ -34,6 +36,7 @@ class Mountings:
     def __init__(self, spaces: Collection[str] = ()) -> None:
         self._spaces = spaces
         self._known: dict[tuple[str, str], Transform] = {}
+        self._above: dict[str, str] = {}
         self._last: dict[tuple[str, str], Transform] = {}
         self._steps: dict[tuple[str, str], int] = {}
         self._static: set[tuple[str, str]] = set()
@@ -63,15 +66,29 @@ class Mountings:
         else:
             self._bytes += size
             for transform in decoder.transforms(message):
-                if transform.problem:
-                    yield f"{transform.parent} to {transform.child}: {transform.problem}"
+                own = transform_of(transform, message.topic, self._spaces)
+                if problem := transform.problem or self._contradiction(own):
+                    yield f"{transform.parent} to {transform.child}: {problem}"
                 else:
-                    own = transform_of(transform, message.topic, self._spaces)
                     self._place(own, static=message.topic.endswith("tf_static"))
+
+    def _contradiction(self, transform: Transform) -> str:
+        """Why a transform cannot be one of a tree, with what came before it; empty where it can."""
+        if transform.parent == transform.child:
+            return "a frame cannot be its own parent: it is left out"
+        if (transform.parent, transform.child) in self._known:
+            return ""
+        above: str | None = transform.parent
+        for _ in range(_MOST_ABOVE):
+            above = self._above.get(above) if above is not None else None
+            if above == transform.child:
+                return f"a loop, {transform.child} is above {transform.parent} already: it is left out"
+        return ""
 
     def _place(self, transform: Transform, *, static: bool) -> None:
         link = transform.parent, transform.child
         self._known.setdefault(link, transform)
+        self._above.setdefault(transform.child, transform.parent)
         if static:
             self._static.add(link)
         elif _apart(self._last.setdefault(link, transform), transform):

@@ -16,7 +16,7 @@ from heapq import merge
 import numpy as np
 
 from auditor.errors import DecodingError
-from auditor.model.coverage import TopicCoverage
+from auditor.model.coverage import Against, TopicCoverage
 from auditor.model.frames import (
     CameraImage,
     Frame,
@@ -67,6 +67,7 @@ class FrameStream:
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(recording.definition, rig.units_m, survey.metadata)
         self._shared: Iterator[Message] | None = None
+        self._disorder_ns = 0
         self.clock_jumps = 0
 
     @property
@@ -106,6 +107,7 @@ class FrameStream:
 
     def _begun(self) -> "_FrameMaker":
         """What makes the frames of a new read, of which nothing is counted yet."""
+        self._disorder_ns = 0
         self._counts = counts_of(self._rig.sensors, self.timing)
         self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
         self._decoders = Decoders(self._recording.definition, self._rig.units_m, self._survey.metadata)
@@ -147,8 +149,11 @@ class FrameStream:
     ) -> Iterator[tuple[int, Waiting]]:
         checks = {sensor: self.timing.stamp_check(sensor) for sensor in by_topic.values()}
         sweeps = {sensor: self._assembly(sensor, decoders) for sensor in by_topic.values()}
+        newest_ns = 0
         for order, message in enumerate(messages):
             sensor = by_topic[message.topic]
+            newest_ns = max(newest_ns, message.log_time_ns)
+            self._disorder_ns = max(self._disorder_ns, newest_ns - message.log_time_ns)
             self._counts[sensor].read += 1
             waiting = self._placed(message, order, self.timing.offset_ns[sensor], checks[sensor], decoders)
             if waiting is None:
@@ -210,9 +215,21 @@ class FrameStream:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on clocks that were put together, and on what of the last iteration's messages was put right."""
+        """Sentences on clocks that were put together, and on the order and the repairs of the last one's messages."""
         start = [f"{self._rig.name(sensor)} {_STARTS}" for sensor in self._lidars_start_ns]
-        return (*self.timing.remarks, *start, *self._decoders.repairs)
+        return (*self.timing.remarks, *start, *self._decoders.repairs, *filter(None, [self._out_of_order]))
+
+    @property
+    def _out_of_order(self) -> str:
+        """That messages lie so far out of order that frames lack some; empty where none do, or a clock was set back."""
+        lost = any({Against.LATE, Against.BACK} & counts.against.keys() for counts in self._counts.values())
+        if not lost or self.clock_jumps or self._disorder_ns <= self.timing.period_ns:
+            return ""
+        by = f"{self._disorder_ns / 1e9:.1f} s"
+        return (
+            f"its messages lie out of order by up to {by}, and not all could be put together: sort them by their log "
+            "times (an MCAP file by mcap sort), and scan again"
+        )
 
     @property
     def damage(self) -> tuple[Damage, ...]:
@@ -246,7 +263,10 @@ class FrameStream:
     @property
     def coverage(self) -> tuple[TopicCoverage, ...]:
         """How much of each topic of camera pictures or LiDAR points was audited, those outside the rig included."""
-        return topic_coverage(self._recording, self._rig, self._survey, self._counts, self._time.finish())
+        covered = self._time.finish()
+        if self._out_of_order:  # where a sensor's messages begin and end is not known then
+            covered = {sensor: replace(time, late_ns=0, early_ns=0) for sensor, time in covered.items()}
+        return topic_coverage(self._recording, self._rig, self._survey, self._counts, covered)
 
 
 def _undecoded(name: str, problems: Mapping[str, int]) -> str:

@@ -32,7 +32,7 @@ from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.calibrations import STANDARD, Conventions
 from auditor.recordings.synchronisation.descriptions import Mountings, completed_by_texts, metadata_of
-from auditor.recordings.synchronisation.first_messages import first_points, first_size_px, thinned
+from auditor.recordings.synchronisation.first_messages import FileOrder, first_points, first_size_px, thinned
 from auditor.recordings.synchronisation.sectors import Sector, in_parts, sector_of, show_whole_sweeps
 from auditor.recordings.synchronisation.vehicles import frame_of, have_tf_each, info_of, sharing_frames, transform_of
 
@@ -104,7 +104,7 @@ class Survey:
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
     describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
-    `spaces` are namespaces with frames of their own: see vehicles.
+    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are the problems of transforms.
     """
 
     topics: tuple[Topic, ...]
@@ -121,6 +121,7 @@ class Survey:
     metadata: Mapping[str, str] = field(default_factory=dict)
     blank_infos: Mapping[str, int] = field(default_factory=dict)
     spaces: frozenset[str] = frozenset()
+    transform_problems: tuple[str, ...] = ()
 
     @property
     def frames(self) -> list[tuple[str, str]]:
@@ -169,20 +170,19 @@ class _Surveyor:
         self._reasons: dict[str, str] = {}
         self._bytes = 0
         self._messages = 0
-        self._newest_ns = 0
-        self._lag_ns = 0
-        self._last_ns: dict[str, int] = {}
-        self._jumped = False
+        self._order = FileOrder()
         self._largest: dict[str, int] = {}
         self._topics: Sequence[Topic] = ()
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def run(self) -> Survey:
         topics = set(self._by_kind("image", "cloud", "camera_info", "transforms")) | self._descriptions()
-        for message in self._recording.messages(topics) if topics else ():
+        for message in self._recording.messages(topics) if topics or not self._recording.topics() else ():
             self._take(message)
             if self._enough():
                 break
+        for damage in () if self._recording.topics() else self._recording.damage:
+            self._note(f"no message is left in it: {damage}")
         sensors = [sensor for _, sensor in sorted(self._sensors.items())]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
@@ -196,6 +196,7 @@ class _Surveyor:
             self._note(note)
         unseen = self._note_unseen()
         self._note_undecodable()
+        of_transforms = self._by_kind("transforms")
         return Survey(
             topics=self._recording.topics(),
             images=tuple(pictures),
@@ -203,13 +204,14 @@ class _Surveyor:
             camera_infos=dict(sorted(infos.items())),
             transforms=transforms,
             problems=tuple(self._problems),
-            interleaved=self._lag_ns <= FIRST_LOOK.most_lag_ns and (len(self._samples) > 1 or not unseen),
+            interleaved=self._order.interleaved and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
             unreadable=tuple(self._unreadable()),
             moving=self._mountings.moving(),
             metadata=self._metadata,
             blank_infos=self._blank_infos,
             spaces=frozenset(self._spaces),
+            transform_problems=tuple(one for one in self._problems if one.partition(": ")[0] in of_transforms),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -299,7 +301,8 @@ class _Surveyor:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
         sample = Sample(header.stamp_ns, message.log_time_ns)
         self._samples.setdefault(message.topic, []).append(sample)
-        self._take_time(message.topic, sample.time_ns)
+        if back_ns := self._order.jump_ns(message.topic, sample.time_ns, sample.log_time_ns):
+            self._note(f"{message.topic}: the clock jumps back by {back_ns / 1e9:.1f} s")
         if message.topic not in self._sensors:
             size = first_size_px(message, decoder) if decoder.kind == "image" else first_points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
@@ -348,18 +351,6 @@ class _Surveyor:
             return None
         alike = (value for name, value in self._largest.items() if self._sensors[name][-1] == size_px)
         return depth_of(max(alike))
-
-    def _take_time(self, topic: str, stamp_ns: int) -> None:
-        topic_begins = topic not in self._last_ns
-        last_ns = self._last_ns.get(topic, stamp_ns)
-        self._last_ns[topic] = stamp_ns
-        if stamp_ns < last_ns - FIRST_LOOK.most_lag_ns:
-            self._jumped = True
-            self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
-        self._newest_ns = max(self._newest_ns, stamp_ns)
-        # Behind a jump, old stamps do not show the order of topics; nor do stamps that stand still or go back.
-        if not self._jumped and (stamp_ns > last_ns or topic_begins):
-            self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
         if len(self._problems) < 100:

@@ -16,7 +16,7 @@ from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.recording import Topic
-from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Sample, Survey
 from tests.making.perturbed_rigs import perturbed
 from tests.making.recorded_drives import make_frames, make_rig
 from tests.making.small_drives import WRITERS
@@ -527,3 +527,36 @@ def test_six_real_cameras_that_look_all_around_are_six_rigs(real_data: Path) -> 
     rigs = find_rigs(look(infos, places, parent="top"))
     assert {rig.cameras[0].name for rig in rigs} == set(infos)
     assert all(rig.by_time for rig in rigs)
+
+
+def renamed(survey: Survey, spans: dict[str, range]) -> Survey:
+    """The survey with messages of its sensors in these seconds; of a sensor that is not named in all of them."""
+
+    def samples(name: str) -> tuple[Sample, ...]:
+        return tuple(Sample(s * 10**9, s * 10**9) for s in spans.get(name.split("/")[1], range(20)))
+
+    return replace(
+        survey,
+        images=tuple(replace(one, samples=samples(one.topic.name)) for one in survey.images),
+        clouds=tuple(replace(one, samples=samples(one.topic.name)) for one in survey.clouds),
+    )
+
+
+def test_a_topic_that_is_renamed_is_named_and_costs_the_others_nothing() -> None:
+    infos = {name: info(frame, P(0.0)) for name, frame in (("a", "a"), ("b", "b"), ("c", "c"), ("new", "b"))}
+    survey = look(infos, {"a": at(7), "b": at(7.2), "c": at(7.5), "top": at(7) @ LIDAR_AT})
+    found = search_rigs(renamed(survey, {"b": range(9), "new": range(9, 20)}))
+    [rig] = found.rigs
+    assert ([camera.name for camera in rig.cameras], rig.lidar is not None) == (["c", "b", "a"], True)
+    [why] = [one for one in found.left_out if one.of == "/new/image_rect"]
+    assert "/new/image_rect goes on where /b/image_rect ends, in the same frame" in str(why)
+    assert not any("goes on" in reason for reason in search_rigs(renamed(survey, {})).reasons)
+
+
+def test_points_that_are_renamed_are_named() -> None:
+    infos = {"left": info("left", P(0.0)), "right": info("right", P(0.5))}
+    survey = look(infos, {"left": at(0), "right": at(0.5), "top": LIDAR_AT}, clouds={"top": 1000, "new": 2000})
+    in_one_frame = replace(survey, clouds=tuple(replace(cloud, frame_id="top") for cloud in survey.clouds))
+    found = search_rigs(renamed(in_one_frame, {"top": range(9), "new": range(9, 20)}))
+    assert [rig.lidar.name for rig in found.rigs if rig.lidar] == ["top"]
+    assert any("/new/points goes on where /top/points ends" in reason for reason in found.reasons)

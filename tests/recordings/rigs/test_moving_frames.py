@@ -94,3 +94,19 @@ def test_a_frame_moves_that_goes_on_and_on(places: list[Matrix], moves: bool) ->
 def test_the_vehicle_may_move_in_odom_and_map_also_while_it_stands() -> None:
     assert moving([at(0)] * 3, "odom") == {("odom", "base")}
     assert not moving([at(0)] * 3, "odom", "/tf_static")
+
+
+def test_of_transforms_that_go_round_the_first_count() -> None:
+    mountings = Mountings()
+    message = Message("/tf_static", "tf2_msgs/msg/TFMessage", "cdr", 0, memoryview(b""))
+    links = [
+        ("base", "mast"),
+        ("mast", "left"),
+        ("left", "base"),
+        ("mast", "base"),
+        ("left", "left"),
+        ("base", "right"),
+    ]
+    told = list(mountings.take(message, _Decoder([Transform(*link, at(1.0)) for link in links])))
+    assert [(one.parent, one.child) for one in mountings.all()] == [*links[:2], links[-1]]
+    assert [one.partition(":")[0] for one in told] == ["left to base", "mast to base", "left to left"]

@@ -7,6 +7,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from auditor.errors import RigError
+from auditor.model.coverage import coverage_line
 from auditor.model.frames import Frame, Message, PointCloud, SensorState, SkippedFrame
 from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, share_a_read, survey, synchronise, write_mcap
@@ -25,6 +26,7 @@ from tests.making.recorded_drives import (
     split,
     stream_of,
 )
+from tests.making.split_drives import messages_of, write_messages
 
 RIG = make_rig(3)
 OFFSETS = {0: -10_500_000, 1: 6_000_000, 2: -500_000}
@@ -283,6 +285,27 @@ def test_three_cameras_without_a_lidar_make_frames(tmp_path: Path) -> None:
     assert len(frames) == 5
     assert frames[0].cloud is None
     assert not skipped
+
+
+@pytest.mark.parametrize("count", [5, 12, 20, 30])
+def test_topics_that_lie_one_after_the_other_cost_no_frame(count: int, tmp_path: Path) -> None:
+    frames = make_frames(RIG, count, offsets=OFFSETS)
+    by_topic = sorted(messages_of(".mcap", RIG, frames), key=lambda message: message.topic)
+    path = write_messages(tmp_path / "by_topic.mcap", by_topic)
+    found, skipped, _ = read(path)
+    assert not skipped
+    assert all(same_frame(a, b) for a, b in zip(found, frames, strict=True))
+
+
+def test_of_messages_that_lie_out_of_order_it_is_said_by_how_much(tmp_path: Path) -> None:
+    recorded = messages_of(".mcap", RIG, make_frames(RIG, 40))
+    later = [message for number in range(20) for message in recorded[number::20]]
+    for messages, says in ((recorded, []), (later, ["its messages lie out of order by up to"])):
+        with open_recording(write_messages(tmp_path / "a.mcap", messages)) as recording:
+            stream = stream_of(recording, RIG)
+            split(stream)
+            assert [remark[:38] for remark in stream.remarks] == says
+            assert "begins" not in coverage_line(stream.coverage)
 
 
 def test_a_rig_of_other_topics_is_refused_by_their_names(tmp_path: Path) -> None:
