@@ -57,9 +57,9 @@ class Region:
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
     ComparedTo.CAMERAS: 35,
-    ComparedTo.PAST: 34,
-    ComparedTo.SCANS: 32,
-    ComparedTo.LIDARS: 32,
+    ComparedTo.PAST: 35,
+    ComparedTo.SCANS: 33,
+    ComparedTo.LIDARS: 33,
 }
 """The next number of all whenever the same frame would give other counts: thresholds and measurements are bound to it.
 
