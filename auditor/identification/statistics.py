@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
+from itertools import combinations, islice
 from math import ceil, inf
 
 import numpy as np
@@ -124,7 +124,13 @@ def sensor_statistics(
 
 
 def _least_share(sensor_check: SensorCheck, shares: Mapping[SensorCheck, float]) -> float | None:
-    """The least of what each voter alone says of a sensor; None where one of them says nothing."""
+    """The least of what each voter alone says of a sensor; None where one of them says nothing.
+
+    Where two say it together it is the least of each two of the voters that can.
+    """
+    if sensor_check.check.kind.by_two_others:
+        pairs = (sensor_check._replace(others=pair) for pair in combinations(sensor_check.others, FEWEST_VOTERS))
+        return min((shares[pair] for pair in pairs if pair in shares), default=None)
     said = [shares.get(sensor_check._replace(others=(other,))) for other in sensor_check.others]
     measured = [share for share in said if share is not None]
     return min(measured) if len(measured) == len(said) else None

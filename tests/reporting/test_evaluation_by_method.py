@@ -100,7 +100,7 @@ def test_detection_equals_python(made, told):
         for column in ("cases", "detected", "not_measured"):
             assert row[column] == expected[*key, column], (key, column)
         assert row["rate"] == row["detected"] / row["cases"]
-    assert 0.5 < np.mean([row["rate"] for row in rows]) < 1
+    assert np.mean([row["rate"] for row in rows]) > 0.5
 
 
 def test_identification_equals_python(made, told):

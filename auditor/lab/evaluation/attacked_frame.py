@@ -11,11 +11,10 @@ from auditor.lab.evaluation.experiments import Attack, Attacks, of_two
 from auditor.measurement.checks.collect import (
     FrameChecks,
     collect_checks,
-    shares_of_pairs,
+    shares_of_a_third,
     shares_of_ranges,
     with_pairs,
 )
-from auditor.measurement.checks.foreign_texture import measure_foreign_texture
 from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.count_grid import ImageGrid
 from auditor.measurement.disparity.disparity_error import compare_cameras, compare_with_lidar
@@ -37,7 +36,7 @@ from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, matched
 from auditor.model.arrays import Image, Mask
-from auditor.model.checks import Check, CountedPair, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import CountedPair, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.fault_features import PairFaultFeatures
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Cells, Counts, Coverage
@@ -97,19 +96,16 @@ class AttackedFrame:
         collected = [self.frame_checks(pair, attacks) for pair in self.pairs(triples)]
         shares = {check: share for one in collected for check, share in one.shares.items()}
         shares |= shares_of_ranges({pair: said for one in collected for pair, said in one.ranges.items()})
-        shares |= self._of_three(attacks, self.pairs(triples))
+        shares |= self._of_a_third(attacks, self.pairs(triples))
         return sensor_statistics(self.sensor_checks, _cells(collected), shares)
 
-    def _of_three(self, attacks: Attacks, pairs: Collection[Pair]) -> dict[SensorCheck, float]:
+    def _of_a_third(self, attacks: Attacks, pairs: Collection[Pair]) -> dict[SensorCheck, float]:
         """What each camera shows that two others do not: of all pairs at once, which are in one view."""
         if self._pairs:
             return {}
         half_res = {camera: self._half(camera, attacks) for pair in pairs for camera in pair}
         maps = {pair: self.stereo_map(*pair, attacks) for pair in pairs}
-        seen = FrameViews(half_res, {}, maps, {}, self._seen.rig)
-        foreign = {pair: measure_foreign_texture(seen, *pair) for pair in pairs}
-        of_cameras = shares_of_pairs({Check.FOREIGN_TEXTURE: foreign})
-        return {check: share for check, share in of_cameras.items() if share is not None}
+        return shares_of_a_third(FrameViews(half_res, {}, maps, {}, self._seen.rig))
 
     def saturated_px(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> dict[int, int]:
         """What saturates in added light by camera, as far as measuring these triples gives it."""

@@ -37,15 +37,13 @@ from auditor.model.rig import LIDAR, Rig
 Subject = TypeVar("Subject", bound=tuple[int, ...])
 
 _BY_PAIRS = tuple(one for one in Check if one in DIRECTION_CHECKS and one.kind.of in (Of.PAIRS, Of.SEVERAL_PAIRS))
-_OF_CAMERAS = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
+_MEASURED = tuple(one for one in Check if one in SHARE_CHECKS and one.kind.of is Of.CAMERAS)
+_OF_CAMERAS = tuple(one for one in _MEASURED if not one.kind.by_two_others)
+_OF_A_THIRD = tuple(one for one in _MEASURED if one.kind.by_two_others)
 _IN_VIEWS = tuple(one for one in Check if one.kind.of is Of.VIEW)
 BY_SCANS = tuple(one for one in Check if one.kind.of is Of.OWN_SCANS)
 _ALL_AROUND = tuple(one for one in Check if one.kind.of is Of.SURROUNDINGS)
 """The checks measured by their names: of pairs that check the LiDAR, of matched pairs, of views, of its last scan."""
-
-
-SharesOfPair = tuple[float | None, float | None]
-"""What is said of a pair's source by its reference, and of the reference by the source; None where not measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,7 @@ class FrameChecks:
 
     by_direction: Mapping[Check, Mapping[Pair, Cells]]
     counts: Mapping[Pair, PairCounts]
-    of_pairs: Mapping[Check, Mapping[Pair, SharesOfPair]]
+    of_pairs: Mapping[Check, Mapping[Pair, tuple[float | None, float | None]]]
     of_views: Mapping[Check, Mapping[tuple[int], float | None]]
     isolated_shares: Mapping[int, IsolatedShares]
     thinned: Mapping[int, bool]
@@ -97,6 +95,7 @@ class FrameChecks:
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
     from_nowhere: Points | None = None
     of_lidars: Mapping[SensorCheck, float | None] = field(default_factory=dict)
+    of_a_third: Mapping[SensorCheck, float] = field(default_factory=dict)
     disputed: Mapping[Pair, DisputedPoints] = field(default_factory=dict)
 
     @property
@@ -122,17 +121,23 @@ class FrameChecks:
             for check, of in self.of_pasts.items()
             for k, one in of.items()
         }
-        every = in_views | shares_of_pairs(self.of_pairs) | by_past | dict(self.of_lidars)
+        by_cameras = {
+            SensorCheck(check, camera, (other,)): share
+            for check, of in self.of_pairs.items()
+            for (i, k), (of_source, of_reference) in of.items()
+            for camera, other, share in ((i, k, of_source), (k, i, of_reference))
+        }
+        every = in_views | by_cameras | dict(self.of_a_third) | by_past | dict(self.of_lidars)
         return {check: share for check, share in every.items() if share is not None} | shares_of_ranges(self.ranges)
 
 
-def shares_of_pairs(of_pairs: Mapping[Check, Mapping[Pair, SharesOfPair]]) -> dict[SensorCheck, float | None]:
-    """What each camera of a pair says of the other one by these checks."""
+def shares_of_a_third(seen: FrameViews) -> dict[SensorCheck, float]:
+    """What matched pairs of cameras say together of each other camera."""
     return {
-        SensorCheck(check, camera, (other,)): share
-        for check, of in of_pairs.items()
-        for (i, k), (of_source, of_reference) in of.items()
-        for camera, other, share in ((i, k, of_source), (k, i, of_reference))
+        SensorCheck(check, camera, pair): share
+        for check in _OF_A_THIRD
+        for pair in seen.maps
+        for camera, share in measuring(check)(seen, *pair).items()
     }
 
 
@@ -200,6 +205,7 @@ def collect_checks(
         by_direction={check: _of_each(check, seen, verified_conflicts) for check in _BY_PAIRS},
         counts={pair: one.counts for pair, one in (sums | without).items()},
         of_pairs={check: _of_each(check, seen, maps) for check in _OF_CAMERAS},
+        of_a_third=shares_of_a_third(seen),
         of_views={check: _of_each(check, seen, [(k,) for k in views]) for check in _IN_VIEWS},
         isolated_shares={k: seen.once(shares_of_isolated, k) for k in views},
         thinned={k: seen.once(thinned, k) for k in views},

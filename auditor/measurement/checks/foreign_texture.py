@@ -7,9 +7,7 @@ Clean cameras do nearly everywhere: what hides it from one of three on a line li
 compared at quarter resolution: "quarter px" are pixels of it.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +33,9 @@ class ForeignTexture:
     )
     nearer_px: float = parameter(1.0, unit="quarter px of disparity by which what is nearer hides it", source=BY_HAND)
     beside_px: int = parameter(1, unit="quarter px either way that it may lie beside its place", source=_REAL)
+    smoothed_px: int = parameter(5, unit="quarter px, window of a median of disparities", source=BY_HAND)
+    sure_px: tuple[int, int] = parameter((3, 3), unit="half px that all have to agree", source=BY_HAND)
+    hiding_px: tuple[int, int] = parameter((3, 5), unit="quarter px that what is nearer hides", source=BY_HAND)
 
 
 NUMBERS = ForeignTexture()
@@ -42,16 +43,7 @@ _QUARTER = 2
 """Half px a quarter px is wide."""
 _SIDE = 2 * PATCH_CORRELATION.radius_px + 1
 _AREA = _SIDE * _SIDE
-_SURE = np.ones((3, 3), dtype=np.uint8)
-_HIDING = np.ones((3, 5), dtype=np.uint8)
-_SMOOTHED_PX = 5
-
-
-class _Disagreement(NamedTuple):
-    """How much of a window of one camera is not what two others show, 0 to 1: by the source, and by the reference."""
-
-    by_source: float
-    by_reference: float
+_SURE, _HIDING = (np.ones(size, dtype=np.uint8) for size in (NUMBERS.sure_px, NUMBERS.hiding_px))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,23 +94,16 @@ class _Texture:
         return np.asarray(covariance / ((self.norm + floor) * (other.norm + floor)))
 
 
-def measure_foreign_texture(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:
-    """How much of a window of the source, and of the reference, is not what the other one and a third camera show.
-
-    Of several third cameras it is the least: one that is attacked itself may agree with nobody. None where none stands
-    so that it could tell.
-    """
-    return min(_by(seen, i, k), default=None), min(_by(seen, k, i), default=None)
+def measure_foreign_texture(seen: FrameViews, i: int, k: int) -> dict[int, float]:
+    """By other camera, how much of a window, 0 to 1, is not what a pair agrees on; of those that it can tell it of."""
+    others = (camera for camera in seen.half_res if camera not in (i, k))
+    return {one: _foreign_share(seen, i, k, one) for one in others if _is_told(seen, i, k, one)}
 
 
-def _by(seen: FrameViews, camera: int, voter: int) -> Iterator[float]:
-    """What each pair of a voter and a third camera says of a camera."""
-    for source, reference in seen.maps:
-        if voter in (source, reference) and camera not in (source, reference):
-            place = seen.once(_share_of_way, source, reference, camera)
-            if max(abs(place), abs(1 - place)) <= NUMBERS.beyond:
-                said = seen.once(_disagreement, source, reference, camera)
-                yield said.by_source if voter == source else said.by_reference
+def _is_told(seen: FrameViews, source: int, reference: int, camera: int) -> bool:
+    """Whether a camera stands so that what two others agree on says where it has to show it."""
+    place = _share_of_way(seen, source, reference, camera)
+    return max(abs(place), abs(1 - place)) <= NUMBERS.beyond
 
 
 def _share_of_way(seen: FrameViews, source: int, reference: int, camera: int) -> float:
@@ -127,20 +112,18 @@ def _share_of_way(seen: FrameViews, source: int, reference: int, camera: int) ->
     return (place - start) / (end - start)
 
 
-def _disagreement(seen: FrameViews, source: int, reference: int, camera: int) -> _Disagreement:
+def _foreign_share(seen: FrameViews, source: int, reference: int, camera: int) -> float:
+    """How much of a window of a camera is neither what the source shows there nor what the reference does."""
     agreed = seen.once(_agreement, source, reference)
-    column = agreed.column(seen.once(_share_of_way, source, reference, camera))
+    column = agreed.column(_share_of_way(seen, source, reference, camera))
     width, margin = column.shape[1], PATCH_CORRELATION.radius_px + NUMBERS.beside_px
     there = agreed.surfaces & (column >= margin) & (column <= width - 1 - margin) & ~agreed.hidden(column)
-    picture, pair = seen.once(_picture, camera), seen.once(_textures, source, reference)
     beside = range(-NUMBERS.beside_px, NUMBERS.beside_px + 1)
+    picture = seen.once(_picture, camera)
     own = [_Texture.of(warp(picture, column + np.float32(shift))) for shift in beside]
-    shares = []
-    for texture in pair:
-        best = np.maximum.reduce([texture.ncc(one) for one in own])
-        compared = there & (own[NUMBERS.beside_px].norm > PHOTOMETRIC_CONSISTENCY.textured_norm)
-        shares.append(_largest(compared, compared & (best < PHOTOMETRIC_CONSISTENCY.inconsistent)))
-    return _Disagreement(*shares)
+    compared = there & (own[NUMBERS.beside_px].norm > PHOTOMETRIC_CONSISTENCY.textured_norm)
+    best = [np.maximum.reduce([texture.ncc(one) for one in own]) for texture in seen.once(_textures, source, reference)]
+    return min(_largest(compared, compared & (ncc < PHOTOMETRIC_CONSISTENCY.inconsistent)) for ncc in best)
 
 
 def _agreement(seen: FrameViews, source: int, reference: int) -> _Agreement:
@@ -150,7 +133,7 @@ def _agreement(seen: FrameViews, source: int, reference: int) -> _Agreement:
     sure = (seen_by_both & (consistency.ncc >= PATCH_CORRELATION.consistent)).view(np.uint8)
     height, width = seen.once(_picture, reference).shape
     disparity = (np.arange(column.shape[1], dtype=np.float32) - column)[::_QUARTER, ::_QUARTER] / np.float32(_QUARTER)
-    smooth = cv2.medianBlur(np.ascontiguousarray(disparity[:height, :width]), _SMOOTHED_PX)
+    smooth = cv2.medianBlur(np.ascontiguousarray(disparity[:height, :width]), NUMBERS.smoothed_px)
     surfaces, matched = cv2.erode(sure, _SURE)[::_QUARTER, ::_QUARTER] > 0, seen_by_both[::_QUARTER, ::_QUARTER]
     return _Agreement(np.asarray(smooth, np.float32), surfaces[:height, :width], matched[:height, :width])
 

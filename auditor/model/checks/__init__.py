@@ -137,7 +137,7 @@ def sensor_checks_of(
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
     LiDAR's conflicts, lost returns and false ranges by the pairs of all cameras, and of all but one or two; the latter
-    two never by one pair alone.
+    two never by one pair alone. What two others say together they say where they are matched.
     """
     partners: dict[int, list[int]] = {}
     for i, k in sorted(matched):
@@ -155,7 +155,12 @@ def sensor_checks_of(
         Of.CAMERAS: [(one, others) for one in sorted(partners) for others in _voters(tuple(sorted(partners[one])))],
         Of.LIDAR: [(k, (LIDAR,)) for k in pasts],
     }
-    return tuple(SensorCheck(check, *subject) for check in Check for subject in subjects[check.kind.of])
+
+    def is_told(check: Check, others: tuple[int, ...]) -> bool:
+        return not check.kind.by_two_others or any(set(pair) <= set(others) for pair in matched)
+
+    every = (SensorCheck(check, *subject) for check in Check for subject in subjects[check.kind.of])
+    return tuple(one for one in every if is_told(one.check, one.others))
 
 
 @lru_cache(maxsize=512)

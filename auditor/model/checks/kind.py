@@ -84,6 +84,7 @@ class CheckKind:
     `opposite_of` is the check whose counts it takes, with the other sign. `common`: clean frames exceed limits by it as
     its prior says, so that it makes the limit of all checks together higher; by others they hardly ever do.
     `never_of_two`: two cameras beside others find nothing by it, as where one lacks light the other has some.
+    `by_two_others`: two others say together what a camera has to show; each pair of its voters that can says it.
     `by_all_but_one`: a frame is raised as well by what all voters but one say, clearly beyond the limit.
     """
 
@@ -99,4 +100,5 @@ class CheckKind:
     opposite_of: str = ""
     common: bool = False
     never_of_two: bool = False
+    by_two_others: bool = False
     by_all_but_one: bool = False

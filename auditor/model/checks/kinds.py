@@ -374,6 +374,7 @@ class Check(StrEnum):
             (PriorOf("foreign_texture", (-3.9, 0.5, 0.2, 1.7), _FOREIGN),),
             vote=Vote.SMALLEST,
             never_of_two=True,
+            by_two_others=True,
         ),
     )
 

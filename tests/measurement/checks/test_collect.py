@@ -17,7 +17,7 @@ from tests.making.scenes import RIG, plane_frame, plane_rig, scene
 
 OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
 """The checks of two grey cameras that are measured as they are."""
-OF_THREE = {SensorCheck(Check.FOREIGN_TEXTURE, camera, (3,)) for camera in (1, 2)}
+OF_THREE = {SensorCheck(Check.FOREIGN_TEXTURE, 2, (1, 3)), SensorCheck(Check.FOREIGN_TEXTURE, 1, (2, 3))}
 """The reference and each other camera say how far away is what the third one has to show."""
 
 
