@@ -371,7 +371,7 @@ class Check(StrEnum):
                 "shows something else where others agree what is there",
                 "S_{i} shows something else where others agree what is there",
             ),
-            (PriorOf("foreign_texture", (-3.9, 0.5, 0.2, 1.7), _FOREIGN),),
+            (PriorOf("foreign_texture", (-3.9, 0.5, 0.2, 1.75), _FOREIGN),),
             vote=Vote.SMALLEST,
             never_of_two=True,
             by_two_others=True,
