@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.photometric_consistency import consistency_of
+from auditor.measurement.checks.photometric_consistency import Patches, consistency_of
 from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import halve, warp
 from auditor.measurement.parameters import PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
@@ -41,8 +41,6 @@ class ForeignTexture:
 NUMBERS = ForeignTexture()
 _QUARTER = 2
 """Half px a quarter px is wide."""
-_SIDE = 2 * PATCH_CORRELATION.radius_px + 1
-_AREA = _SIDE * _SIDE
 _SURE, _HIDING = (np.ones(size, dtype=np.uint8) for size in (NUMBERS.sure_px, NUMBERS.hiding_px))
 
 
@@ -72,28 +70,6 @@ class _Agreement:
         return np.asarray(nearest.take(place) > self.disparity + np.float32(NUMBERS.nearer_px))
 
 
-@dataclass(frozen=True, eq=False)
-class _Texture:
-    """A picture (h, w) at quarter resolution, and the means and norms of the patches around its pixels."""
-
-    levels: Floats32
-    mean: Floats32
-    norm: Floats32
-
-    @classmethod
-    def of(cls, picture: Image) -> "_Texture":
-        levels = picture.astype(np.float32)
-        mean = _means(levels)
-        power = np.maximum(_means(levels * levels) - mean * mean, 0)
-        return cls(levels, mean, np.sqrt(power * np.float32(_AREA)))
-
-    def ncc(self, other: "_Texture") -> Floats32:
-        """(h, w) the correlation of the patches of two pictures."""
-        floor = np.float32(PATCH_CORRELATION.norm_floor)
-        covariance = (_means(self.levels * other.levels) - self.mean * other.mean) * np.float32(_AREA)
-        return np.asarray(covariance / ((self.norm + floor) * (other.norm + floor)))
-
-
 def measure_foreign_texture(seen: FrameViews, i: int, k: int) -> dict[int, float]:
     """By other camera, how much of a window, 0 to 1, is not what a pair agrees on; of those that it can tell it of."""
     others = (camera for camera in seen.half_res if camera not in (i, k))
@@ -120,9 +96,10 @@ def _foreign_share(seen: FrameViews, source: int, reference: int, camera: int) -
     there = agreed.surfaces & (column >= margin) & (column <= width - 1 - margin) & ~agreed.hidden(column)
     beside = range(-NUMBERS.beside_px, NUMBERS.beside_px + 1)
     picture = seen.once(_picture, camera)
-    own = [_Texture.of(warp(picture, column + np.float32(shift))) for shift in beside]
+    own = [Patches.of(warp(picture, column + np.float32(shift))) for shift in beside]
     compared = there & (own[NUMBERS.beside_px].norm > PHOTOMETRIC_CONSISTENCY.textured_norm)
-    best = [np.maximum.reduce([texture.ncc(one) for one in own]) for texture in seen.once(_textures, source, reference)]
+    agreeing = seen.once(_patches_of_source, source, reference), seen.once(_patches_of, reference)
+    best = [np.maximum.reduce([patches.ncc(one) for one in own]) for patches in agreeing]
     return min(_largest(compared, compared & (ncc < PHOTOMETRIC_CONSISTENCY.inconsistent)) for ncc in best)
 
 
@@ -138,19 +115,18 @@ def _agreement(seen: FrameViews, source: int, reference: int) -> _Agreement:
     return _Agreement(np.asarray(smooth, np.float32), surfaces[:height, :width], matched[:height, :width])
 
 
-def _textures(seen: FrameViews, source: int, reference: int) -> tuple[_Texture, _Texture]:
-    """The textures of a pair's source, warped into its reference's view, and of its reference."""
+def _patches_of_source(seen: FrameViews, source: int, reference: int) -> Patches:
+    """The patches of a pair's source, warped into its reference's view."""
     agreed = seen.once(_agreement, source, reference)
-    warped = warp(seen.once(_picture, source), agreed.column(1.0))
-    return _Texture.of(warped), _Texture.of(seen.once(_picture, reference))
+    return Patches.of(warp(seen.once(_picture, source), agreed.column(1.0)))
+
+
+def _patches_of(seen: FrameViews, camera: int) -> Patches:
+    return Patches.of(seen.once(_picture, camera))
 
 
 def _picture(seen: FrameViews, camera: int) -> Image:
     return halve(seen.half_res[camera])
-
-
-def _means(values: Floats32) -> Floats32:
-    return np.asarray(cv2.blur(values, (_SIDE, _SIDE)), dtype=np.float32)
 
 
 def _largest(compared: Mask, foreign: Mask) -> float:

@@ -52,12 +52,20 @@ class Patches:
 
     @classmethod
     def of(cls, image: Image) -> "Patches":
-        """Those of a half-resolution grey image (h, w)."""
+        """Those of a grey image (h, w)."""
         mean, power = _mean(image), _mean(_products(image, image))
         power -= mean * mean
         np.clip(power, 0, np.inf, out=power)
         power *= _AREA
         return cls(image, mean, np.asarray(cv2.sqrt(power), dtype=np.float32))
+
+    def ncc(self, other: "Patches") -> Floats32:
+        """(h, w) the zero-mean normalised cross-correlation with the patches of another image, -1 to 1."""
+        ncc = _mean(_products(self.pixels, other.pixels))
+        ncc -= self.mean * other.mean
+        ncc *= _AREA
+        ncc /= (self.norm + _NORM_FLOOR) * (other.norm + _NORM_FLOOR)
+        return np.asarray(ncc, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,14 +116,11 @@ def photometric_consistency(still: Patches, source: Image, stereo: StereoMap) ->
     if source_cut < source_end:
         source = np.minimum(source, np.uint8(source_cut))
     warped = Patches.of(warp(source, matches.column))
-    ncc = _mean(_products(still.pixels, warped.pixels))
-    ncc -= still.mean * warped.mean
-    ncc *= _AREA
-    ncc /= (still.norm + _NORM_FLOOR) * (warped.norm + _NORM_FLOOR)
+    ncc = still.ncc(warped)
     structured = cv2.max(still.norm, warped.norm) > PHOTOMETRIC_CONSISTENCY.textured_norm
     comparable = np.asarray(matches.seen & structured)
     inconsistent = comparable & (cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)
-    return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(inconsistent), matches)
+    return PairConsistency(ncc, comparable, np.asarray(inconsistent), matches)
 
 
 def matched_samples(seen: FrameViews, i: int, k: int, step: int) -> tuple[Indices, Indices, Indices]:
