@@ -27,6 +27,14 @@ def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and scatters(verdict.evidence) else ()
 
 
+def of_dirt(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
+    """Dirt on a lone camera, where the strongest of what fired is that something stays: light may as well be thrown."""
+    strongest = strongest_of(verdict.evidence)
+    if strongest is None or strongest.check_name != Check.STILL_TEXTURE:
+        return ()
+    return (FaultHypothesis(Cause.SOILED, strongest.i),)
+
+
 def scatters(evidence: Sequence[Evidence]) -> bool:
     """Whether the strongest of what fired is that returns scatter."""
     strongest = strongest_of(evidence)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.identification.causes import ENOUGH, CameraScores, by_tone, of_aerosol, of_lens, strongest_of
+from auditor.identification.causes import ENOUGH, CameraScores, by_tone, of_aerosol, of_dirt, of_lens, strongest_of
 from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
@@ -135,7 +135,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    hypotheses = (*causes, *of_lens(seen or {}), *of_aerosol(verdict))
+    hypotheses = (*causes, *of_lens(seen or {}), *of_aerosol(verdict), *of_dirt(verdict))
     ranked = sorted(hypotheses, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)

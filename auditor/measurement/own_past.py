@@ -8,14 +8,16 @@ from math import isnan, nan
 import numpy as np
 
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.found import measuring
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
-from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
-from auditor.measurement.checks.still_light import Glimpse, OfThePast
+from auditor.measurement.checks.parallax_conflict import ParallaxComparison, parallax_conflicts
+from auditor.measurement.checks.still_light import Glimpse, OfThePast, measure_still_light
+from auditor.measurement.checks.still_texture import NUMBERS as STILL_TEXTURE
 from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.ego_motion import Motion
+from auditor.measurement.moment import Moment
 from auditor.measurement.shared_view import FrameArrays, RectifiedFrame, lidar_views
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT, STILL_LIGHT
+from auditor.model.arrays import Image
 from auditor.model.checks import Check
 from auditor.model.checks.kind import Of
 from auditor.model.measurement import Counts
@@ -74,16 +76,22 @@ class OwnPast:
     def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:
         recent = [one for one in self._held if now.follows(one)]
         before = self._chosen(now, recent)
-        points, moved_m, motion = parallax_conflicts(now, before, self._expected(now, before))
-        if isnan(moved_m) and before is not None and before is not recent[-1]:
+        compared = self._with(now, before)
+        if isnan(compared.moved_m) and before is not None and before is not recent[-1]:
             # Beside the way, near things cross the picture so fast that corners are followed for one frame only.
             before = recent[-1]
-            points, moved_m, motion = parallax_conflicts(now, before, self._expected(now, before))
-        if before is not None and motion is not None:
-            self._last = motion, now.after_s(before)
-        self._speed_m_s = moved_m / now.after_s(before) if before else nan
+            compared = self._with(now, before)
+        if before is not None and compared.motion is not None:
+            self._last = compared.motion, now.after_s(before)
+        self._speed_m_s = compared.moved_m / now.after_s(before) if before else nan
         self._held.append(now)
-        return points, self._way.looked_back(now, before, motion)
+        said = {Check.STILL_LIGHT: self._way.looked_back(now, before, compared.motion)}
+        if compared.still_texture is not None:
+            said[Check.STILL_TEXTURE] = OfThePast(compared.still_texture, 0.0, np.zeros(0))
+        return compared.points, {check: one for check, one in said.items() if one is not None}
+
+    def _with(self, now: Moment, before: Moment | None) -> ParallaxComparison:
+        return parallax_conflicts(now, before, self._expected(now, before), self._way.long_ago(now))
 
     def _expected(self, now: Moment, before: Moment | None) -> Motion | None:
         """How the camera moved since another moment if it goes on as it moved last."""
@@ -107,16 +115,26 @@ class _Way:
     def __init__(self) -> None:
         self._placed: dict[int, tuple[Motion, float]] = {}
         self._glimpses: deque[Glimpse] = deque(maxlen=_MOST_HELD)
-        self._said: dict[Check, OfThePast] = {}
+        self._lit: OfThePast | None = None
 
-    def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> dict[Check, OfThePast]:
-        """What the next moment shows, whose camera moved so since the one `before`; nothing where that is not known."""
+    def long_ago(self, now: Moment) -> Image | None:
+        """The last picture since which the camera went far by the moment before; None where none is kept."""
+        *_, (_, way_m) = self._placed.values() or [_BEGINNING]
+        far = [
+            one.half
+            for one in self._glimpses
+            if way_m - one.way_m >= STILL_TEXTURE.way_m and one.half.shape == now.half.shape
+        ]
+        return far[-1] if far else None
+
+    def looked_back(self, now: Moment, before: Moment | None, motion: Motion | None) -> OfThePast | None:
+        """What light stays in the next moment, whose camera moved so since the one `before`; None where not known."""
         if before is None or motion is None:
-            self._said = {}
-            return {}
+            self._lit = None
+            return None
         if before.stamp_ns not in self._placed:
             self._glimpses.clear()
-            self._said = {}
+            self._lit = None
             self._placed = {before.stamp_ns: _BEGINNING}
             self._glimpses.append(_glimpse(before, _BEGINNING))
         placed = _further(self._placed[before.stamp_ns], motion)
@@ -124,14 +142,10 @@ class _Way:
         while self._glimpses and now.stamp_ns - self._glimpses[0].stamp_ns > STILL_LIGHT.most_s * NANOSECONDS:
             self._glimpses.popleft()
         glimpse = _glimpse(now, placed)
-        said = {
-            check: measuring(check)(glimpse, now.point_m, self._glimpses, self._said.get(check))
-            for check in _BY_THE_PAST
-        }
+        self._lit = measure_still_light(glimpse, now.point_m, self._glimpses, self._lit)
         if not self._glimpses or glimpse.way_m - self._glimpses[-1].way_m >= STILL_LIGHT.apart_m:
             self._glimpses.append(glimpse)
-        self._said = {check: one for check, one in said.items() if one is not None}
-        return self._said
+        return self._lit
 
 
 def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, float]:

@@ -6,6 +6,8 @@ from auditor.model.parameters import BY_HAND, parameter
 
 _DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04, each camera alone: chosen on them (docs/decisions.md)"
 
+_POINTS = "walls and clean frames of the same drives, and streets 2000 to 2023 (docs/decisions.md)"
+
 _STEPS = "walls and clean frames of the same drives, chosen on them (docs/decisions.md)"
 
 
@@ -46,7 +48,10 @@ class ParallaxConflict:
         source="cameras that look aside, rendered rings: docs/decisions.md",
     )
     most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
-    most_points: int = parameter(2500, unit="points", source="bounds the work; no experiment recorded")
+    first_points: int = parameter(800, unit="points that are compared first", source=_POINTS)
+    around_px: int = parameter(
+        25, unit="half px, width of the square around one found elsewhere in which all points are", source=_POINTS
+    )
     patch_px: int = parameter(9, unit="px, width and height of a patch", source=_DRIVES)
     farther_px: int = parameter(32, unit="px of parallax less that are tried at most", source=BY_HAND)
     nearer_px: int = parameter(6, unit="px of parallax more that are tried", source=BY_HAND)

@@ -24,10 +24,11 @@ import numpy as np
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.evaluation.sources import Street
 from auditor.measurement import measure_stream, use_one_thread
-from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
+from auditor.measurement.checks.parallax_conflict import parallax_conflicts
 from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.measurement.moment import Moment
 from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.clean_statistics import MATCHER, Source, alone, case_of, sources_of

@@ -26,10 +26,11 @@ import numpy as np
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
 from auditor.lab.evaluation.sources import RecordingSource
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
-from auditor.measurement.checks.parallax_conflict import Moment, parallax_conflicts
+from auditor.measurement.checks.parallax_conflict import parallax_conflicts
 from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.measurement.ego_motion import Motion
+from auditor.measurement.moment import Moment
 from auditor.measurement.own_past import _Way
 from auditor.model.checks import Check
 from auditor.model.frames import Frame, SkippedFrame

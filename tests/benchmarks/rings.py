@@ -42,7 +42,8 @@ COST_FRAMES = 24
 PAPER_RADIUS_SHARE = 280 / 1242
 AHEAD_M, ASIDE_M = 8.0, 4.0
 SIDEWAYS_DEG = 30.0
-CAMERAS = "SELECT DISTINCT measurement_id, name FROM sensors WHERE sensor = (SELECT max(sensor) FROM sensors)"
+CAMERAS = """SELECT DISTINCT measurement_id, name FROM sensors
+QUALIFY sensor = max(sensor) OVER (PARTITION BY measurement_id)"""
 
 Clouds = Sequence[Mapping[str, Points]]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from auditor.lab.simulation.drives import make_drive
-from auditor.measurement.checks.parallax_conflict import Moment
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.ego_motion import ego_motion
+from auditor.measurement.moment import Moment
 from auditor.model.optics.geometry import compose, invert
 
 DRIVE = make_drive(2, 6, n_cameras=1)

@@ -26,7 +26,7 @@ def compared_with(stamps: list[int], speed_m_s: float) -> list[int | None]:
     """By frame how many periods ago the picture was that it was compared with, at a constant speed."""
     chosen: list[int | None] = []
 
-    def parallax_conflicts(now, before, expected=None):
+    def parallax_conflicts(now, before, expected=None, long_ago=None):
         none = np.zeros(0, dtype=np.int32)
         apart_ns = None if before is None else now.stamp_ns - before.stamp_ns
         chosen.append(None if apart_ns is None else round(apart_ns / PERIOD_NS))

@@ -4,7 +4,8 @@ A camera that moves sees a scene from two places. The LiDAR's range of a point s
 ago: somewhere on the point's epipolar line. A parallax conflict is a point whose surroundings are found elsewhere on
 that line, clearly better. Where the vehicle stands, at the focus of expansion and without texture nothing is compared.
 
-What moves by itself is found elsewhere, too (`moving_things`), and is no conflict.
+What moves by itself is found elsewhere, too (`moving_things`), and so is what stays in the picture (`still_texture`):
+neither is a conflict.
 """
 
 from dataclasses import dataclass, replace
@@ -16,18 +17,16 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.disparity.half_resolution import halve
-from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.checks.still_texture import NUMBERS as STILL_TEXTURE
+from auditor.measurement.checks.still_texture import measure_still_texture, staying
 from auditor.measurement.disparity.stereo import textured
 from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
+from auditor.measurement.moment import Moment
 from auditor.measurement.moving_things import FoundElsewhere, moving
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, PATCH_CORRELATION
 from auditor.measurement.time_parameters import PARALLAX_CONFLICT
-from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats, Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
-from auditor.model.rig import Camera
-from auditor.model.stamps import NANOSECONDS
 
 _RADIUS = PARALLAX_CONFLICT.patch_px // 2
 _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS : _RADIUS + 1, -_RADIUS : _RADIUS + 1])
@@ -42,7 +41,7 @@ _OFFSETS = np.arange(-PARALLAX_CONFLICT.farther_px, PARALLAX_CONFLICT.nearer_px 
 _AT_RANGE = np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)[:, None]
 _FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_OFFSETS) > _BESIDE))
 """The places of the offsets that are tried first."""
-_AROUND = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
+_FURTHER = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
 """Those that are tried then, from the best of them: it, its neighbours, and their neighbours."""
 _MIDDLE = (1 / HALF - 1) / 2
 _HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
@@ -51,60 +50,7 @@ _AT_ONCE = 256
 """Points that are compared with all others at once: memory stays bounded."""
 _PATCHES_AT_ONCE = 2048
 """Patches that are compared at once, for the same reason."""
-_NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What one frame holds for the next: a camera's grey image (H, W), and the LiDAR's view of that camera."""
-
-    stamp_ns: int
-    grey: Image
-    view: LidarView
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-        return self.view.rig.camera(self.view.reference)
-
-    def after_s(self, before: "Moment") -> float:
-        """The seconds from another moment to this one."""
-        return (self.stamp_ns - before.stamp_ns) / NANOSECONDS
-
-    def follows(self, before: "Moment") -> bool:
-        """Whether the other moment is earlier, and not too long ago to be compared with."""
-        return 0 < self.after_s(before) <= PARALLAX_CONFLICT.most_s
-
-    @cached_property
-    def half(self) -> Image:
-        """(h, w) the image at half resolution."""
-        return halve(self.grey)
-
-    def halved(self, times: int) -> Image:
-        """The image, halved so many times."""
-        return self.grey if not times else self.half if times == 1 else halve(self.halved(times - 1))
-
-    @cached_property
-    def point_m(self) -> Matrix:
-        """(M, 3) the view's points in the camera's frame."""
-        assert self.view.rig.lidar is not None
-        rig_m = self.view.point_m.astype(np.float64) @ self.view.rig.lidar.rig_SE3_lidar[:3, :3].T
-        rig_m += self.view.rig.lidar.rig_SE3_lidar[:3, 3] - self.camera.centre_m
-        return np.asarray(rig_m @ self.camera.rotation.T)
-
-    @property
-    def white_share(self) -> float:
-        """The share of the view's points where the picture saturates; 0 where there is no point."""
-        there = self.half.ravel()[self.view.place(HALF, self.half.shape[1])]
-        return float(np.mean(there >= saturation_level(self.half))) if there.size else 0.0
-
-    @cached_property
-    def nearest_m(self) -> Floats32:
-        """(h, w) the depth of the nearest point around each half px; inf where there is none."""
-        depth = np.full(self.half.shape, np.inf, dtype=np.float32)
-        place = self.view.place(HALF, self.half.shape[1])
-        np.minimum.at(depth.ravel(), place, self.point_m[:, 2].astype(np.float32))
-        return np.asarray(cv2.erode(depth, _NEARBY), dtype=np.float32)
+_AROUND = np.ones((PARALLAX_CONFLICT.around_px, PARALLAX_CONFLICT.around_px), dtype=np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +70,7 @@ class _Sought:
     parallax_px: Floats
     approached: Floats
 
-    def chosen(self, some: Indices | slice) -> "_Sought":
+    def chosen(self, some: Indices | Mask | slice) -> "_Sought":
         """Some of them."""
         return _Sought(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
@@ -145,21 +91,38 @@ class _Sought:
 class ParallaxComparison(NamedTuple):
     """The points, compared with a picture of a moment ago, and how the camera moved since.
 
-    `moved_m` is how far; NaN where that is not known.
+    `moved_m` is how far; NaN where that is not known. `still_texture` is that check's statistic, None where it cannot
+    be told.
     """
 
     points: VerifiedConflicts
     moved_m: float
     motion: Motion | None = None
+    still_texture: float | None = None
 
 
-def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | None = None) -> ParallaxComparison:
+class _Found(NamedTuple):
+    """Which points were `compared`, which agree with the picture before, and which `conflicts` are found at a `place`.
+
+    They are numbers of points; places are (C, 2).
+    """
+
+    compared: Indices
+    agrees: Indices
+    conflicts: Indices
+    place: Floats
+
+
+def parallax_conflicts(
+    now: Moment, before: Moment | None, expected: Motion | None = None, long_ago: Image | None = None
+) -> ParallaxComparison:
     """Compare the LiDAR's points in a camera's view with that camera's picture of a moment ago.
 
-    `expected` is how the camera should have moved since, by how it moved before.
+    `expected` is how the camera should have moved since, by how it moved before; `long_ago` its half-resolution picture
+    (h, w) of much farther back.
     No point is valid where there is no such picture, it is too old, or the camera's motion cannot be told.
     """
-    view, moved_m, motion = now.view, nan, None
+    view, moved_m, motion, texture = now.view, nan, None, None
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
     row, column = view.row // HALF, view.column // HALF
     some = np.flatnonzero(textured(now.half)[row, column])
@@ -169,16 +132,32 @@ def parallax_conflicts(now: Moment, before: Moment | None, expected: Motion | No
         if motion is not None:
             moved_m = float(np.linalg.norm(motion.translation_m))
             sought = _seen_before(now, some, motion)
-            agrees, conflicting, place = _compared(now, before, sought)
-            valid[sought.point[agrees]] = True
-            alike = _alike(sought.chosen(conflicting), place)
-            things, place = sought.chosen(conflicting[alike]), place[alike]
+            found = _sampled(now, before, sought)
+            valid[sought.point[found.agrees]] = True
+            stays, texture = _staying(now, before, long_ago, sought, found)
+            moved = ~np.isin(found.conflicts, stays)
+            things, place = sought.chosen(found.conflicts[moved]), found.place[moved]
+            alike = _alike(things, place)
+            things, place = things.chosen(alike), place[alike]
             K = before.camera.intrinsics
             moves = moving(
                 K, before.nearest_m, FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
             )
             conflicts[things.point[~moves]] = True
-    return ParallaxComparison(VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts), moved_m, motion)
+    points = VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts)
+    return ParallaxComparison(points, moved_m, motion, texture)
+
+
+def _staying(
+    now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, found: _Found
+) -> tuple[Indices, float | None]:
+    """The points that stay in the picture though they should have moved, and how much of it does."""
+    differing = np.setdiff1d(found.compared, found.agrees, assume_unique=True)
+    stays = differing[staying(now, (before.half, long_ago), sought.point[differing])]
+    if long_ago is None:
+        return stays, None
+    moving = found.compared[np.hypot(*(sought.predicted - sought.pixel)[found.compared].T) >= STILL_TEXTURE.least_px]
+    return stays, measure_still_texture(now, sought.point[moving], np.isin(moving, stays))
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
@@ -195,7 +174,6 @@ def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:
     margin = _RADIUS * HALF ** _halvings(parallax_px)
     size = np.array(now.grey.shape[::-1])[:, None]
     kept = np.flatnonzero(((predicted > margin) & (predicted < size - margin - 1)).all(axis=0))
-    kept = kept[:: max(-(-kept.size // PARALLAX_CONFLICT.most_points), 1)]
     of = compared[kept]
     return _Sought(
         some[of],
@@ -219,27 +197,35 @@ def _halvings(parallax_px: Floats) -> Indices:
     return np.nan_to_num(np.minimum(times, PARALLAX_CONFLICT.most_halved)).astype(np.intp)
 
 
-def _compared(now: Moment, before: Moment, sought: _Sought) -> tuple[Indices, Indices, Floats]:
-    """The points that agree with the picture before, those found elsewhere on their lines, and where these are."""
-    agree, conflicts, place = [], [], []
-    for times in np.unique(sought.halvings).tolist():
-        some = np.flatnonzero(sought.halvings == times)
+def _sampled(now: Moment, before: Moment, sought: _Sought) -> _Found:
+    """A sample of the points, compared with the picture before, and all around those that are found elsewhere."""
+    first = np.arange(0, sought.point.size, max(-(-sought.point.size // PARALLAX_CONFLICT.first_points), 1))
+    found = _compared(now, before, sought, first)
+    there = now.view.place(HALF, now.half.shape[1])[sought.point]
+    elsewhere = np.zeros(now.half.shape, dtype=np.uint8)
+    elsewhere.ravel()[there[found.conflicts]] = 1
+    around = cv2.dilate(elsewhere, _AROUND).ravel()[there]
+    around[first] = 0
+    further = _compared(now, before, sought, np.flatnonzero(around))
+    return _Found(*(np.concatenate(both) for both in zip(found, further, strict=True)))
+
+
+def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _Found:
+    """Some points, compared with the picture before."""
+    agree, conflicts, place = [some[:0]], [some[:0]], [np.zeros((0, 2))]
+    for times in np.unique(sought.halvings[some]).tolist():
+        alike = some[sought.halvings[some] == times]
         agrees, elsewhere, there = _compared_at(
-            now.halved(times), before.halved(times), sought.chosen(some).halved(times)
+            now.halved(times), before.halved(times), sought.chosen(alike).halved(times)
         )
-        agree.append(some[agrees])
-        conflicts.append(some[elsewhere])
+        agree.append(alike[agrees])
+        conflicts.append(alike[elsewhere])
         place.append((there + 1 / 2) * HALF**times - 1 / 2 if times else there)
-    none = np.zeros(0, dtype=np.intp)
-    return (
-        np.concatenate([none, *agree]),
-        np.concatenate([none, *conflicts]),
-        np.concatenate([np.zeros((0, 2)), *place]),
-    )
+    return _Found(some, np.concatenate(agree), np.concatenate(conflicts), np.concatenate(place))
 
 
 def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
-    """As `_compared`, in two pictures (H, W)."""
+    """Which points agree, which are found elsewhere on their lines, and where, in two pictures (H, W)."""
     patches = _patches(now, sought.pixel, np.ones(1))
     [at_range] = _nccs(patches, before, sought, np.zeros((1, 1)))
     # Elsewhere NCC is 1 at most.
@@ -297,7 +283,7 @@ def _best_elsewhere(
     is the last of what is tried, which may be no peak. `beside` are the NCC at the LiDAR's range.
     """
     points, near = np.arange(len(patches)), np.flatnonzero(promising >= 0)
-    around = np.clip(promising[near] + _AROUND, 0, _OFFSETS.size - 1)
+    around = np.clip(promising[near] + _FURTHER, 0, _OFFSETS.size - 1)
     tried = _nccs(patches[near], before, sought.chosen(near), _OFFSETS[around])
     ncc = np.full((_OFFSETS.size, points.size), -1, dtype=np.float32)
     ncc[around, near] = np.where(sought.parallax_px[near] + _OFFSETS[around] < -1, np.float32(-1), tried)

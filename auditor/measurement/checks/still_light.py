@@ -40,7 +40,7 @@ _VARIANCE = 1 / 12
 
 @dataclass(frozen=True, eq=False)
 class Glimpse:
-    """What is kept of a frame to see light by: its picture at quarter resolution, (h, w) means of levels.
+    """What is kept of a frame: its picture at `half` resolution, and at a quarter, (h, w) means of levels.
 
     `intrinsics` (3, 3) are those of such a picture, `nearest_m` (h, w) the depth of the nearest LiDAR point around each
     pixel, out to the LiDAR's next rows above and below; inf where there is none. `world_SE3_camera` is where the
@@ -48,6 +48,7 @@ class Glimpse:
     """
 
     stamp_ns: int
+    half: Image
     levels: Image
     saturation: int
     intrinsics: Matrix
@@ -70,7 +71,7 @@ class Glimpse:
         blurred = np.asarray(cv2.blur(quarter, (STILL_LIGHT.mean_px, STILL_LIGHT.mean_px)), dtype=np.uint8)
         rows = max(STILL_LIGHT.nearby_px, 2 * _rows_apart(row, column) + 1)
         nearest = np.asarray(cv2.erode(nearest, np.ones((rows, STILL_LIGHT.nearby_px), dtype=np.uint8)))
-        return cls(stamp_ns, blurred, saturation_level(quarter), K, nearest, *placed)
+        return cls(stamp_ns, half, blurred, saturation_level(quarter), K, nearest, *placed)
 
     @cached_property
     def highest(self) -> Image:

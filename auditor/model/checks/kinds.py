@@ -235,7 +235,7 @@ class Check(StrEnum):
                 "the camera and its own past agree with each other and not with it",
                 "the camera and its own past disagree with the LiDAR",
             ),
-            (PriorOf("parallax_conflict", (-3.6, 0.6, 0.2, 1.5), _IN_TIME),),
+            (PriorOf("parallax_conflict", (-3.4, 0.7, 0.2, 1.7), _IN_TIME),),
             CellUnit.POINTS,
             Vote.MEAN,
         ),
@@ -251,6 +251,20 @@ class Check(StrEnum):
                 "S_{i} has light that stays in its picture while the scene moves",
             ),
             (PriorOf("still_light", (-3.6, 0.65, 0.3, 1.0), _IN_TIME),),
+            of_light=True,
+        ),
+    )
+    STILL_TEXTURE = (
+        "still_texture",
+        CheckKind(
+            Of.LIDAR,
+            Words(
+                "still texture",
+                "something stays at its place in its picture while the scene moves, by the LiDAR's ranges",
+                "shows something that stays in its picture while the scene moves",
+                "S_{i} shows something that stays in its picture while the scene moves",
+            ),
+            (PriorOf("still_texture", (-3.4, 0.9, 0.3, 1.5), _IN_TIME),),
             of_light=True,
         ),
     )

@@ -10,7 +10,6 @@ from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure_stream
 from auditor.measurement.checks.parallax_conflict import (
-    Moment,
     _alike,
     _in_halves,
     _patches,
@@ -19,6 +18,7 @@ from auditor.measurement.checks.parallax_conflict import (
 )
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.moment import Moment
 from auditor.model.checks import Check, CountedPair
 from auditor.model.frames import Frame, SkippedFrame
 

@@ -1,0 +1,58 @@
+"""Still texture: what stays at its place in a lone camera's picture, though by the LiDAR's ranges it should have moved.
+
+A pattern that is thrown into a lens, or lies on it, moves with the camera: its surroundings are found where they are
+now, a moment ago and many metres of way before. It says nothing of the LiDAR, whose range has it elsewhere. What is far
+away, or drives ahead as fast, stays as well, but seldom for so long a way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.photometric_consistency import ncc_at
+from auditor.measurement.moment import Moment
+from auditor.measurement.parameters import HALF
+from auditor.model.arrays import Image, Indices, Mask
+from auditor.model.parameters import BY_HAND, parameter
+
+_PATTERNS = "drives 0009, 0001 and 04: clean, with walls, and with patterns on one camera (docs/decisions.md)"
+
+
+@dataclass(frozen=True)
+class StillTexture:
+    """How much of a window stays."""
+
+    way_m: float = parameter(7.0, unit="m that the camera moved since the earliest picture", source=_PATTERNS)
+    alike: float = parameter(0.8, unit="NCC above which two pictures show the same at one place", source=_PATTERNS)
+    least_px: float = parameter(4.0, unit="px that a point should have moved", source=_PATTERNS)
+    cell_px: int = parameter(8, unit="half px, width and height of a cell", source=BY_HAND)
+    window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_PATTERNS)
+    pseudo_count: int = parameter(10, unit="points that move, added to those of a window", source=_PATTERNS)
+
+
+NUMBERS = StillTexture()
+
+
+def staying(now: Moment, earlier: Sequence[Image | None], point: Indices) -> Mask:
+    """(P,) mask of points of the view at whose places all earlier half-resolution pictures (h, w) show the same."""
+    row, column = now.view.row[point] // HALF, now.view.column[point] // HALF
+    stays, nowhere = np.ones(point.size, dtype=np.bool_), np.zeros(point.size, dtype=np.float32)
+    for picture in earlier:
+        if picture is not None:
+            stays &= ncc_at(now.half, picture, row, column, nowhere) > NUMBERS.alike
+    return stays
+
+
+def measure_still_texture(now: Moment, point: Indices, stays: Mask) -> float:
+    """The largest share of a window's points (P,) that stay, 0 to 1, of those that should have moved."""
+    shape = [-(-side // NUMBERS.cell_px) for side in now.half.shape]
+    place = now.view.row[point] // (HALF * NUMBERS.cell_px), now.view.column[point] // (HALF * NUMBERS.cell_px)
+    cells = np.zeros((2, *shape), dtype=np.float32)
+    np.add.at(cells[0], place, 1)
+    np.add.at(cells[1], place, stays)
+    every, those = (
+        cv2.boxFilter(one, -1, NUMBERS.window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT) for one in cells
+    )
+    return float((those / (every + NUMBERS.pseudo_count)).max())
