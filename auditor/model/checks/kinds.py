@@ -264,7 +264,7 @@ class Check(StrEnum):
                 "shows something that stays in its picture while the scene moves",
                 "S_{i} shows something that stays in its picture while the scene moves",
             ),
-            (PriorOf("still_texture", (-3.4, 0.9, 0.3, 1.5), _IN_TIME),),
+            (PriorOf("still_texture", (-3.6, 0.8, 0.3, 1.45), _IN_TIME),),
             of_light=True,
         ),
     )
