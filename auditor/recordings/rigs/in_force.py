@@ -31,12 +31,16 @@ _MOST_TOPICS = 4  # in one remark
 
 @dataclass(frozen=True, eq=False)
 class RigInForce:
-    """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always."""
+    """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always.
+
+    `since` is the one by which it came into force; empty of a rig of the beginning.
+    """
 
     rig: Rig
     survey: Survey
     stretches: tuple[Stretch, ...] = WHOLE
     changes: tuple[str, ...] = ()
+    since: str = ""
 
     @property
     def reads_along(self) -> bool:
@@ -166,6 +170,7 @@ class _Line:
         samples = survey.samples(rig.topic(rig.n))
         self._begin_ns = min((sample.time_ns for sample in samples), default=0)
         self._changes: list[str] = []
+        self._since: dict[Rig, str] = {rig: ""}
         self.remarks: list[str] = []
 
     def in_force(self) -> Iterator[RigInForce]:
@@ -173,7 +178,8 @@ class _Line:
         self._leave_out_the_first_if_it_has_no_frame()
         for rig, stretches in self._stretches.items():
             if stretches:
-                yield RigInForce(rig, self._known[rig], tuple(stretches), tuple(self._changes))
+                changes, since = tuple(self._changes), self._since.get(rig, "")
+                yield RigInForce(rig, self._known[rig], tuple(stretches), changes, since)
 
     def _leave_out_the_first_if_it_has_no_frame(self) -> None:
         """A calibration that changed before the first frame was never in force: the next rig has its stretches."""
@@ -236,6 +242,8 @@ class _Line:
         until = f", and again until {self._at(cluster.last_ns)}" if settling else ""
         between = "frames between are not audited, which --rig avoids where one rig does for all; " if settling else ""
         self._changes.append(f"{CHANGING} at {self._at(cluster.first_ns)}{until} ({named})")
+        for rig in rigs:
+            self._since.setdefault(rig, self._changes[-1])
         self.remarks.append(f"{self._changes[-1]}: {between}frames from then on {then}")
 
     def _at(self, time_ns: int) -> str:
