@@ -177,19 +177,19 @@ def frames_not_audited(
 ) -> Iterator[str]:
     """Whether too few frames of a recording could be judged, and why where verdicts are withheld.
 
-    Sensors that have no message in some of them are named. None is too few of a rig that rigs `beside` it stand in for.
+    Sensors of which some of them have nothing are named. None is too few of a rig that rigs `beside` it stand in for.
     """
     if measurement.withheld:
         yield f"verdicts withheld: {measurement.withheld}"
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due and not (checked_by_past(rig, beside) or looks_again(rig, beside)):
-        without = first_few(list(_without_messages(store, measurement, rig)), _MOST_WITHOUT)
-        yield f"{audited} of {due} frames audited" + (without and f": no message of {without}")
+        without = first_few(list(_without(store, measurement, rig)), _MOST_WITHOUT)
+        yield f"{audited} of {due} frames audited" + (without and f": nothing of {without}")
 
 
-def _without_messages(store: Store, measurement: StoredMeasurement, rig: Rig) -> Iterator[str]:
-    """The sensors that have no message in some frames, and in which; seconds are since the first frame."""
+def _without(store: Store, measurement: StoredMeasurement, rig: Rig) -> Iterator[str]:
+    """The sensors of which some frames have nothing, and which frames; seconds are since the first frame."""
     frames = store.load_statistics(measurement.measurement_id)
     for sensor, states in zip(rig.sensors, frames.states.T, strict=True):
         places = np.flatnonzero(states != SensorState.PRESENT)

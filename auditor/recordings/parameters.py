@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameters import BY_HAND, digest, parameter
 
+_SAME = "a tenth of a pixel of a focal length of 1000 px, at 10 m: less than checks tell; by hand"
 _WORK = "bounds the memory and the work; no experiment recorded"
 
 
@@ -58,6 +59,18 @@ class CalibrationChanges:
     settling_ns: int = parameter(10**9, unit="ns between two messages of one change", source=BY_HAND)
     most: int = parameter(8, unit="changes a rig", source=BY_HAND)
     pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class SameCalibration:
+    """Up to which difference two calibrations are one: drivers that calibrate all the time never say one twice.
+
+    It is a tenth of a pixel, of a focal length of 1000 px where it is an angle or a place: a matcher tells a sixteenth.
+    """
+
+    pixel_px: float = parameter(0.1, unit="px of K and P; of P's fourth column at 10 m", source=_SAME)
+    tangent: float = parameter(1e-4, unit="of rotations and of coefficients of lenses", source=_SAME)
+    place_m: float = parameter(1e-3, unit="m", source=_SAME)
 
 
 @dataclass(frozen=True)
@@ -242,6 +255,7 @@ class SensorLike:
 
 
 RIG_LIMITS = RigLimits()
+SAME_CALIBRATION = SameCalibration()
 SWEEPS = Sweeps()
 LIDAR_CHOICE = LidarChoice()
 LIDAR_OVERLAP = LidarOverlap()
@@ -260,6 +274,7 @@ FINDING_FILES = (DRIVE_PARTS,)
 
 RIG_FINDING = (
     RIG_LIMITS,
+    SAME_CALIBRATION,
     PICTURE_DEPTH,
     PICTURE_ORDER,
     ODD_PICTURES,

@@ -58,7 +58,10 @@ found AS (
         max(frame) AS last_frame,
         min(stamp_ns) AS from_ns,
         max(stamp_ns) AS to_ns,
-        NULL::VARCHAR AS remedy
+        CASE
+            WHEN regexp_matches(reason, 'the calibration changes|change of the calibration')
+            THEN 'where one rig does for all of it, give it by --rig (auditor inspect --write-rig writes one)'
+        END AS remedy
     FROM run
     GROUP BY measurement_id, what, reason, sensor, run
     UNION ALL BY NAME

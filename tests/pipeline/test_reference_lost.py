@@ -1,10 +1,11 @@
-"""A recording whose reference camera is unplugged beside a bogus wall is never clean."""
+"""A recording whose reference camera is unplugged beside a bogus wall, or whose LiDAR is blind, is never clean."""
 
 from dataclasses import replace
 from decimal import Decimal
 
 import pytest
 
+from auditor.cli import run
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import Method, VerdictKind
 from auditor.pipeline.judge import Criteria
@@ -69,7 +70,7 @@ def test_two_cameras_too_close_together_to_check_the_lidar_leave_the_frames_unau
     reason = "S_3 missing: S_1 and S_2 lie too close together to check the LiDAR, and no third camera was there"
     assert {row["reason"] for row in rows[LOST:]} == {reason}
     assert not found.complete
-    assert found.gaps[0] == "5 of 13 frames audited: no message of camera_3 in 8 frames, the first 5 (0.5 s)"
+    assert found.gaps[0] == "5 of 13 frames audited: nothing of camera_3 in 8 frames, the first 5 (0.5 s)"
 
 
 def test_a_wall_that_they_cannot_check_is_left_unaudited_or_named_by_the_last_scan_and_never_clean(tmp_path):
@@ -87,3 +88,25 @@ def test_a_rig_of_two_cameras_too_close_together_to_check_its_lidar_is_not_audit
     rows = run_sql(Store.open(store), "SELECT DISTINCT kind, e, reason FROM verdicts").to_pylist()
     reason = "S_1 and S_2 lie too close together to check the LiDAR, and no third camera was there"
     assert rows == [{"kind": "not_auditable", "e": "-", "reason": reason}]
+
+
+LONE = plane_rig((0.0,))
+
+
+@pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize("rig", [LONE.alone(0), LONE, plane_rig((0.6, 0.0)), plane_rig()], ids="0123")
+def test_a_blind_lidar_is_no_attack_and_never_fully_audited(tmp_path, capfd, rig, first):
+    frames = [
+        replace(
+            frame,
+            images={sensor: image for sensor, image in frame.images.items() if sensor in rig.sensors},
+            cloud=replace(frame.cloud, xyz_m=frame.cloud.xyz_m[: 0 if frame.number >= first else None]),
+        )
+        for frame in drive_frames(rig if rig.cameras else LONE, 6)
+    ]
+    write_mcap(tmp_path / "blind.mcap", rig, frames)
+    least = ["--min-view", "0", "--min-coverage", "0"]
+    assert run(["scan", str(tmp_path / "blind.mcap"), "--store", str(tmp_path / "audit"), "--jobs", "1", *least]) == 3
+    told = "".join(capfd.readouterr())
+    assert f"{6 - first} messages from {first / 10:.1f} s on: it shows nothing: no beam of it returned" in told
+    assert "incident" not in told.replace("none with incidents", "")

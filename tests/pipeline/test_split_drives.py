@@ -1,6 +1,7 @@
 """Split drives and changing calibrations through the whole chain: what is kept in the store."""
 
 from dataclasses import replace
+from itertools import chain, cycle
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ from auditor.model.frames import Message
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureResult, MeasureTask
 from auditor.recordings import Location, find_recordings, schemas
+from auditor.recordings.parameters import CALIBRATION_CHANGES
+from auditor.recordings.rigs.in_force import CHANGING, TOO_OFTEN
+from auditor.store.queries import run_query
 from auditor.store.store import Store
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import PERIOD_NS, START_NS, drive_frames
@@ -20,6 +24,9 @@ RIG = plane_rig((0.6, 0.0), lidar=True)
 RIGS = 3
 """Of the pair, and of each camera by its own past."""
 COUNT = 6
+ZOOMED = replace(
+    RIG, cameras=tuple(replace(c, projection=np.diag([1.05, 1.05, 1.0]) @ c.projection) for c in RIG.cameras)
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +70,8 @@ def test_cameras_and_lidar_in_two_files_are_measured_together(tmp_path: Path, me
 def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
     tmp_path: Path, messages: list[Message], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    zoom = np.diag([1.05, 1.05, 1.0])
-    later = replace(RIG, cameras=tuple(replace(c, projection=zoom @ c.projection) for c in RIG.cameras))
     behind = list(drive_frames(RIG, COUNT, start_ns=START_NS + COUNT * PERIOD_NS))
-    path = write_messages(tmp_path / "a.mcap", [*messages, *messages_of(".mcap", later, behind)])
+    path = write_messages(tmp_path / "a.mcap", [*messages, *messages_of(".mcap", ZOOMED, behind)])
     done = measured(tmp_path / "audit", Location(path))
     store = Store.open(tmp_path / "audit")
     kept = [store.measurement(known) for known in done.measurement_ids]
@@ -81,11 +86,26 @@ def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
     assert "the calibration changes at 0.6 s" in capfd.readouterr().out
 
 
+@pytest.mark.parametrize("every", [2, 11])
+def test_frames_between_quick_changes_and_behind_too_many_are_told_with_what_to_do(
+    tmp_path: Path, messages: list[Message], every: int
+) -> None:
+    changed = [
+        messages_of(".mcap", rig, list(drive_frames(rig, 1, start_ns=START_NS + (COUNT + every * number) * PERIOD_NS)))
+        for number, rig in zip(range(CALIBRATION_CHANGES.most + 2), cycle([ZOOMED, RIG]))
+    ]
+    path = write_messages(tmp_path / "a.mcap", [*messages, *chain(*changed)])
+    measured(tmp_path / "audit", Location(path))
+    rows = run_query(Store.open(tmp_path / "audit"), "not_audited", {}).to_pylist()
+    told = [row for row in rows if row["what"] == "frames"]
+    assert told
+    assert {row["reason"] for row in told} == {CHANGING if every == 2 else TOO_OFTEN}
+    assert all("--rig" in row["remedy"] for row in told)
+
+
 def test_a_change_behind_the_last_frame_makes_no_measurement(tmp_path: Path, messages: list[Message]) -> None:
-    zoom = np.diag([1.05, 1.05, 1.0])
-    later = replace(RIG, cameras=tuple(replace(c, projection=zoom @ c.projection) for c in RIG.cameras))
-    behind = list(drive_frames(later, 1, start_ns=START_NS + COUNT * PERIOD_NS))
-    infos = some(messages_of(".mcap", later, behind), lambda m: m.schema == schemas.CAMERA_INFO)
+    behind = list(drive_frames(ZOOMED, 1, start_ns=START_NS + COUNT * PERIOD_NS))
+    infos = some(messages_of(".mcap", ZOOMED, behind), lambda m: m.schema == schemas.CAMERA_INFO)
     path = write_messages(tmp_path / "a.mcap", [*messages, *infos])
     done = measured(tmp_path / "audit", Location(path))
     assert len(done.measurement_ids) == RIGS

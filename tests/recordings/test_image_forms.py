@@ -119,7 +119,7 @@ def test_why_messages_of_a_camera_do_not_decode_is_said(tmp_path: Path) -> None:
         list(stream)
         said = stream.undecoded
     assert [one.partition(": ")[0] for one in said] == [camera.name for camera in RIG.cameras]
-    assert all(f"{len(blank)} messages: it shows nothing" in one for one in said)
+    assert all(f"{len(blank)} messages from 0.0 s on: it shows nothing" in one for one in said)
 
 
 @pytest.mark.parametrize(("rows", "level"), [(48, 255), (24, 255), (6, 0), (3, 128), (0, 0)])
@@ -127,16 +127,31 @@ def test_light_everywhere_bars_and_a_few_rows_are_no_damage(rows: int, level: in
     check_received(filled(rows, level))
 
 
-def test_cameras_that_share_a_topic_are_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("frames", "shared"),
+    [
+        (("left", "right", "left"), True),
+        (("left", "left", "right", "right"), False),
+        (("left", "1", "2"), False),
+        (("left", "", "left"), False),
+    ],
+)
+def test_cameras_that_take_turns_in_one_topic_cannot_be_read(
+    tmp_path: Path, frames: tuple[str, ...], shared: bool
+) -> None:
     maker = MessageMaker("cdr")
     with (tmp_path / "a.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start("ros2")
         channel = writer.register_channel("/a", "cdr", writer.register_schema("sensor_msgs/msg/Image", "ros2msg", b""))
-        for time_ns, frame in enumerate(("left", "right", "left"), start=1):
+        for time_ns, frame in enumerate(frames, start=1):
             data = maker.raw_image(np.zeros((4, 4), np.uint8), "mono8", maker.header(time_ns, frame))
             writer.add_message(channel, time_ns, data, time_ns)
         writer.finish()
     with open_recording(tmp_path / "a.mcap") as recording:
-        [problem] = survey(recording).problems
+        known = survey(recording)
+    [problem] = known.problems
     assert "/a: its messages are of several coordinate frames" in problem
+    assert len(known.images) == (not shared)
+    reasons = [one.reason for one in known.unreadable]
+    assert reasons == ["the messages of several sensors take turns in it, in the frames left and right"] * shared

@@ -181,10 +181,8 @@ def _sectors(hit: Mask) -> Mask:
 
 def _within_field(hit: Mask) -> Mask:
     """(columns,) those between the first and the last with a return."""
-    field = np.zeros(hit.shape[1], dtype=np.bool_)
-    columns = np.flatnonzero(hit.any(axis=0))
-    field[columns[0] : columns[-1] + 1] = True
-    return field
+    columns = np.asarray(hit.any(axis=0))
+    return np.asarray(np.logical_or.accumulate(columns) & np.logical_or.accumulate(columns[::-1])[::-1])
 
 
 def _within(mask: Mask) -> Floats32:

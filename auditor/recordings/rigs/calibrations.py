@@ -1,12 +1,12 @@
 """Camera infos as their pictures need them: regions and binnings applied, and those that are no camera's refused.
 
 Camera infos and tf say some things twice. Where the two disagree each is a candidate, and only the recorded images and
-points can tell which one is right. Two camera infos are the same calibration where they differ by no more than the
-noise of numbers that were computed anew.
+points can tell which one is right. Two camera infos are the same calibration where they differ by no more than a tenth
+of a pixel, or the noise of numbers that were computed anew: drivers that calibrate all the time never say one twice.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 
 from auditor.errors import RigError
 from auditor.model.optics.geometry import Matrix
+from auditor.model.parameters import PAIR_DEPTH
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.decoding.geometry import ABSURD
 from auditor.recordings.decoding.interface import ImageRegion, SizePx
+from auditor.recordings.parameters import SAME_CALIBRATION
 
 
 class Positions(StrEnum):
@@ -96,7 +98,6 @@ _TOLERANCE = 1e-2  # by which R R^T and K's last number may differ from 1
 _NOISE = 1e-6  # share of the largest number, that rounding makes
 
 _WHOLE = ImageRegion()
-_NUMBERS = (tuple, np.ndarray)
 
 
 def of_pictures(info: CameraInfo, size_px: SizePx, scale: Scale = Scale.DECLARED) -> CameraInfo:
@@ -190,18 +191,43 @@ def check_camera(matrices: Iterable[Matrix], rotation: Matrix, distortion: Itera
         raise RigError("its distortion is absurd or not finite")
 
 
-def same_numbers(a: ArrayLike, b: ArrayLike) -> bool:
-    """True where no number differs by more than the noise, which is relative to the largest of them."""
+def same_numbers(a: ArrayLike, b: ArrayLike, by: float = 0.0) -> bool:
+    """True where no number differs by more than `by`, or than the noise, which is relative to the largest of them."""
     numbers, other = np.asarray(a, np.float64), np.asarray(b, np.float64)
     if numbers.shape != other.shape or not numbers.size:
         return numbers.shape == other.shape
     largest = max(float(np.abs(numbers).max()), float(np.abs(other).max()))
-    return bool(np.all(np.abs(numbers - other) <= _NOISE * largest))
+    return bool(np.all(np.abs(numbers - other) <= max(_NOISE * largest, by)))
+
+
+def same_place(a: Matrix, b: Matrix) -> bool:
+    """True for two places (4, 4) that no picture tells apart."""
+    rotations = same_numbers(a[:3, :3], b[:3, :3], SAME_CALIBRATION.tangent)
+    return rotations and same_numbers(a[:3, 3], b[:3, 3], SAME_CALIBRATION.place_m)
+
+
+def same_projection(a: Matrix, b: Matrix) -> bool:
+    """True for two P (3, 4), or two K (3, 3), that no picture tells apart; P's fourth column is seen at a distance."""
+    of_place = SAME_CALIBRATION.pixel_px * PAIR_DEPTH.distance_m
+    same = same_numbers(a[:, :3], b[:, :3], SAME_CALIBRATION.pixel_px)
+    return same and same_numbers(a[:, 3:], b[:, 3:], of_place)
+
+
+def same_lens(a: Sequence[float], b: Sequence[float]) -> bool:
+    """True for the coefficients of two lenses of one model that no picture tells apart."""
+    return same_numbers(a, b, SAME_CALIBRATION.tangent)
 
 
 def same_camera_info(a: CameraInfo, b: CameraInfo) -> bool:
     """True for two messages of one calibration; their stamps do not count."""
-    if a.header.frame_id != b.header.frame_id:
-        return False
-    pairs = ((getattr(a, field.name), getattr(b, field.name)) for field in fields(a) if field.name != "header")
-    return all(same_numbers(x, y) if isinstance(x, _NUMBERS) else x == y for x, y in pairs)
+    plain = [
+        (one.header.frame_id, one.width_px, one.height_px, one.distortion_model, one.region, one.binning)
+        for one in (a, b)
+    ]
+    return (
+        plain[0] == plain[1]
+        and same_lens(a.distortion, b.distortion)
+        and same_projection(a.intrinsics, b.intrinsics)
+        and same_projection(a.projection, b.projection)
+        and same_numbers(a.rotation, b.rotation, SAME_CALIBRATION.tangent)
+    )

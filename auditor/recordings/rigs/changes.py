@@ -15,7 +15,7 @@ from auditor.recordings.decoding import CameraInfo, Decoders, ImageDecoder, Tran
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
 from auditor.recordings.recording import Recording
-from auditor.recordings.rigs.calibrations import same_camera_info, same_numbers
+from auditor.recordings.rigs.calibrations import same_camera_info, same_place
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.recordings.synchronisation.vehicles import info_of, transform_of
 from auditor.safety.budget import MAX_TRANSFORM_BYTES
@@ -151,7 +151,7 @@ class Changes:
         return not (
             isinstance(before, Transform)
             and isinstance(value, Transform)
-            and same_numbers(before.parent_SE3_child, value.parent_SE3_child)
+            and same_place(before.parent_SE3_child, value.parent_SE3_child)
         )
 
     def _is_new(self, message: Message) -> bool:

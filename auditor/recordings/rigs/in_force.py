@@ -14,7 +14,7 @@ from auditor.model.text import first_few
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.recording import Recording
-from auditor.recordings.rigs.calibrations import same_numbers
+from auditor.recordings.rigs.calibrations import same_lens, same_place, same_projection
 from auditor.recordings.rigs.cameras import find_views
 from auditor.recordings.rigs.changes import WHOLE, Change, Changes, Key, Stretch, Value
 from auditor.recordings.rigs.discovery import find_rigs, search_rigs
@@ -31,12 +31,16 @@ _MOST_TOPICS = 4  # in one remark
 
 @dataclass(frozen=True, eq=False)
 class RigInForce:
-    """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always."""
+    """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always.
+
+    `since` is the one by which it came into force; empty of a rig of the beginning.
+    """
 
     rig: Rig
     survey: Survey
     stretches: tuple[Stretch, ...] = WHOLE
     changes: tuple[str, ...] = ()
+    since: str = ""
 
     @property
     def reads_along(self) -> bool:
@@ -166,6 +170,7 @@ class _Line:
         samples = survey.samples(rig.topic(rig.n))
         self._begin_ns = min((sample.time_ns for sample in samples), default=0)
         self._changes: list[str] = []
+        self._since: dict[Rig, str] = {rig: ""}
         self.remarks: list[str] = []
 
     def in_force(self) -> Iterator[RigInForce]:
@@ -173,7 +178,8 @@ class _Line:
         self._leave_out_the_first_if_it_has_no_frame()
         for rig, stretches in self._stretches.items():
             if stretches:
-                yield RigInForce(rig, self._known[rig], tuple(stretches), tuple(self._changes))
+                changes, since = tuple(self._changes), self._since.get(rig, "")
+                yield RigInForce(rig, self._known[rig], tuple(stretches), changes, since)
 
     def _leave_out_the_first_if_it_has_no_frame(self) -> None:
         """A calibration that changed before the first frame was never in force: the next rig has its stretches."""
@@ -203,7 +209,7 @@ class _Line:
             if until_ns > from_ns:
                 self._add(self._last, Stretch(from_ns, until_ns, CHANGING))
                 begin_ns = until_ns
-            self._tell(cluster, rigs)
+            self._tell(cluster, rigs, settling=until_ns > from_ns)
             in_force, reason = (rigs, "") if rigs else (self._last, NO_RIG)
         self._add(in_force, Stretch(begin_ns, changes.until_ns, reason))
         if changes.until_ns is not None:
@@ -227,14 +233,18 @@ class _Line:
         if not stretch.reason:
             self._last = tuple(rigs)
 
-    def _tell(self, cluster: _Cluster, rigs: Sequence[Rig]) -> None:
+    def _tell(self, cluster: _Cluster, rigs: Sequence[Rig], *, settling: bool) -> None:
         topics = list(dict.fromkeys(str(change.key) for change in cluster.changes))
         named = first_few(topics, _MOST_TOPICS)
-        then = "frames from then on have a rig of their own" if rigs else "frames from then on have no rig"
+        then = "have a rig of their own" if rigs else "have no rig"
         if len(rigs) == 1 and len(self._stretches[rigs[0]]) > 0:
-            then = "frames from then on have the rig of before"
-        self._changes.append(f"{CHANGING} at {self._at(cluster.first_ns)} ({named})")
-        self.remarks.append(f"{self._changes[-1]}: {then}")
+            then = "have the rig of before"
+        until = f", and again until {self._at(cluster.last_ns)}" if settling else ""
+        between = "frames between are not audited, which --rig avoids where one rig does for all; " if settling else ""
+        self._changes.append(f"{CHANGING} at {self._at(cluster.first_ns)}{until} ({named})")
+        for rig in rigs:
+            self._since.setdefault(rig, self._changes[-1])
+        self.remarks.append(f"{self._changes[-1]}: {between}frames from then on {then}")
 
     def _at(self, time_ns: int) -> str:
         return f"{(time_ns - self._begin_ns) / 1e9:.1f} s"
@@ -297,12 +307,12 @@ def _alike(a: Rig, b: Rig) -> bool:
     if [a.topic(sensor) for sensor in a.sensors] != [b.topic(sensor) for sensor in b.sensors]:
         return False
     places = zip(a.lidars.values(), b.lidars.values(), strict=False)
-    if not all(same_numbers(one.rig_SE3_lidar, other.rig_SE3_lidar) for one, other in places):
+    if not all(same_place(one.rig_SE3_lidar, other.rig_SE3_lidar) for one, other in places):
         return False
     return all(_same_camera(one, other) for one, other in zip(a.cameras, b.cameras, strict=True))
 
 
 def _same_camera(a: Camera, b: Camera) -> bool:
     plain = [(one.width_px, one.height_px, one.rectified, one.lens.model) for one in (a, b)]
-    lenses = same_numbers(a.lens.coefficients, b.lens.coefficients)
-    return plain[0] == plain[1] and lenses and same_numbers(a.projection, b.projection)
+    lenses = same_lens(a.lens.coefficients, b.lens.coefficients)
+    return plain[0] == plain[1] and lenses and same_projection(a.projection, b.projection)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from math import ceil
 
 from auditor.model.coverage import Against, TimeCoverage
+from auditor.model.stamps import NANOSECONDS
 from auditor.recordings.parameters import TIME_GAPS
 from auditor.recordings.synchronisation.clocks import DUPLICATE, Timing
 
@@ -20,7 +21,7 @@ class MessageCounts:
 
     `regular` ones are used by their own stamp, `unused` ones belong to another rig; `against` counts the others by
     reason, but for those at the edges, duplicates, and up to `most_surplus` messages of a fast sensor between two that
-    are used. `problems` are those of damaged ones.
+    are used. `problems` are those of damaged ones, of which the earliest was captured at `damaged_from_ns`.
     """
 
     most_surplus: int = 0
@@ -29,6 +30,7 @@ class MessageCounts:
     unused: int = 0
     regular: int = 0
     problems: dict[str, int] = field(default_factory=dict)
+    damaged_from_ns: int | None = None
     skipped: dict[str, int] = field(default_factory=dict)
     against: dict[str, int] = field(default_factory=dict)
     _surplus: int = 0
@@ -47,9 +49,20 @@ class MessageCounts:
         """The messages that could not be decoded whole."""
         return sum(self.problems.values())
 
-    def damage(self, problem: str, messages: int = 1) -> None:
+    def undecoded(self, begin_ns: int) -> str:
+        """How many messages could not be decoded whole, from which second after `begin_ns` on, and why most could not.
+
+        There has to be one.
+        """
+        usual = max(self.problems, key=self.problems.__getitem__)
+        most = f", {self.problems[usual]} of them" if len(self.problems) > 1 else ""
+        since_s = max(0, (self.damaged_from_ns or 0) - begin_ns) / NANOSECONDS
+        return f"{self.damaged} message{'s' * (self.damaged > 1)} from {since_s:.1f} s on{most}: {usual}"
+
+    def damage(self, problem: str, stamp_ns: int, messages: int = 1) -> None:
         """Count a message that could not be decoded whole, and why."""
         self.problems[problem] = self.problems.get(problem, 0) + messages
+        self.damaged_from_ns = stamp_ns if self.damaged_from_ns is None else min(self.damaged_from_ns, stamp_ns)
         self._count_against(Against.DAMAGED, messages)
 
     def skip(self, reason: str, against: str = "", messages: int = 1) -> None:
@@ -64,10 +77,10 @@ class MessageCounts:
         elif reason == TOO_FEW or (reason == BETWEEN and self._surplus > self.most_surplus):
             self._count_against(Against.UNPAIRED, messages)
 
-    def leave_out(self, reason: str, problem: str, against: str, messages: int) -> None:
+    def leave_out(self, reason: str, problem: str, against: str, stamp_ns: int, messages: int) -> None:
         """Count a message that is in no frame, as damaged where it has a problem."""
         if problem:
-            self.damage(problem, messages)
+            self.damage(problem, stamp_ns, messages)
         else:
             self.skip(reason, against, messages)
 

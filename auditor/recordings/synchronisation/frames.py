@@ -238,9 +238,10 @@ class FrameStream:
 
     @property
     def undecoded(self) -> tuple[str, ...]:
-        """How many messages of each sensor could not be decoded, and why; nothing of those that all could."""
-        counted = [(self._rig.name(sensor), self._counts[sensor].problems) for sensor in sorted(self._counts)]
-        return tuple(_undecoded(name, problems) for name, problems in counted if problems)
+        """How many messages of each sensor could not be decoded, since when and why; nothing of the others."""
+        begin_ns = min((sample.time_ns for sample in self._survey.samples(self._rig.topic(self._rig.n))), default=0)
+        counted = [(self._rig.name(sensor), self._counts[sensor]) for sensor in sorted(self._counts)]
+        return tuple(f"{name}: {counts.undecoded(begin_ns)}" for name, counts in counted if counts.problems)
 
     @property
     def balance(self) -> tuple[TopicBalance, ...]:
@@ -267,13 +268,6 @@ class FrameStream:
         if self._out_of_order:  # where a sensor's messages begin and end is not known then
             covered = {sensor: replace(time, late_ns=0, early_ns=0) for sensor, time in covered.items()}
         return topic_coverage(self._recording, self._rig, self._survey, self._counts, covered)
-
-
-def _undecoded(name: str, problems: Mapping[str, int]) -> str:
-    """How many messages of a sensor could not be decoded, and why most of them could not."""
-    count, usual = sum(problems.values()), max(problems, key=problems.__getitem__)
-    most = f", {problems[usual]} of them" if len(problems) > 1 else ""
-    return f"{name}: {count} message{'s' * (count > 1)}{most}: {usual}"
 
 
 def synchronise(
@@ -340,7 +334,7 @@ class _FrameMaker:
                     images[sensor] = self._image(sensor, waiting)
             except DecodingError as error:
                 problems[sensor] = error.what
-                self._counts[sensor].damage(error.what, len(waiting.messages))
+                self._counts[sensor].damage(error.what, waiting.stamp_ns, len(waiting.messages))
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
         if len(good) < fewest:
             return self._skip(group, stamp_ns, TOO_FEW, good)
@@ -366,7 +360,9 @@ class _FrameMaker:
     def _skip(self, group: FrameMessages, stamp_ns: int, reason: str, members: Mapping[int, Waiting]) -> SkippedFrame:
         """Count some members of a group that makes no frame."""
         for sensor, waiting in members.items():
-            self._counts[sensor].leave_out(reason, waiting.problem, waiting.against, len(waiting.messages))
+            self._counts[sensor].leave_out(
+                reason, waiting.problem, waiting.against, waiting.stamp_ns, len(waiting.messages)
+            )
         self._time.add(group.chunk, group.time_ns, ())
         return SkippedFrame(group.number, stamp_ns, reason, self._culprit(members))
 
@@ -393,4 +389,7 @@ class _FrameMaker:
         if waiting.messages[-1].log_time_ns < self._lidars_start_ns.get(sensor, 0):
             raise DecodingError(f"{self._rig.name(sensor)} {_STARTS}", where=waiting.message.topic)
         parts = [decoder.xyz_m(message) for message in waiting.messages]
-        return PointCloud(waiting.stamp_ns, parts[0] if len(parts) == 1 else np.concatenate(parts))
+        xyz_m = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if not xyz_m.any():  # missing returns may be written as zeros
+            raise DecodingError("it shows nothing: no beam of it returned", where=waiting.message.topic)
+        return PointCloud(waiting.stamp_ns, xyz_m)

@@ -158,6 +158,7 @@ class _Surveyor:
         self._metadata = metadata_of(recording)
         self._decoders = Decoders(recording.definition, units_m, self._metadata)
         self._samples: dict[str, list[Sample]] = {}
+        self._frame_turns: dict[str, list[str]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._sectors_seen: dict[str, list[Sector | None]] = {}
         self._some_m: dict[str, list[Points]] = {}
@@ -183,7 +184,8 @@ class _Surveyor:
                 break
         for damage in () if self._recording.topics() else self._recording.damage:
             self._note(f"no message is left in it: {damage}")
-        sensors = [sensor for _, sensor in sorted(self._sensors.items())]
+        shared = self._shared()
+        sensors = [sensor for name, sensor in sorted(self._sensors.items()) if name not in shared]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
         pictures = [
@@ -206,7 +208,7 @@ class _Surveyor:
             problems=tuple(self._problems),
             interleaved=self._order.interleaved and (len(self._samples) > 1 or not unseen),
             other_parts=other_parts(self._recording.files),
-            unreadable=tuple(self._unreadable()),
+            unreadable=tuple(self._unreadable(shared)),
             moving=self._mountings.moving(),
             metadata=self._metadata,
             blank_infos=self._blank_infos,
@@ -307,7 +309,10 @@ class _Surveyor:
             size = first_size_px(message, decoder) if decoder.kind == "image" else first_points(message, decoder)
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, frame_id, size)
-        elif frame_id != self._sensors[message.topic][1]:
+        turns = self._frame_turns.setdefault(message.topic, [])
+        if frame_id and turns[-1:] != [frame_id]:
+            turns.append(frame_id)
+        if frame_id != self._sensors[message.topic][1]:
             self._note(f"{message.topic}: its messages are of several coordinate frames; the place of the first counts")
         if decoder.kind == "cloud":
             self._take_sector(message, decoder)
@@ -368,8 +373,17 @@ class _Surveyor:
             self._note(f"{name}: no message of it could be read at the beginning")
         return len(unseen)
 
-    def _unreadable(self) -> Iterator[UnreadableTopic]:
+    def _shared(self) -> dict[str, str]:
+        """The topics that several sensors share, whose frames take turns, and in words which frames."""
+        takes_turns = {name: turns for name, turns in self._frame_turns.items() if len({*turns}) < len(turns)}
+        return {name: " and ".join(dict.fromkeys(turns)) for name, turns in takes_turns.items()}
+
+    def _unreadable(self, shared: Mapping[str, str]) -> Iterator[UnreadableTopic]:
         for topic in self._recording.topics():
+            if topic.name in shared:
+                kind = sensor_types.KINDS["image" if isinstance(self._sensors[topic.name][-1], tuple) else "cloud"]
+                reason = f"the messages of several sensors take turns in it, in the frames {shared[topic.name]}"
+                yield UnreadableTopic(topic, kind, reason, "record each on a topic of its own")
             if topic.name in self._sensors:
                 continue
             decoder = self._decoders.of(topic.schema, topic.encoding)

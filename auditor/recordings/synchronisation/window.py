@@ -241,7 +241,9 @@ class MessageWindow:
                 self._refuse(sensor, waiting, BETWEEN)
 
     def _refuse(self, sensor: int, waiting: Waiting, reason: str) -> None:
-        self._counts[sensor].leave_out(reason, waiting.problem, waiting.against, len(waiting.messages))
+        self._counts[sensor].leave_out(
+            reason, waiting.problem, waiting.against, waiting.stamp_ns, len(waiting.messages)
+        )
 
 
 def _bytes(waiting: Waiting) -> int:

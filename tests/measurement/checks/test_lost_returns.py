@@ -226,3 +226,9 @@ def test_surfaces_far_away_are_not_looked_at():
     assert cells[CountedPair(Check.LOST_RETURNS, 1, 3, 0)].valid.sum() < 20
     assert FOCAL * 0.6 / 45.0 == 4.0
     assert WIDTH == 320
+
+
+def test_beams_that_hardly_cross_the_horizon_have_lost_nothing(lost):
+    # The lower of two beams returns just below the rows that are looked at: no column has a return there.
+    for cells in lost(lambda _left, up: np.isin(np.round(-up * FOCAL), (-12, 6))):
+        assert cells.total.sum() == 0

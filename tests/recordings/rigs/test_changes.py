@@ -12,7 +12,10 @@ from auditor.model.frames import CameraImage, Frame, Message, SkippedFrame
 from auditor.model.optics.geometry import motion
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, survey, synchronise
+from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.decoding.interface import Header
 from auditor.recordings.parameters import CALIBRATION_CHANGES
+from auditor.recordings.rigs.calibrations import same_camera_info
 from auditor.recordings.rigs.in_force import CHANGING, NO_RIG, TOO_OFTEN, RigsInForce
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.foxglove_messages import FoxgloveMessage, write_json, write_protobuf
@@ -93,6 +96,54 @@ def test_nothing_changes_in_a_recording_that_repeats_its_calibration(tmp_path: P
     assert found.remarks == ()
 
 
+@pytest.mark.parametrize(
+    "wandering",
+    [
+        pytest.param(lambda to: zoomed(RIG, 1 + 1e-3 * to), id="0.05 px of the focal length"),
+        pytest.param(lambda to: with_lidar_moved(RIG, 4e-4 * to), id="0.4 mm of a place"),
+    ],
+)
+def test_a_calibration_that_wanders_by_less_than_a_tenth_of_a_pixel_is_one(
+    tmp_path: Path, wandering: Callable[[float], Rig]
+) -> None:
+    parts = [(wandering(np.sin(number)), [number]) for number in range(20)]
+    found, there, skipped = seen(changing(tmp_path / "a.mcap", *parts))
+    assert [numbers(one) for one in there] == [[*range(20)]]
+    assert skipped == [[]]
+    assert found.remarks == ()
+
+
+def test_small_steps_in_one_direction_are_a_change_once_they_are_a_large_one(tmp_path: Path) -> None:
+    parts = [(with_lidar_moved(RIG, 1e-4 * number), [number]) for number in range(15)]
+    found, there, _ = seen(changing(tmp_path / "a.mcap", *parts))
+    assert [numbers(one) for one in there] == [[*range(11)], [*range(11, 15)]]
+    assert len(found.remarks) == 1
+
+
+def test_a_calibration_that_comes_back_almost_has_the_rig_of_before(tmp_path: Path) -> None:
+    parts = (RIG, range(15)), (zoomed(RIG, 1.1), range(15, 30)), (zoomed(RIG, 1.0005), range(30, 45))
+    _, there, _ = seen(changing(tmp_path / "a.mcap", *parts))
+    assert [numbers(one) for one in there] == [[*range(15), *range(30, 45)], [*range(15, 30)]]
+
+
+@pytest.mark.parametrize("same", [True, False])
+@pytest.mark.parametrize(
+    ("field", "by"),
+    [
+        ("intrinsics", 0.05 * np.eye(3)),
+        ("projection", 0.05 * np.eye(3, 4)),
+        ("projection", np.eye(3, 4, 3) * 0.5),
+        ("rotation", np.full((3, 3), 5e-5)),
+        ("distortion", np.full(5, 5e-5)),
+    ],
+)
+def test_two_camera_infos_are_one_where_no_pixel_moves_by_a_tenth(field: str, by: np.ndarray, same: bool) -> None:
+    K = np.diag([1000.0, 1000.0, 1.0])
+    info = CameraInfo(Header(0, "cam"), 640, 480, (0.1, 0.0, 0.0, 0.0, 0.0), K, np.eye(3), np.eye(3, 4) * 1000)
+    other = replace(info, **{field: getattr(info, field) + by * (1 if same else 4)})
+    assert same_camera_info(info, other) == same
+
+
 def test_a_mounting_that_moves_is_a_change(tmp_path: Path) -> None:
     path = changing(tmp_path / "a.mcap", (RIG, range(10)), (with_lidar_moved(RIG, 0.2), range(10, 20)))
     found, there, _ = seen(path)
@@ -137,7 +188,9 @@ def test_cameras_that_change_one_after_the_other_change_once(tmp_path: Path) -> 
     found, there, skipped = seen(path)
     assert [numbers(one) for one in there] == [[*range(10)], [*range(13, 20)]]
     assert [(item.number, item.reason) for item in skipped[0]] == [(number, CHANGING) for number in (10, 11, 12)]
-    assert len(found.remarks) == 1
+    (told,) = found.remarks
+    assert "changes at 1.0 s, and again until 1.3 s" in told
+    assert "frames between are not audited, which --rig avoids" in told
 
 
 def test_a_calibration_that_comes_back_has_the_rig_of_before(tmp_path: Path) -> None:

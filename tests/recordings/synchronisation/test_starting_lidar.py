@@ -1,11 +1,12 @@
-"""The first clouds of a LiDAR that has not started have no points, which is no attack; later ones are as they are."""
+"""Clouds of a LiDAR that has not started, or is blind, are not there, which is no attack; others are as they are."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from auditor.model.frames import Frame, SensorState
+from auditor.model.frames import Frame, PointCloud, SensorState
 from auditor.recordings import open_recording, write_mcap
 from tests.making.recorded_drives import make_frames, make_rig, split, stream_of
 
@@ -51,10 +52,22 @@ def test_first_clouds_of_a_handful_of_points_are_not_there(tmp_path: Path) -> No
     assert frames[1].presence[0].state is SensorState.DAMAGED
 
 
-def test_a_cloud_that_is_empty_behind_a_full_one_is_as_it_was_recorded(tmp_path: Path) -> None:
-    frames, damaged, remarks = read(tmp_path, 3, 4)
+@pytest.mark.parametrize("nothing", [np.zeros((0, 3)), np.full((9, 3), np.nan), np.zeros((9, 3))])
+def test_a_lidar_that_goes_blind_is_not_there_and_since_when_is_said(tmp_path: Path, nothing: np.ndarray) -> None:
+    frames = make_frames(RIG, 8)
+    blind = [replace(frame, cloud=PointCloud(frame.stamp_ns, nothing.astype(np.float32))) for frame in frames[5:]]
+    write_mcap(tmp_path / "a.mcap", RIG, [*frames[:5], *blind])
+    with open_recording(tmp_path / "a.mcap") as recording:
+        stream = stream_of(recording, RIG)
+        seen, _ = split(stream)
+        assert [frame.presence[0].state for frame in seen] == [SensorState.PRESENT] * 5 + [SensorState.DAMAGED] * 3
+        assert [frame.cloud is None for frame in seen] == [False] * 5 + [True] * 3
+        assert stream.undecoded == ("top: 3 messages from 0.5 s on: it shows nothing: no beam of it returned",)
+
+
+def test_a_cloud_of_a_handful_of_points_behind_a_full_one_is_as_it_was_recorded(tmp_path: Path) -> None:
+    frames, damaged, remarks = read(tmp_path, 3, 4, left=7)
     assert damaged == 0
     assert remarks == ()
-    assert [frame.presence[0].state for frame in frames] == [SensorState.PRESENT] * 8
-    clouds = [np.zeros((0, 3)) if frame.cloud is None else frame.cloud.xyz_m for frame in frames]
-    assert [len(xyz_m) for xyz_m in clouds] == [50, 50, 50, 0, 0, 50, 50, 50]
+    clouds = [() if frame.cloud is None else frame.cloud.xyz_m for frame in frames]
+    assert [len(xyz_m) for xyz_m in clouds] == [50, 50, 50, 7, 7, 50, 50, 50]

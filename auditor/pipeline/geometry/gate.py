@@ -5,7 +5,7 @@ taken and said. Where none fits, no verdict is given. What the first frames, or 
 is said beside its verdicts.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -17,11 +17,7 @@ from auditor.errors import RigError
 from auditor.measurement import (
     CalibrationMonitor,
     FaultFeatures,
-    FrameArrays,
-    FrameFit,
     fit_of_sides,
-    geometry_fit,
-    measure,
     measure_stream,
     use_one_thread,
     views_of_sides,
@@ -33,6 +29,15 @@ from auditor.model.checks import pasts_of
 from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
+from auditor.pipeline.geometry.candidates import (
+    Candidate,
+    best_of,
+    candidate_of,
+    checked_frames,
+    fits_of,
+    measured_frames,
+)
+from auditor.pipeline.geometry.corrections import with_fitting_rigs
 from auditor.recordings import (
     Changes,
     Contradictions,
@@ -56,8 +61,6 @@ from auditor.recordings import (
 )
 
 _REPAIR = "correct it in the recording's calibration, or give a rig file (--rig)"
-_MOST_CHECKED = 6  # frames by which ways to read a calibration are compared: it bounds the work
-_EVERY_CHECKED = 4  # frames, of which one is compared so: it bounds the work
 
 _OTHER_WAYS_UP = {
     "turned by half": (slice(None, None, -1), slice(None, None, -1)),
@@ -68,17 +71,6 @@ _OTHER_WAYS_UP = {
 
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
 _SUCCESSIVE_FRAMES = (0, 4, 1)  # of a lone camera: each is compared with the one before
-
-
-class _Candidate(NamedTuple):
-    """A way to read the calibrations, and how well LiDAR points and images fit the rig that it gives.
-
-    Both are shares, NaN where they are not known.
-    """
-
-    survey: Survey
-    points: float
-    pictures: float
 
 
 def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
@@ -116,7 +108,7 @@ def _sides(recording: Recording, surveyed: Survey, topics: Mapping[str, str]) ->
     """
     for rig in search_rigs(surveyed).rigs:
         if rig.lidar is not None and rig.n > 1 and any(camera.topic in topics for camera in rig.cameras):
-            measured = _measured(_frames(recording, surveyed, rig), rig)
+            measured = measured_frames(checked_frames(recording, surveyed, rig), rig)
             return better_quarter([fit_of_sides(arrays, views_of_sides(arrays)) for arrays in measured])
     return float("nan")
 
@@ -125,12 +117,12 @@ def _settled_places(recording: Recording, surveyed: Survey) -> RigsInForce:
     """As `settled_rigs`, whatever the lenses."""
     disagreements = contradictions(surveyed)
     if not (disagreements.sentences or disagreements.doubts):
-        return rigs_in_force(recording, surveyed)
+        return _rigs_in_force(recording, surveyed)
     candidates = _candidates(recording, surveyed, disagreements)
-    best, fit = _best(candidates)
+    best, fit = best_of(candidates)
     if fit < GEOMETRY_FIT.fits and not disagreements.sentences:
-        return rigs_in_force(recording, surveyed)
-    rigs = rigs_in_force(recording, best.survey)
+        return _rigs_in_force(recording, surveyed)
+    rigs = _rigs_in_force(recording, best.survey)
     if fit < GEOMETRY_FIT.fits:
         said = " and ".join(disagreements.sentences[:2])
         return rigs._replace(withheld=f"{said}, and the images and points fit neither: {_REPAIR}")
@@ -140,6 +132,11 @@ def _settled_places(recording: Recording, surveyed: Survey) -> RigsInForce:
     sentence = (disagreements.doubts if turned else disagreements.sentences)[0]
     remark = f"{sentence}: {best.survey.conventions}, for so the images and points fit"
     return rigs._replace(remarks=(remark, *rigs.remarks))
+
+
+def _rigs_in_force(recording: Recording, surveyed: Survey) -> RigsInForce:
+    """The rigs of a recording and when each is in force, by those calibrations that its images and points fit."""
+    return with_fitting_rigs(recording, rigs_in_force(recording, surveyed))
 
 
 def rigs_to_begin_with(recording: Recording, surveyed: Survey) -> tuple[RigsInForce, Changes] | None:
@@ -188,7 +185,7 @@ def _in_force_by_any(recording: Recording, surveyed: Survey, rig_id: str) -> Rig
     read = [read_by(surveyed, replace(surveyed.conventions, zero_lens=lens)) for lens in lenses]
     for candidate in (read_by(one, way) for one in read for way in contradictions(one).candidates):
         try:
-            rigs = rigs_in_force(recording, candidate)
+            rigs = _rigs_in_force(recording, candidate)
         except RigError:
             continue
         for rig_in_force in _with_pasts(rigs).rigs:
@@ -213,7 +210,7 @@ def _negated(recording: Recording, survey: Survey, rig: Rig, pictures: float) ->
     topics = sorted(camera.topic for camera in rig.cameras)
     for turned in search_rigs(other).rigs:
         if turned.rig_id != rig.rig_id and sorted(camera.topic for camera in turned.cameras) == topics:
-            fit = _candidate(recording, other, turned).pictures
+            fit = candidate_of(recording, other, turned).pictures
             if fit >= GEOMETRY_FIT.fits and fit - pictures >= GEOMETRY_FIT.better_by:
                 return (
                     "the images fit the cameras in reverse order, and not as they are: the fourth columns of P have "
@@ -230,9 +227,9 @@ def _other_way_up(recording: Recording, survey: Survey, rig: Rig, of_cameras: Ma
     worst = min(of_cameras, key=lambda one: np.nan_to_num(of_cameras[one], nan=1.0), default=0)
     if not of_cameras.get(worst, 1.0) < GEOMETRY_FIT.fits:
         return ""
-    frames = list(_frames(recording, survey, rig))
+    frames = list(checked_frames(recording, survey, rig))
     for way, cut in _OTHER_WAYS_UP.items():
-        fits = _fits((_cut(frame, worst, cut) for frame in frames), rig)
+        fits = fits_of((_cut(frame, worst, cut) for frame in frames), rig)
         fit = better_quarter([one.of_cameras.get(worst, np.nan) for one in fits])
         if fit >= GEOMETRY_FIT.fits and fit - of_cameras[worst] >= GEOMETRY_FIT.better_by:
             camera = rig.camera(worst).topic if rig.n > 2 else "one of the two cameras"
@@ -302,45 +299,19 @@ def _unfit(recording: Recording, in_force: RigInForce, check: CalibrationMonitor
     return f"{in_force.changes[0]}, and {why}" if why and in_force.changes else why
 
 
-def _candidates(recording: Recording, surveyed: Survey, disagreements: Contradictions) -> list[_Candidate]:
+def _candidates(recording: Recording, surveyed: Survey, disagreements: Contradictions) -> list[Candidate]:
     """Each way to read the calibrations that gives a rig of its own, the standard's first. Raises RigError."""
-    candidates: dict[str, _Candidate] = {}
+    candidates: dict[str, Candidate] = {}
     for conventions in disagreements.candidates:
         survey = read_by(surveyed, conventions)
         try:
             rig = find_rigs(survey)[0]
             if rig.rig_id not in candidates:
-                candidates[rig.rig_id] = _candidate(recording, survey, rig)
+                candidates[rig.rig_id] = candidate_of(recording, survey, rig)
         except RigError:
             if conventions == disagreements.candidates[-1] and not candidates:
                 raise
     return list(candidates.values())
-
-
-def _best(candidates: Sequence[_Candidate]) -> tuple[_Candidate, float]:
-    """The best one and its fit; the first, where none fits clearly better."""
-    # Points that can be compared by one way and by no region of another do not fit the latter.
-    by_points = not all(np.isnan(one.points) for one in candidates)
-    fits = [np.nan_to_num(one.points if by_points else one.pictures) for one in candidates]
-    best = int(np.argmax(fits))
-    chosen = best if fits[best] - fits[0] >= GEOMETRY_FIT.better_by else 0
-    return candidates[chosen], float(fits[chosen])
-
-
-def _candidate(recording: Recording, survey: Survey, rig: Rig) -> _Candidate:
-    """How well a rig of a survey fits some frames of the beginning, in the better ones."""
-    fits = _fits(_frames(recording, survey, rig), rig)
-    return _Candidate(survey, better_quarter([one.points for one in fits]), better_quarter([o.pictures for o in fits]))
-
-
-def _fits(frames: Iterable[Frame], rig: Rig) -> list[FrameFit]:
-    return [geometry_fit(arrays) for arrays in _measured(frames, rig)]
-
-
-def _measured(frames: Iterable[Frame], rig: Rig) -> Iterator[FrameArrays]:
-    use_one_thread()
-    matcher = find_matcher("sgbm")
-    return (measure(frame, rig, matcher)[1] for frame in frames)
 
 
 def _cut(frame: Frame, camera: int, cut: tuple[slice, slice]) -> Frame:
@@ -349,10 +320,3 @@ def _cut(frame: Frame, camera: int, cut: tuple[slice, slice]) -> Frame:
     if camera in images:
         images[camera] = replace(images[camera], pixels=np.ascontiguousarray(images[camera].pixels[cut]))
     return replace(frame, images=images)
-
-
-def _frames(recording: Recording, survey: Survey, rig: Rig) -> Iterator[Frame]:
-    stream = synchronise(recording, rig, survey)
-    frames = (frame for frame in stream if isinstance(frame, Frame))
-    every = _EVERY_CHECKED
-    yield from islice(frames, 0, every * _MOST_CHECKED, every)
