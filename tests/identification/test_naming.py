@@ -7,7 +7,7 @@ from auditor.identification.evidence_parameters import LIKELIHOOD
 from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.systems import System
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, sensor_checks_of
-from auditor.model.rig import Triple, triples_of
+from auditor.model.rig import LIDAR, Triple, triples_of
 from auditor.model.verdict import VerdictKind
 
 NONE = frozenset()
@@ -343,7 +343,7 @@ LONE = System(sensor_checks_of((), (), (), (1,)), triples_of(1, lidar=True), (0,
 
 
 def test_of_a_lone_camera_and_a_lidar_either_is_named_by_its_own_check():
-    for sensor, shows in ((0, Check.PARALLAX_CONFLICT), (1, Check.STILL_LIGHT)):
+    for sensor, shows in ((0, Check.PARALLAX_CONFLICT), (1, Check.STILL_LIGHT), (1, Check.STILL_TEXTURE)):
         found = one({lambda check, shows=shows: check.check is shows: 6.0}, system=LONE)
         assert (found.kind, found.attacked, found.e, found.named) == (VerdictKind.ATTACKED, (sensor,), "1", None)
         assert [entry.check_name for entry in found.evidence] == [shows]
@@ -358,7 +358,7 @@ def test_where_a_lone_camera_and_a_lidar_both_show_a_little_neither_is_named():
 
 
 def test_what_the_lidar_shows_by_itself_names_it_beside_a_lone_camera():
-    found = one({lambda check: check.check is not Check.STILL_LIGHT: 3.2}, system=LONE)
+    found = one({lambda check: check.sensor == LIDAR: 3.2}, system=LONE)
     assert (found.kind, found.attacked) == (VerdictKind.ATTACKED, (0,))
 
 

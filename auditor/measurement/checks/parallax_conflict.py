@@ -136,6 +136,7 @@ def parallax_conflicts(
             valid[sought.point[found.agrees]] = True
             stays, texture = _staying(now, before, long_ago, sought, found)
             moved = ~np.isin(found.conflicts, stays)
+            moved &= ~_outnumbered(now, sought.point[stays], sought.point[found.conflicts], moved)
             things, place = sought.chosen(found.conflicts[moved]), found.place[moved]
             alike = _alike(things, place)
             things, place = things.chosen(alike), place[alike]
@@ -195,6 +196,18 @@ def _halvings(parallax_px: Floats) -> Indices:
     with np.errstate(invalid="ignore"):
         times = np.ceil(np.log2(np.maximum(parallax_px / PARALLAX_CONFLICT.halved_from_px, 1)))
     return np.nan_to_num(np.minimum(times, PARALLAX_CONFLICT.most_halved)).astype(np.intp)
+
+
+def _outnumbered(now: Moment, stays: Indices, conflicts: Indices, moved: Mask) -> Mask:
+    """(C,) mask of the conflicts around which so many more points stay: a pattern is found one period further, too."""
+    place = now.view.place(HALF, now.half.shape[1])
+
+    def around(points: Indices) -> Floats32:
+        there = np.bincount(place[points], minlength=now.half.size).astype(np.float32).reshape(now.half.shape)
+        summed = np.asarray(cv2.boxFilter(there, -1, _AROUND.shape, normalize=False), dtype=np.float32)
+        return summed.ravel()[place[conflicts]]
+
+    return np.asarray(around(stays) > STILL_TEXTURE.outnumber * around(conflicts[moved]))
 
 
 def _sampled(now: Moment, before: Moment, sought: _Sought) -> _Found:

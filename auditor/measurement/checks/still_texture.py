@@ -26,6 +26,9 @@ class StillTexture:
 
     way_m: float = parameter(7.0, unit="m that the camera moved since the earliest picture", source=_PATTERNS)
     alike: float = parameter(0.8, unit="NCC above which two pictures show the same at one place", source=_PATTERNS)
+    outnumber: float = parameter(
+        2.0, unit="times as many points nearby that stay, beyond which a conflict is theirs", source=_PATTERNS
+    )
     least_px: float = parameter(4.0, unit="px that a point should have moved", source=_PATTERNS)
     cell_px: int = parameter(8, unit="half px, width and height of a cell", source=BY_HAND)
     window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_PATTERNS)
