@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from auditor.errors import RecordingError
+from auditor.model.rig import Rig
 from auditor.recordings.content import open_regular, unreadable
 from auditor.recordings.formats.bag_metadata import METADATA, lacks_its_files
 from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
@@ -24,7 +25,7 @@ from auditor.recordings.formats.mcap import McapReader
 from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, folder_files, open_streams
 from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located
-from auditor.recordings.parts import files_of, grouped
+from auditor.recordings.parts import grouped
 from auditor.recordings.recording import Reader, Recording
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.survey import survey
@@ -213,18 +214,22 @@ def _misnamed(file: Path) -> RecordingError:
 
 
 def _put_together(paths: Sequence[Path]) -> list[Location]:
-    """The recordings that some files and folders are; files that belong together stand at the place of the first."""
-    files = [path for path in paths if file_kind(path) and path.is_file()]
-    together = {file: location for location in grouped(files, _has_rig) for file in files_of(location)}
+    """The recordings that some files and folders are; what belongs together stands at the place of the first."""
+    together = grouped([path for path in paths if _may_be_beside(path)], _rigs_of)
     return list(dict.fromkeys(together.get(path) or Location(path) for path in paths))
 
 
-def _has_rig(location: Location) -> bool:
+def _may_be_beside(path: Path) -> bool:
+    """Whether a recording may be one with others beside it: an .mcap, .bag or .db3 file, or a rosbag2 folder."""
+    return bool(file_kind(path)) if path.is_file() else path.is_dir() and format_of(path) == _ROSBAG2
+
+
+def _rigs_of(location: Location) -> Sequence[Rig]:
     try:
         with open_recording(location) as recording:
-            return bool(search_rigs(survey(recording)).rigs)
+            return search_rigs(survey(recording)).rigs
     except RecordingError:
-        return False
+        return ()
 
 
 def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]:
@@ -251,7 +256,7 @@ def _is_one(path: Path) -> bool:
     if format_of(path) != _ROSBAG2 or not path.is_dir() or (path / METADATA).exists():
         return True
     files = folder_files(path)
-    return len(files) < 2 or len(grouped(files, _has_rig)) == 1
+    return len(files) < 2 or len(set(grouped(files, _rigs_of).values())) == 1
 
 
 def _beside(folder: Path, errors: dict[Path, RecordingError] | None = None) -> Iterator[Path]:

@@ -1,24 +1,28 @@
 """Files that recorders split or recorded side by side, put together: which of the files found are one recording.
 
-Names alone decide nothing: parts of one drive follow one another in time, files side by side cover the same time.
+Names alone decide nothing: parts of one drive follow one another in time, files side by side cover the same time. A
+rosbag2 folder is whole by itself, and may lie beside others as a file does.
 """
 
+import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 from auditor.errors import DecodingError, RecordingError
+from auditor.model.rig import Rig
 from auditor.recordings.content import UnprovenFile
 from auditor.recordings.decoding import CameraInfo, Decoders
 from auditor.recordings.formats.files import BAG, DB3, MCAP, FileRead, common_name, file_kind, part_name
 from auditor.recordings.formats.found import DamageLog, Names, Span, span_over
 from auditor.recordings.formats.mcap import McapRead
+from auditor.recordings.formats.rosbag import folder_files
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2 import Db3Read, journal_of
-from auditor.recordings.formats.unpacking import Source, source_of
+from auditor.recordings.formats.unpacking import PACKED, Source, source_of
 from auditor.recordings.location import Location
 from auditor.recordings.parameters import DRIVE_PARTS
 from auditor.recordings.rigs.calibrations import same_camera_info
@@ -106,31 +110,31 @@ def _sensors_seen(names: Names) -> frozenset[str]:
 _MOST_STREAMS = 8  # drives side by side of one name: it bounds the work
 
 
-HasRig = Callable[[Location], bool]
-"""Tells whether the sensors of a recording form a rig."""
+RigsOf = Callable[[Location], Sequence[Rig]]
+"""Gives the rigs that the sensors of a recording form."""
 
 
-def grouped(files: Sequence[Path], has_rig: HasRig) -> list[Location]:
-    """The recordings that some .mcap, .bag and .db3 files are, each at the place of its first file."""
-    order = {file: place for place, file in enumerate(files)}
-    locations = [_located(drives) for drives in _side_by_side(_drives(files), has_rig)]
-    return sorted(locations, key=lambda location: min(order[file] for file in files_of(location)))
-
-
-def files_of(location: Location) -> Iterator[Path]:
-    """The files of a recording that is no folder."""
-    if not location.streams:
-        yield location.path
-    for stream in location.streams:
-        yield from stream
+def grouped(paths: Sequence[Path], rigs_of: RigsOf) -> Mapping[Path, Location]:
+    """The recordings that some .mcap, .bag and .db3 files and rosbag2 folders are, by path."""
+    folders = [path for path in paths if path.is_dir()]
+    rigs_of = cache(rigs_of)  # of one file it is asked for beside each other one
+    drives = [*_drives([path for path in paths if path not in folders]), *map(_of_folder, folders)]
+    return {
+        path: location
+        for together in _side_by_side(drives, rigs_of)
+        for location in [_located(together)]
+        for drive in together
+        for path in drive.paths
+    }
 
 
 @dataclass(eq=False)
 class _Drive:
-    """Files that follow one another; `number` is that of the last one."""
+    """Files that follow one another; `number` is that of the last one. `folder` is the rosbag2 folder that has them."""
 
     parts: list[FileSummary]
-    number: int
+    number: int = 0
+    folder: Path | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -138,9 +142,19 @@ class _Drive:
         return tuple(part.file for part in self.parts)
 
     @property
-    def readable(self) -> list[FileSummary]:
-        """The parts whose time is known."""
-        return [part for part in self.parts if part.span_ns is not None]
+    def paths(self) -> tuple[Path, ...]:
+        """Its files, or its folder."""
+        return (self.folder,) if self.folder else self.files
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return self.folder.name if self.folder else common_name(self.files)
+
+    @property
+    def sensors(self) -> frozenset[str]:
+        """The topics of images and point clouds of its first part that can be read."""
+        return next((part.sensors for part in self.parts if part.span_ns is not None), frozenset())
 
     @property
     def spans_ns(self) -> list[Span]:
@@ -149,9 +163,11 @@ class _Drive:
 
     @property
     def span_ns(self) -> Span | None:
-        """The time from its first to its last message."""
-        spans = self.spans_ns
-        return (spans[0][0], spans[-1][1]) if spans else None
+        """The time from its first to its last message; the parts between, which a folder has many of, are not read."""
+        spans = (part.span_ns for part in self.parts)
+        ends = (part.span_ns for part in reversed(self.parts))
+        first, last = (next((one for one in found if one is not None), None) for found in (spans, ends))
+        return (first[0], last[1]) if first and last else None
 
     @property
     def end_ns(self) -> int:
@@ -166,6 +182,10 @@ def _drives(files: Sequence[Path]) -> list[_Drive]:
         name = part_name(file)
         series.setdefault(name.key if name else file, []).append((name.number if name else 0, FileSummary(file)))
     return [drive for members in series.values() for drive in _chains(members)]
+
+
+def _of_folder(folder: Path) -> _Drive:
+    return _Drive([FileSummary(file) for file in folder_files(folder)], folder=folder)
 
 
 def _chains(members: Sequence[tuple[int, FileSummary]]) -> list[_Drive]:
@@ -222,15 +242,19 @@ def _is_of_the_same_vehicle(first: FileSummary, part: FileSummary) -> bool:
     return any(same_camera_info(before.camera_infos[topic], here.camera_infos[topic]) for topic in common)
 
 
-def _side_by_side(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
+def _side_by_side(drives: Sequence[_Drive], rigs_of: RigsOf) -> list[list[_Drive]]:
     """The drives, those that recorded different sensors of one vehicle at the same time together."""
     beside: dict[tuple[Path, str], list[_Drive]] = {}
+    alone: list[list[_Drive]] = []
     for drive in drives:
-        beside.setdefault((drive.files[0].parent, file_kind(drive.files[0])), []).append(drive)
-    return [together for members in beside.values() for together in _merged(members, has_rig)]
+        if drive.folder and drive.files[0].suffix.lower() in PACKED:
+            alone.append([drive])  # its time would be known only once all of it is unpacked
+        else:
+            beside.setdefault((drive.paths[0].parent, file_kind(drive.files[0])), []).append(drive)
+    return alone + [together for members in beside.values() for together in _merged(members, rigs_of)]
 
 
-def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
+def _merged(drives: Sequence[_Drive], rigs_of: RigsOf) -> list[list[_Drive]]:
     """The drives of one folder and kind."""
     if len(drives) == 1:
         return [[drives[0]]]
@@ -241,8 +265,10 @@ def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
         # Drives that have ended cannot cover the time of this one or of a later one.
         running = [one for one in running if any(other.end_ns > begin_ns for other in one)]
         free = (one for one in running if len(one) < _MOST_STREAMS)
-        fitting = next((one for one in free if all(_are_beside(drive, other) for other in one)), None)
-        if fitting is not None and not all(has_rig(_located([one])) for one in (*fitting, drive)):
+        beside = (one for one in free if all(_are_beside(drive, other) for other in one))
+        alikest = (one for one in beside if all(_are_alikest(drive, other, drives) for other in one))
+        fitting = next((one for one in alikest if _need_each_other(one, drive, rigs_of)), None)
+        if fitting is not None:
             fitting.append(drive)
         else:
             recordings.append([drive])
@@ -251,20 +277,62 @@ def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
 
 
 def _are_beside(first: _Drive, other: _Drive) -> bool:
+    """True where two drives recorded different sensors at the same time."""
     if first.span_ns is None or other.span_ns is None:
         return False
     (begin, end), (other_begin, other_end) = first.span_ns, other.span_ns
-    common_ns = min(end, other_end) - max(begin, other_begin)
     shorter_ns = min(end - begin, other_end - other_begin)
+    common_ns = _common_ns(first.span_ns, other.span_ns)
     if common_ns <= 0 or common_ns < DRIVE_PARTS.least_common_share * shorter_ns:
         return False
-    sensors = [drive.readable[0].sensors if drive.readable else frozenset() for drive in (first, other)]
-    return all(sensors) and not sensors[0] & sensors[1]
+    return bool(first.sensors and other.sensors) and not first.sensors & other.sensors
+
+
+def _common_ns(first: Span, other: Span) -> int:
+    return min(first[1], other[1]) - max(first[0], other[0])
+
+
+def _are_alikest(first: _Drive, other: _Drive, drives: Sequence[_Drive]) -> bool:
+    """False where the sensors of another vehicle may stand in the place of either: names tell which belong together."""
+    alike = len(_words(first) & _words(other))
+    return not any(
+        _is_of_another_vehicle(third, own)
+        and _are_beside(third, partner)
+        and len(_words(third) & _words(partner)) >= alike
+        for own, partner in ((first, other), (other, first))
+        for third in drives
+    )
+
+
+def _is_of_another_vehicle(third: _Drive, drive: _Drive) -> bool:
+    """True where both recorded sensors of one name at the same time; copies of one recording begin together."""
+    if third.span_ns is None or drive.span_ns is None or third.span_ns[0] == drive.span_ns[0]:
+        return False
+    return _common_ns(third.span_ns, drive.span_ns) > 0 and bool(third.sensors & drive.sensors)
+
+
+def _words(drive: _Drive) -> frozenset[str]:
+    """The words and numbers of its name."""
+    return frozenset(re.findall(r"[^\W\d_]+|\d+", drive.name.lower()))
+
+
+def _need_each_other(drives: Sequence[_Drive], drive: _Drive, rigs_of: RigsOf) -> bool:
+    """Whether one of the drives has no rig, or cameras and a LiDAR are compared only where all are one recording."""
+    if not all(rigs_of(_located([one])) for one in (*drives, drive)):
+        return True
+    apart = (_located(drives), _located([drive]))
+    together = _located([*drives, drive])
+    return not any(_compares_lidar(rigs_of(one)) for one in apart) and _compares_lidar(rigs_of(together))
+
+
+def _compares_lidar(rigs: Sequence[Rig]) -> bool:
+    return any(rig.cameras and rig.lidar for rig in rigs)
 
 
 def _located(drives: Sequence[_Drive]) -> Location:
-    """The drives as one recording; one of a single file is that file."""
-    streams = tuple(sorted(drive.files for drive in drives))
-    if len(streams) == 1 and len(streams[0]) == 1:
-        return Location(streams[0][0])
-    return Location(streams[0][0].with_name("+".join(map(common_name, streams))), streams)
+    """The drives as one recording; one of a single file or folder is that."""
+    if len(drives) == 1 and len(drives[0].paths) == 1:
+        return Location(drives[0].paths[0])
+    drives = sorted(drives, key=lambda drive: drive.paths)
+    path = drives[0].paths[0].with_name("+".join(drive.name for drive in drives))
+    return Location(path, tuple(drive.files for drive in drives))

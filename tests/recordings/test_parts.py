@@ -150,7 +150,7 @@ def test_each_of_many_numbered_files_is_compared_with_those_of_the_numbers_befor
     follows = parts._follows
     monkeypatch.setattr(parts, "FileSummary", Summary)
     monkeypatch.setattr(parts, "_follows", lambda *of: compared.append(of) or follows(*of))
-    assert len(parts.grouped([Path(name) for name in spans], lambda _: False)) == many
+    assert len({*parts.grouped([Path(name) for name in spans], lambda _: ()).values()}) == many
     assert many - 1 <= len(compared) <= many * (DRIVE_PARTS.most_missing + 1)
 
 
@@ -378,3 +378,79 @@ def test_cameras_and_lidar_of_different_times_or_folders_stay_apart(tmp_path: Pa
     shutil.move(files[1], tmp_path / "b" / "deep" / "velo.mcap")
     assert len(found(tmp_path / "b")) == 2
     assert cameras.exists()
+
+
+@pytest.fixture(scope="module")
+def by_three() -> list[Message]:
+    """Three cameras, which are a rig without their LiDAR."""
+    rig = make_rig(3)
+    return messages_of(".mcap", rig, make_frames(rig, FRAMES))
+
+
+def later(recorded: list[Message], by_ns: int) -> list[Message]:
+    return [Message(m.topic, m.schema, m.encoding, m.log_time_ns + by_ns, m.data) for m in recorded]
+
+
+def test_cameras_that_are_a_rig_without_the_lidar_are_one_recording_with_it(
+    tmp_path: Path, by_three: list[Message]
+) -> None:
+    cameras_and_lidar(tmp_path, ".mcap", by_three, ("cameras", "lidar"))
+    (location,) = found(tmp_path)
+    with open_recording(location) as recording:
+        assert find_rigs(survey(recording))[0].sensors == (0, 1, 2, 3)
+    (remark,) = location.remarks
+    assert "cameras.mcap, lidar.mcap; if they are of several vehicles" in remark
+
+
+def test_a_lidar_that_tf_does_not_connect_with_the_cameras_stays_apart(tmp_path: Path, by_three: list[Message]) -> None:
+    placed = some(by_three, lambda m: m.schema != schemas.TRANSFORMS)
+    cameras_and_lidar(tmp_path, ".mcap", placed, ("cameras", "lidar"))
+    assert names(found(tmp_path)) == [["cameras.mcap"], ["lidar.mcap"]]
+
+
+@pytest.mark.parametrize("kind", [".mcap", ".db3"])
+def test_two_rosbag2_folders_of_the_same_time_are_one_recording(
+    tmp_path: Path, by_three: list[Message], kind: str
+) -> None:
+    for file in cameras_and_lidar(tmp_path, kind, by_three, ("cameras", "lidar")):
+        folder = tmp_path / "drive" / file.stem
+        folder.mkdir(parents=True)
+        (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+        file.rename(folder / f"{file.stem}_0{kind}")
+    (location,) = found(tmp_path / "drive")
+    assert (location.path, location.given) == (tmp_path / "drive" / "cameras+lidar", tmp_path / "drive" / "cameras")
+    assert {one.path for one in found(tmp_path / "drive" / "lidar", tmp_path / "drive" / "cameras")} == {location.path}
+    assert len(stamps(location)) == FRAMES
+    assert f"cameras/cameras_0{kind}, lidar/lidar_0{kind};" in location.remarks[0]
+    before = identity(location)
+    shutil.move(tmp_path / "drive", tmp_path / "moved")
+    assert identity(found(tmp_path / "moved")[0]) == before
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "together"),
+    [
+        ((("alder_cameras", "alder_lidar"), ("birch_cameras", "birch_lidar")), 2),
+        ((("cameras-2", "lidar-2"), ("cameras-1", "lidar-1")), 2),
+        ((("cameras", "lidar"), ("pictures", "points")), 0),
+    ],
+)
+def test_of_two_vehicles_in_one_folder_those_files_are_one_recording_that_names_put_together(
+    tmp_path: Path, by_three: list[Message], vehicles: tuple[tuple[str, str], ...], together: int
+) -> None:
+    cameras_and_lidar(tmp_path, ".mcap", by_three, vehicles[0])
+    others = later(by_three, PERIOD_NS // 4)
+    clouds = later(some(others, lambda m: m.schema == schemas.POINT_CLOUD), -PERIOD_NS // 3)  # before the other LiDAR's
+    cameras_and_lidar(
+        tmp_path, ".mcap", [*some(others, lambda m: m.schema != schemas.POINT_CLOUD), *clouds], vehicles[1]
+    )
+    pairs = [sorted(file.removesuffix(".mcap") for file in each) for each in names(found(tmp_path)) if len(each) > 1]
+    assert sorted(pairs) == sorted(map(sorted, vehicles[:together]))
+
+
+def test_a_copy_of_the_lidar_s_file_does_not_take_the_lidar_from_the_cameras(
+    tmp_path: Path, by_three: list[Message]
+) -> None:
+    _, lidar = cameras_and_lidar(tmp_path, ".mcap", by_three, ("cameras", "lidar"))
+    shutil.copy(lidar, tmp_path / "lidar of copies.mcap")
+    assert sorted(map(len, names(found(tmp_path)))) == [1, 2]

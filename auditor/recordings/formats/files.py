@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from heapq import merge
 from itertools import chain, pairwise
+from os.path import commonpath
 from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self, cast
@@ -111,8 +112,9 @@ class FilesRecording(OpenedRecording, ABC):
     @cached_property
     def recording_id(self) -> str:
         """The hash of its files; what nobody has read of them is read. Raises RecordingError."""
-        # Files given together have the id of the folder that holds them.
-        named = self.path if self.path in self.files else self.files[0].parent
+        # Files given together have the id of the folder that holds them, folders that of the one above them.
+        above = commonpath([file.parent for file in self.files])
+        named = self.path if self.path in self.files else Path(above)
         return self._contents.recording_id(named, self.files)
 
     @cached_property
