@@ -20,8 +20,8 @@ from auditor.recordings.formats.datasets.kitti_odometry import KittiOdometryRead
 from auditor.recordings.formats.datasets.kitti_raw import KittiReader
 from auditor.recordings.formats.datasets.nuscenes import NuscenesReader
 from auditor.recordings.formats.datasets.pandaset import PandaSetReader
-from auditor.recordings.formats.files import file_kind
 from auditor.recordings.formats.mcap import McapReader
+from auditor.recordings.formats.part_names import file_kind
 from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, folder_files, open_streams
 from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located

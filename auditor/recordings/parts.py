@@ -16,9 +16,19 @@ from auditor.errors import DecodingError, RecordingError
 from auditor.model.rig import Rig
 from auditor.recordings.content import UnprovenFile
 from auditor.recordings.decoding import CameraInfo, Decoders
-from auditor.recordings.formats.files import BAG, DB3, MCAP, FileRead, common_name, file_kind, part_name
+from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.found import DamageLog, Names, Span, span_over
 from auditor.recordings.formats.mcap import McapRead
+from auditor.recordings.formats.part_names import (
+    BAG,
+    DB3,
+    MCAP,
+    PartName,
+    common_name,
+    file_kind,
+    part_name,
+    shorter_length_ns,
+)
 from auditor.recordings.formats.rosbag import folder_files
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2 import Db3Read, journal_of
@@ -130,10 +140,10 @@ def grouped(paths: Sequence[Path], rigs_of: RigsOf) -> Mapping[Path, Location]:
 
 @dataclass(eq=False)
 class _Drive:
-    """Files that follow one another; `number` is that of the last one. `folder` is the rosbag2 folder that has them."""
+    """Files that follow one another; `last` is the name of the last one. `folder` is the rosbag2 folder they are of."""
 
     parts: list[FileSummary]
-    number: int = 0
+    last: PartName | None = None
     folder: Path | None = None
 
     @property
@@ -177,54 +187,89 @@ class _Drive:
 
 def _drives(files: Sequence[Path]) -> list[_Drive]:
     """The files, those that are parts of one drive together."""
-    series: dict[object, list[tuple[int, FileSummary]]] = {}
+    unnumbered: list[_Drive] = []
+    series: dict[object, list[tuple[PartName, FileSummary]]] = {}
     for file in files:
-        name = part_name(file)
-        series.setdefault(name.key if name else file, []).append((name.number if name else 0, FileSummary(file)))
-    return [drive for members in series.values() for drive in _chains(members)]
+        name, part = part_name(file), FileSummary(file)
+        if name is None:
+            unnumbered.append(_Drive([part]))
+        else:
+            series.setdefault(name.key, []).append((name, part))
+    return unnumbered + [drive for members in series.values() for drive in _chains(members)]
 
 
 def _of_folder(folder: Path) -> _Drive:
     return _Drive([FileSummary(file) for file in folder_files(folder)], folder=folder)
 
 
-def _chains(members: Sequence[tuple[int, FileSummary]]) -> list[_Drive]:
+def _chains(members: Sequence[tuple[PartName, FileSummary]]) -> list[_Drive]:
     """The drives that files of one series are; what cannot be read belongs to the drive whose parts lie around it."""
     if len(members) == 1:
         return [_Drive([members[0][1]], members[0][0])]
     chains: list[_Drive] = []
-    ending: defaultdict[int, list[_Drive]] = defaultdict(list)
-    unreadable = [(number, part) for number, part in members if part.span_ns is None]
-    readable = [(number, part) for number, part in members if part.span_ns is not None]
-    for number, part in sorted(readable, key=lambda member: (member[0], member[1].span_ns or (0, 0))):
-        near = (chain for last in range(number - 1 - DRIVE_PARTS.most_missing, number) for chain in ending[last])
-        fitting = [chain for chain in near if _follows(part, number, chain)]
-        if not fitting:
-            chains.append(_Drive([part], number))
-            ending[number].append(chains[-1])
-            continue
-        chain = max(fitting, key=lambda chain: (chain.number, chain.span_ns or (0, 0)))
-        ending[chain.number].remove(chain)
-        ending[number].append(chain)
-        between = sorted((other for other in unreadable if chain.number < other[0] < number), key=lambda one: one[0])
+    ending = _Ending()
+    unreadable = [(name, part) for name, part in members if part.span_ns is None]
+    readable = [(name, part) for name, part in members if part.span_ns is not None]
+    for name, part in sorted(readable, key=lambda member: (member[0].number, member[1].span_ns or (0, 0))):
+        chain = ending.followed_by(part, name)
+        if chain is None:
+            chain = _Drive([])
+            chains.append(chain)
+        between = sorted(
+            (other for other in unreadable if chain.last and chain.last.number < other[0].number < name.number),
+            key=lambda other: other[0].number,
+        )
         unreadable = [other for other in unreadable if other not in between]
         chain.parts += [*(other for _, other in between), part]
-        chain.number = number
-    return chains + [_Drive([part], number) for number, part in unreadable]
+        ending.move(chain, name)
+    return chains + [_Drive([part], name) for name, part in unreadable]
 
 
-def _follows(part: FileSummary, number: int, drive: _Drive) -> bool:
-    """True for the next part of a drive, of which a few before it may be missing."""
-    missing = number - drive.number - 1
-    if not 0 <= missing <= DRIVE_PARTS.most_missing or part.span_ns is None:
+class _Ending:
+    """The drives of one series, by the number of their last part, and those to which a part was added of late."""
+
+    def __init__(self) -> None:
+        self._by_number: defaultdict[int, list[_Drive]] = defaultdict(list)
+        self._lately: list[_Drive] = []
+
+    def followed_by(self, part: FileSummary, name: PartName) -> _Drive | None:
+        """The drive that a part goes on with; None where it begins one."""
+        first = name.number - 1 - DRIVE_PARTS.most_missing
+        near = [chain for number in range(first, name.number) for chain in self._by_number[number]]
+        lately = self._lately if name.may_tell_time else ()
+        fitting = [chain for chain in dict.fromkeys([*near, *lately]) if _follows(part, name, chain)]
+        return max(fitting, key=lambda chain: (_counter(chain), chain.end_ns), default=None)
+
+    def move(self, chain: _Drive, name: PartName) -> None:
+        """A part of that name was added to a drive."""
+        if chain.last is not None:
+            self._by_number[chain.last.number].remove(chain)
+        self._by_number[name.number].append(chain)
+        self._lately = [*(other for other in self._lately if other is not chain), chain][-_MOST_STREAMS:]
+        chain.last = name
+
+
+def _counter(drive: _Drive) -> int:
+    return 0 if drive.last is None or drive.last.is_dated else drive.last.number
+
+
+def _follows(part: FileSummary, name: PartName, drive: _Drive) -> bool:
+    """True for the next part of a drive: by its number, of which a few before may be missing, or by its time."""
+    if part.span_ns is None or drive.last is None:
         return False
-    return _follows_in_time(part.span_ns, drive.spans_ns, missing) and _is_of_the_same_vehicle(drive.parts[0], part)
+    before = drive.spans_ns
+    missing = name.number - drive.last.number - 1
+    counted = not name.is_dated and 0 <= missing <= DRIVE_PARTS.most_missing
+    follows = (counted and _follows_in_time(part.span_ns, before, missing)) or (
+        name.tells_time_after(drive.last, part.span_ns[0] - before[-1][0]) and _follows_in_time(part.span_ns, before, 0)
+    )
+    return follows and _is_of_the_same_vehicle(drive.parts[0], part)
 
 
 def _follows_in_time(span: Span, before: Sequence[Span], missing: int) -> bool:
     """True where a part begins when the last one ended, or later by the time of the parts missing between them."""
     lengths_ns = [end_ns - begin_ns for begin_ns, end_ns in (*before, span)]
-    shorter_ns = min(lengths_ns[-2:])
+    shorter_ns = shorter_length_ns(before[-1], span)
     overlap_ns = min(DRIVE_PARTS.most_overlap_ns, int(DRIVE_PARTS.most_overlap_share * shorter_ns))
     gap_ns = DRIVE_PARTS.most_gap_ns + int(missing * DRIVE_PARTS.most_lengths * max(lengths_ns))
     # Copies of one recording begin at the same time, also where one is cut behind its first message.
@@ -280,10 +325,9 @@ def _are_beside(first: _Drive, other: _Drive) -> bool:
     """True where two drives recorded different sensors at the same time."""
     if first.span_ns is None or other.span_ns is None:
         return False
-    (begin, end), (other_begin, other_end) = first.span_ns, other.span_ns
-    shorter_ns = min(end - begin, other_end - other_begin)
     common_ns = _common_ns(first.span_ns, other.span_ns)
-    if common_ns <= 0 or common_ns < DRIVE_PARTS.least_common_share * shorter_ns:
+    least_ns = DRIVE_PARTS.least_common_share * shorter_length_ns(first.span_ns, other.span_ns)
+    if common_ns <= 0 or common_ns < least_ns:
         return False
     return bool(first.sensors and other.sensors) and not first.sensors & other.sensors
 

@@ -47,6 +47,10 @@ def names(locations: Sequence[Location]) -> list[list[str]]:
     return [[file.name for stream in location.streams for file in stream] or [location.name] for location in locations]
 
 
+def later(recorded: list[Message], by_ns: int) -> list[Message]:
+    return [Message(m.topic, m.schema, m.encoding, m.log_time_ns + by_ns, m.data) for m in recorded]
+
+
 def stamps(location: Location) -> list[int]:
     with open_recording(location) as recording:
         frames, skipped = split(stream_of(recording))
@@ -242,7 +246,7 @@ def test_metadata_of_another_recording_or_of_another_form_change_nothing(
     assert damage_of(tmp_path / "log") == []
 
 
-def damage_of(where: Path) -> list[str]:
+def damage_of(where: Path | Location) -> list[str]:
     with open_recording(where) as recording:
         assert list(recording.messages())
         return [str(piece) for piece in recording.damage]
@@ -259,6 +263,68 @@ def test_a_missing_part_is_told_and_the_others_are_one_recording(
         told = [str(piece) for piece in recording.damage]
     assert [frame.stamp_ns for frame in frames] == [START_NS + n * PERIOD_NS for n in (0, 1, 2, 3, 8, 9, 10, 11)]
     assert told == [f"part 1 is missing between drive_0{suffix} and drive_2{suffix}"]
+
+
+def test_a_hole_in_the_numbers_that_leaves_no_time_is_no_missing_part(
+    tmp_path: Path, suffix: str, recorded: list[Message]
+) -> None:
+    parts = write_parts(tmp_path, suffix, recorded, (at(4), at(8)))
+    parts[2].rename(tmp_path / f"drive_5{suffix}")
+    (location,) = found(tmp_path)
+    assert not damage_of(location)
+    assert len(stamps(location)) == FRAMES
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        ("20110926130824", "20110926130825", "20110926130827"),
+        ("20110926125958", "20110926130058", "20110926130159"),
+        ("2011-09-26T13-08-24Z", "2011-09-26T13-09-24Z", "2011-09-27T13-10-24Z"),
+        ("2011_09_26-13_08_24", "2011_09_26-13_09_24", "2011_09_26-13_10_24"),
+        ("1317042504", "1317042564", "1317042624"),
+        ("1317042504123", "1317042564123", "1317042624123"),
+        ("0858", "0859", "0900"),
+        ("20110926_085959", "20110926_090000", "20110926_090001"),
+    ],
+)
+def test_parts_named_by_their_time_are_one_recording_and_nothing_is_missing(
+    tmp_path: Path, in_mcap: list[Message], times: Sequence[str]
+) -> None:
+    parts = write_parts(tmp_path, ".mcap", in_mcap, (at(4), at(8)))
+    for part, time in zip(parts, times, strict=True):
+        part.rename(tmp_path / f"rec_{time}.mcap")
+    (location,) = found(tmp_path)
+    assert location.name == f"rec_{times[0]}"
+    assert not damage_of(location)
+    assert len(stamps(location)) == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("times", "gap_ns"),
+    [
+        (("20110926130824", "20110926130825"), DRIVE_PARTS.most_gap_ns),  # their messages lie too far apart
+        (("0858", "1030"), 0),  # they begin at once, and not after an hour and a half
+        (("0858", "085900"), 0),
+        (("20110926130825", "1317042504"), 0),
+    ],
+)
+def test_parts_named_by_other_times_than_their_own_stay_apart(
+    tmp_path: Path, in_mcap: list[Message], times: Sequence[str], gap_ns: int
+) -> None:
+    before, after = (some(in_mcap, lambda m, late=late: (m.log_time_ns >= at(6)) == late) for late in (False, True))
+    write_messages(tmp_path / f"rec_{times[0]}.mcap", before)
+    write_messages(tmp_path / f"rec_{times[1]}.mcap", later(after, gap_ns))
+    assert len(found(tmp_path)) == 2
+
+
+def test_a_part_named_by_its_time_says_that_the_others_hold_the_calibration(
+    tmp_path: Path, in_mcap: list[Message]
+) -> None:
+    first, second = write_parts(tmp_path, ".mcap", in_mcap, (at(6),))
+    first.rename(tmp_path / "rec_20110926130824.mcap")
+    with open_recording(second.rename(tmp_path / "rec_20110926130924.mcap")) as recording:
+        assert "give rec_20110926130824.mcap too" in " ".join(search_rigs(survey(recording)).reasons)
 
 
 def test_a_part_behind_too_many_missing_ones_is_a_recording_of_its_own(tmp_path: Path, in_mcap: list[Message]) -> None:
@@ -385,10 +451,6 @@ def by_three() -> list[Message]:
     """Three cameras, which are a rig without their LiDAR."""
     rig = make_rig(3)
     return messages_of(".mcap", rig, make_frames(rig, FRAMES))
-
-
-def later(recorded: list[Message], by_ns: int) -> list[Message]:
-    return [Message(m.topic, m.schema, m.encoding, m.log_time_ns + by_ns, m.data) for m in recorded]
 
 
 def test_cameras_that_are_a_rig_without_the_lidar_are_one_recording_with_it(

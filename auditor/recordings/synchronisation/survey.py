@@ -27,7 +27,7 @@ from auditor.recordings.decoding.interface import CameraInfoDecoder, SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
-from auditor.recordings.formats.files import other_parts
+from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.calibrations import STANDARD, Conventions
