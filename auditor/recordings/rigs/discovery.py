@@ -53,8 +53,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images and not survey.clouds:
-        if not survey.topics and survey.problems:
-            raise RigError(survey.problems[0], remedy="copy it again, or end its recording first")
+        if survey.lost:
+            raise RigError(survey.lost[0], remedy="copy it again, end its recording first, or write smaller chunks")
         none = "there are no camera images and no points that can be read"
         missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
         raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")

@@ -104,7 +104,8 @@ class Survey:
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
     describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
-    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are the problems of transforms.
+    `spaces` are namespaces with frames of their own: see vehicles. `lost` are the problems that leave no message, and
+    `transform_problems` those of transforms.
     """
 
     topics: tuple[Topic, ...]
@@ -121,6 +122,7 @@ class Survey:
     metadata: Mapping[str, str] = field(default_factory=dict)
     blank_infos: Mapping[str, int] = field(default_factory=dict)
     spaces: frozenset[str] = frozenset()
+    lost: tuple[str, ...] = ()
     transform_problems: tuple[str, ...] = ()
 
     @property
@@ -181,8 +183,9 @@ class _Surveyor:
             self._take(message)
             if self._enough():
                 break
-        for damage in () if self._recording.topics() else self._recording.damage:
-            self._note(f"no message is left in it: {damage}")
+        lost = () if self._messages else [f"no message is left in it: {damage}" for damage in self._recording.damage]
+        for problem in lost:
+            self._note(problem)
         sensors = [sensor for _, sensor in sorted(self._sensors.items())]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
@@ -211,6 +214,7 @@ class _Surveyor:
             metadata=self._metadata,
             blank_infos=self._blank_infos,
             spaces=frozenset(self._spaces),
+            lost=tuple(lost),
             transform_problems=tuple(one for one in self._problems if one.partition(": ")[0] in of_transforms),
         )
 
