@@ -320,11 +320,11 @@ def _collinear(placed: PlacedViews, reasons: list[Reason], beside: list[Reason])
             continue
         step = placed.centres_m[order[-1]] - placed.centres_m[index]
         total = placed.centres_m[order[0]] - placed.centres_m[index]
-        name = placed.views[index].name
+        view = placed.views[index]
         if step[0] < MIN_BASELINE_M:
-            reasons.append(AtOnePlace(name, placed.views[order[-1]].name))
+            reasons.append(AtOnePlace(view, placed.views[order[-1]]))
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
-            beside.append(Reason(f"{name} does not lie on one line with {placed.views[order[0]].name}", name))
+            beside.append(Reason(f"{view.name} does not lie on one line with {placed.views[order[0]].name}", view.name))
         else:
             order.append(index)
     return order
