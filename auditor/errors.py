@@ -34,7 +34,7 @@ class AuditorError(Exception):
 
     def located(self, where: object) -> "AuditorError":
         """The same error; where it did not know its place, with this one."""
-        return self if self.where else type(self)(self.what, where=where, remedy=self.remedy)
+        return self if self.where else _rebuild(type(self), self.what, where, self.remedy)
 
     def __reduce__(self) -> tuple[object, ...]:
         # Errors cross process borders; keyword-only arguments need their own pickling.
@@ -47,8 +47,11 @@ def _place(where: object) -> str:
     return str(where) if own else ""
 
 
-def _rebuild(kind: type[AuditorError], what: str, where: str, remedy: str) -> AuditorError:
-    return kind(what, where=where, remedy=remedy)
+def _rebuild(kind: type[AuditorError], what: str, where: object, remedy: str) -> AuditorError:
+    # A kind may ask for other arguments than these, also one of a plug-in: its own __init__ is not called.
+    error = kind.__new__(kind)
+    AuditorError.__init__(error, what, where=where, remedy=remedy)
+    return error
 
 
 class RecordingError(AuditorError):

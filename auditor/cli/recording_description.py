@@ -93,7 +93,7 @@ def describe(
             "labels": len(recording.labels()),
             "topics": list(_topics(recording, rigs, coverage)),
             "damage": damage,
-            "problems": [*in_force.remarks, *surveyed.problems],
+            "problems": [*where.remarks, *in_force.remarks, *_without_cameras(surveyed), *surveyed.problems],
             "rigs": [
                 {**_rig(rig, one), **_doubts(seen.doubts), "reading": list(reading.remarks)}
                 for rig, one, seen, reading in zip(rigs, health, first, readings, strict=True)
@@ -105,6 +105,15 @@ def describe(
             and all(one.complete for one in readings)
             and not any(seen.doubts.withheld for seen in first),
         }
+
+
+def _without_cameras(surveyed: Survey) -> Iterator[str]:
+    """What a recording of LiDARs lacks to be compared with cameras."""
+    if surveyed.clouds and not surveyed.images and not any(one.kind == "camera" for one in surveyed.unreadable):
+        yield (
+            "it holds no pictures of cameras: give the file that does, too; both are read as one recording where they "
+            "lie in one folder, cover the same time, and tf connects the LiDAR with the cameras"
+        )
 
 
 def _picture(surveyed: Survey, rigs: Sequence[Rig], no_sensors: Collection[str]) -> str:

@@ -148,13 +148,16 @@ def show_audit(
     judged: "Sequence[JudgeResult] | None" = None,
     *,
     show_known: bool = True,
+    measured: "Sequence[MeasureResult]" = (),
 ) -> None:
     """Print the summary of a store, with the incidents in it and a closing line.
 
+    `measured` says where recordings lie that were read just now; the store knows where the others were read last.
     `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was and
     `show_known`, and the store is asked about it alone; earlier verdicts are counted. Recordings all of whose
     incidents are excused do not count as found. Without a store nothing was measured.
     """
+    from auditor.recordings import located  # noqa: PLC0415 - keeps --help quick
     from auditor.store.export import rows_of  # noqa: PLC0415 - DuckDB is heavy
     from auditor.store.queries import query, run_sqls  # noqa: PLC0415 - DuckDB is heavy
 
@@ -182,7 +185,13 @@ def show_audit(
             _show_tables(rows, incidents)
         answer(closing_line(tally))
     elif form == "json":
-        _show_json(rows, incidents, tally)
+        places = {result.recording_id: storable(located(result.recording).place) for result in measured}
+        _show_json([{**row, "path": _path(store, places, row)} for row in rows], incidents, tally)
+
+
+def _path(store: "Store | None", places: Mapping[str, str], row: Mapping[str, Any]) -> str | None:
+    recording_id = row["recording_id"]
+    return places.get(recording_id) or (store.recording(recording_id).path if store is not None else None)
 
 
 def _with_provenance(rows: "Sequence[Mapping[str, Any]]", judged: "Sequence[JudgeResult]") -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from itertools import islice
+from pathlib import Path
 from time import perf_counter
 
 from auditor import __version__
@@ -288,7 +289,7 @@ class _Measuring:
             damage=self._damage,
             calibration_warnings=(*doubts.calibration_warnings, *rigs_in_force.remarks),
             withheld=doubts.withheld or None,
-            remarks=(*doubts.remarks, *self._in_force.survey.transform_problems),
+            remarks=(*job.task.location.remarks, *doubts.remarks, *self._in_force.survey.transform_problems),
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=coverage,
@@ -357,7 +358,7 @@ def _recording_record(
         recording_id=recording.recording_id,
         name=sightings[0].name,
         path=storable(where.place),
-        files=tuple(storable(file.name) for file in recording.files),
+        files=tuple(storable(_named(file, where)) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(located(task.recording).first) or format_of(recording.files[0]),
         clock=recording.clock,
@@ -372,6 +373,11 @@ def _recording_record(
         superseded_by=record.superseded_by if record else None,
         conflicts=record.conflicts if record else None,
     )
+
+
+def _named(file: Path, where: Location) -> str:
+    """A file's name; of folders that are one recording its path from the folder above them."""
+    return file.relative_to(where.path.parent).as_posix() if where.streams else file.name
 
 
 @cache

@@ -45,9 +45,10 @@ def location_of(record: RecordingRecord) -> Location:
     for place in map(Path, places):
         if place.exists():
             return Location(place)
-        files = [place.parent / Path(name).name for name in record.files]
-        if files and all(file.is_file() for file in files):
-            locations = find_recordings(files).recordings
+        files = [Path(name) for name in record.files if not Path(name).is_absolute() and ".." not in Path(name).parts]
+        beside = sorted({place.parent / file.parts[0] for file in files if file.parts})
+        if beside and all((place.parent / file).is_file() for file in files):
+            locations = find_recordings(beside).recordings
             if len(locations) == 1:
                 return locations[0]
     raise RecordingError("the recording is not there any more", where=record.path, remedy=_ANEW)

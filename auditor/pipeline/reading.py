@@ -124,7 +124,7 @@ def views_not_compared(
     elif min_view > 0 and lidars:
         yield (
             f"S_0 {rig.name(LIDAR)} is looked at for what appears, by its own past alone: it is compared with no "
-            "camera and no other LiDAR (where it should be, auditor inspect says which place is missing)"
+            "camera and no other LiDAR (where it should be, auditor inspect says what is missing)"
         )
     if min_view > 0 and checked_by_past(rig, beside):
         yield (

@@ -98,8 +98,23 @@ class Location:
 
     @property
     def given(self) -> Path:
-        """What `first` is where it was given, also of a copy of what lies on an object store: names tell of origins."""
-        return self.first if self.remote is None else Path(self.remote.first)
+        """What was given, of several files the first, also of a copy of what lies on an object store: names tell of
+        origins.
+        """
+        if self.remote is not None:
+            return Path(self.remote.first)
+        return self.path.parent / self.first.relative_to(self.path.parent).parts[0] if self.streams else self.first
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A sentence on what was put together that was recorded side by side; none where nothing was."""
+        if len(self.streams) < 2:
+            return ()
+        names = [_relative(stream, self.path.parent) for stream in self.streams]
+        return (
+            f"read as one recording, since they have other sensors at the same time: {', '.join(names)}; if they are "
+            "of several vehicles, move those of each to a folder of its own",
+        )
 
     @property
     def size_bytes(self) -> int:
@@ -138,6 +153,12 @@ class Location:
         if self.streams:
             return tuple(chain.from_iterable(self.streams))
         return [self.path] if self.path.is_file() else [file for file in self.path.rglob("*") if file.is_file()]
+
+
+def _relative(stream: Sequence[Path], folder: Path) -> str:
+    """The files of a stream, in words."""
+    first, last = (file.relative_to(folder).as_posix() for file in (stream[0], stream[-1]))
+    return first if len(stream) == 1 else f"{first} to {last}"
 
 
 def located(where: Path | Location) -> Location:

@@ -4,14 +4,16 @@ import os
 import re
 import shlex
 from codecs import getincrementaldecoder
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from auditor.errors import RecordingError
+from auditor.model.rig import Rig
 from auditor.recordings.content import open_regular, unreadable
 from auditor.recordings.formats.bag_metadata import METADATA, lacks_its_files
+from auditor.recordings.formats.beginnings import kind_by_bytes, recordings_in_archive
 from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
 from auditor.recordings.formats.datasets.dgp import DgpReader
 from auditor.recordings.formats.datasets.kitti_360 import Kitti360Reader
@@ -19,12 +21,11 @@ from auditor.recordings.formats.datasets.kitti_odometry import KittiOdometryRead
 from auditor.recordings.formats.datasets.kitti_raw import KittiReader
 from auditor.recordings.formats.datasets.nuscenes import NuscenesReader
 from auditor.recordings.formats.datasets.pandaset import PandaSetReader
-from auditor.recordings.formats.files import file_kind
 from auditor.recordings.formats.mcap import McapReader
+from auditor.recordings.formats.part_names import file_kind
 from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, folder_files, open_streams
-from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
 from auditor.recordings.location import Location, located
-from auditor.recordings.parts import files_of, grouped
+from auditor.recordings.parts import grouped
 from auditor.recordings.recording import Reader, Recording
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.synchronisation.survey import survey
@@ -49,7 +50,7 @@ READERS: tuple[tuple[str, Reader], ...] = (
 _DATASETS = frozenset(name for name, _ in READERS) - {"mcap", "bag", _ROSBAG2}
 """The readers of folders that hold no .mcap, .bag or .db3 file of theirs."""
 
-_ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
+_ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_ (].*)?$", re.IGNORECASE)
 """Names of recordings, also hidden ones or with something behind: logs are so renamed, and would be overlooked."""
 
 _UNPACKED_BY = {".gz": "gunzip", ".bz2": "bunzip2", ".xz": "unxz", ".lz4": "unlz4"}
@@ -116,8 +117,9 @@ def _refuse_empty(path: Path) -> None:
 class LocatedRecordings:
     """The recordings of a command line, each once, in its order, and one error for each path that gave none.
 
-    Files of searched folders that are named almost like recordings are errors as well, unless they are text: these are
-    `notes` beside a recording, such as drive.mcap.json.
+    Files of searched folders that are recordings by their bytes alone, archives of recordings, and files that are named
+    almost like recordings are errors as well. Of the last those of text are `notes` beside a recording, such as
+    drive.mcap.json.
     """
 
     recordings: tuple[Location, ...]
@@ -136,8 +138,9 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     notes: dict[Path, None] = {}
     for path in paths:
         try:
-            places.update(dict.fromkeys(_recordings_at(path, errors)))
-            for candidate in _almost_recordings(path):
+            here = _recordings_at(path, errors)
+            places.update(dict.fromkeys(here))
+            for candidate in _almost_recordings(path, here):
                 if (overlooked := _overlooked(candidate)) is None:
                     notes[candidate] = None
                 else:
@@ -160,17 +163,47 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     )
 
 
-def _almost_recordings(folder: Path) -> Iterator[Path]:
-    """The files and folders below a searched one that are no recordings by their names, and seem to have been some."""
+def _almost_recordings(folder: Path, recordings: Collection[Path]) -> Iterator[Path]:
+    """The files and folders below a searched one that are none of its recordings, and seem to be or to have been some.
+
+    The files of a dataset's drive are looked at by their names alone: there are many, and its reader knows them.
+    """
+    datasets = {path for path in recordings if path.is_dir() and format_of(path) != _ROSBAG2}
     for place, within, names in os.walk(folder):
+        here = Path(place)
         alone = METADATA in names and not within and not any(file_kind(Path(name)) for name in names)
-        if alone and lacks_its_files(Path(place)):
-            yield Path(place)
-        for name in sorted(names):
-            file = Path(place, name)
-            apple_double = name.startswith("._")
-            if _ALMOST.search(name) and not apple_double and (name.startswith(".") or reader_of(file) is None):
+        if alone and lacks_its_files(here):
+            yield here
+        looked_into = datasets.isdisjoint({here, *here.parents}) and not _is_hidden(here.relative_to(folder))
+        for file in (here / name for name in sorted(names)):
+            if _is_named_almost(file) or (looked_into and _holds_recordings(file, recordings)):
                 yield file
+
+
+def _is_named_almost(file: Path) -> bool:
+    """True for a file that is no recording by its name, and is named like one."""
+    name = file.name
+    apple_double = name.startswith("._")
+    return bool(_ALMOST.search(name)) and not apple_double and (_is_hidden(Path(name)) or reader_of(file) is None)
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def _holds_recordings(file: Path, recordings: Collection[Path]) -> bool:
+    """True for a file that is no recording by its name, and is one by its bytes, or an archive of some.
+
+    A link to a recording that is read is none. What cannot be read is not told: it may be anything.
+    """
+    if _is_hidden(Path(file.name)) or file_kind(file):
+        return False
+    if file.is_symlink() and file.resolve() in {path.resolve() for path in recordings}:
+        return False
+    try:
+        return bool(kind_by_bytes(file) or recordings_in_archive(file))
+    except OSError:
+        return False
 
 
 def _overlooked(path: Path) -> RecordingError | None:
@@ -179,9 +212,20 @@ def _overlooked(path: Path) -> RecordingError | None:
         problem, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
         return RecordingError(problem, where=path, remedy=remedy)
     try:
-        return None if _is_text(path) else _misnamed(path)
+        return _by_bytes(path) or (None if _is_text(path) else _misnamed(path))
     except OSError as error:
         return unreadable(path, error)
+
+
+def _by_bytes(file: Path) -> RecordingError | None:
+    """The error for a recording under another name, or an archive of some; None for any other file. Raises OSError."""
+    if kind := kind_by_bytes(file):
+        problem, remedy = f"by its bytes it is an {kind} file, and by its name none", f"rename it to end with {kind}"
+        return RecordingError(f"{problem}: it was not read", where=file, remedy=f"{remedy}, or move it elsewhere")
+    if names := recordings_in_archive(file):
+        problem = f"an archive of {names[0]}" + (f" and {len(names) - 1} more recordings" if names[1:] else "")
+        return RecordingError(f"{problem}: it was not read", where=file, remedy="unpack it, or move it elsewhere")
+    return None
 
 
 def _is_text(file: Path) -> bool:
@@ -190,7 +234,7 @@ def _is_text(file: Path) -> bool:
         beginning = opened.read(_TEXT_BYTES)
     decoder = getincrementaldecoder("utf-8")()
     try:
-        return "\0" not in decoder.decode(beginning) and bool(beginning) and not beginning.startswith(MAGIC_OF_BAGS)
+        return "\0" not in decoder.decode(beginning) and bool(beginning)
     except UnicodeDecodeError:
         return False
 
@@ -213,18 +257,22 @@ def _misnamed(file: Path) -> RecordingError:
 
 
 def _put_together(paths: Sequence[Path]) -> list[Location]:
-    """The recordings that some files and folders are; files that belong together stand at the place of the first."""
-    files = [path for path in paths if file_kind(path) and path.is_file()]
-    together = {file: location for location in grouped(files, _has_rig) for file in files_of(location)}
+    """The recordings that some files and folders are; what belongs together stands at the place of the first."""
+    together = grouped([path for path in paths if _may_be_beside(path)], _rigs_of)
     return list(dict.fromkeys(together.get(path) or Location(path) for path in paths))
 
 
-def _has_rig(location: Location) -> bool:
+def _may_be_beside(path: Path) -> bool:
+    """Whether a recording may be one with others beside it: an .mcap, .bag or .db3 file, or a rosbag2 folder."""
+    return bool(file_kind(path)) if path.is_file() else path.is_dir() and format_of(path) == _ROSBAG2
+
+
+def _rigs_of(location: Location) -> Sequence[Rig]:
     try:
         with open_recording(location) as recording:
-            return bool(search_rigs(survey(recording)).rigs)
+            return search_rigs(survey(recording)).rigs
     except RecordingError:
-        return False
+        return ()
 
 
 def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]:
@@ -234,7 +282,7 @@ def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]
     if _is_one(path):
         return [path, *_beside(path, errors)]
     if not path.is_dir():
-        raise unknown_kind(path)
+        raise _by_bytes(path) or unknown_kind(path)
     recordings = list(_search(path, errors))
     if not recordings:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")
@@ -251,7 +299,7 @@ def _is_one(path: Path) -> bool:
     if format_of(path) != _ROSBAG2 or not path.is_dir() or (path / METADATA).exists():
         return True
     files = folder_files(path)
-    return len(files) < 2 or len(grouped(files, _has_rig)) == 1
+    return len(files) < 2 or len(set(grouped(files, _rigs_of).values())) == 1
 
 
 def _beside(folder: Path, errors: dict[Path, RecordingError] | None = None) -> Iterator[Path]:

@@ -49,6 +49,9 @@ class DriveParts:
     most_overlap_share: float = parameter(0.25, unit="share of the shorter of two parts", source=BY_HAND)
     most_missing: int = parameter(3, unit="parts missing between two", source=BY_HAND)
     most_lengths: float = parameter(2.0, unit="lengths of a part, for each one that is missing", source=BY_HAND)
+    most_pause_share: float = parameter(
+        0.5, unit="share of the shorter of two parts between which no part is missing", source=BY_HAND
+    )
     least_common_share: float = parameter(0.5, unit="share of the shorter of two files side by side", source=BY_HAND)
 
 

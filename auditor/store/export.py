@@ -201,9 +201,11 @@ def _holds(wanted: Callable[[pa.DataType], bool], kind: pa.DataType) -> bool:
 
 
 def _plain(value: object) -> object:
-    """A value that JSON can hold: infinities and NaN become null."""
+    """A value that JSON can hold: infinities and NaN become null, whole numbers of any size (HUGEINT) numbers."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
+    if isinstance(value, Decimal) and value.as_tuple().exponent == 0:
+        return int(value)
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, dict):

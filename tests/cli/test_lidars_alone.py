@@ -104,7 +104,9 @@ def test_inspect_says_what_a_lidar_alone_can_and_cannot_and_writes_a_rig_file_th
     write_mcap(path, lidar_of(drive), scans(drive, frames))
     words = ["--write-rig", str(file), "--picture", str(picture), "--format", "json"]
     assert run(["inspect", str(path), *words]) == 3
-    [rig] = json.loads(capfd.readouterr().out)[0]["rigs"]
+    [description] = json.loads(capfd.readouterr().out)
+    assert "it holds no pictures of cameras: give the file that does" in description["problems"][0]
+    [rig] = description["rigs"]
     assert (rig["kind"], rig["triples"], rig["max_attacked"]) == ("LiDAR alone", [], 0)
     assert "while the vehicle stands" in rig["capabilities"][0]
     assert "what is there from the first frame on" in rig["capabilities"][1]

@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from mcap.writer import CompressionType, Writer
 
 from auditor.cli import run
-from auditor.recordings import write_bag, write_db3, write_mcap
+from auditor.model.frames import Message
+from auditor.recordings import open_recording, write_bag, write_db3, write_mcap
+from auditor.safety.budget import MAX_BYTES
 from tests.making.audits import ask
 from tests.making.forms import copy_bag
 from tests.making.recorded_drives import rechunk
@@ -119,6 +122,27 @@ def test_of_a_recording_that_is_cut_before_its_first_message_the_cut_is_said(
         said = " ".join("".join(capfd.readouterr()).split())
         assert f"no message is left in it: {what} is cut" in said
         assert "no camera images" not in said
+
+
+def test_of_a_recording_in_one_chunk_that_is_too_large_the_limit_is_said(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path, channels = tmp_path / "one_chunk.mcap", dict[str, int]()
+    with open_recording(write_drive(tmp_path / "drive.mcap", count=2)) as recording, path.open("wb") as out:
+        writer = Writer(out, chunk_size=2 * MAX_BYTES, compression=CompressionType.ZSTD)
+        writer.start("ros2")
+        for message in [*recording.messages(), Message("/pad", "pad", "cdr", 0, bytes(MAX_BYTES))]:
+            if message.topic not in channels:
+                definition = recording.definition(message.schema)
+                schema = writer.register_schema(message.schema, "ros2msg", definition.data if definition else b"")
+                channels[message.topic] = writer.register_channel(message.topic, message.encoding, schema)
+            writer.add_message(channels[message.topic], message.log_time_ns, bytes(message.data), message.log_time_ns)
+        writer.finish()
+    for words in (["inspect", str(path)], ["scan", str(path), "--store", str(tmp_path / "audit")]):
+        assert run(words) == 3
+        said = " ".join("".join(capfd.readouterr()).split())
+        assert f"unpacked bytes; at most {MAX_BYTES} are accepted" in said
+        assert "encoding of 8 or 16 bits" not in said
 
 
 def test_a_recording_over_its_budget_is_one_line_and_leaves_nothing_half_done(

@@ -150,6 +150,18 @@ def test_every_name_and_path_of_a_content_is_kept_and_it_has_one_incident(audit,
     assert "Incident 1" in page.read_text()
 
 
+def test_json_says_where_a_recording_lies_that_was_read_under_another_name_first(audit, night, tmp_path, capfd):
+    renamed = shutil.copy(night / "drive.mcap", tmp_path / "renamed.mcap")
+    for place in (renamed, night / "drive.mcap"):
+        capfd.readouterr()
+        assert scan(audit, place, how=("--pictures", "none", "--format", "json")) == 1
+        [row] = json.loads(capfd.readouterr().out)["recordings"]
+        assert (row["name"], row["path"]) == ("drive.mcap", str(place))
+    assert run(["judge", str(audit), "--format", "json"]) == 1
+    judged = {row["name"]: row["path"] for row in json.loads(capfd.readouterr().out)["recordings"]}
+    assert judged == {"clean.mcap": str(night / "clean.mcap"), "drive.mcap": str(renamed)}
+
+
 def test_measuring_again_replaces_the_measurement_and_its_judgements(audit, night, capfd):
     store = Store.open(audit)
     [record] = store.recordings_called("drive.mcap")

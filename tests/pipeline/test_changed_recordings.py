@@ -1,5 +1,6 @@
 """A recording that is replaced, overwritten or cut while it is measured: it is refused, and nothing of it is kept."""
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from auditor.errors import RecordingError
 from auditor.pipeline import measure
+from auditor.pipeline.workers import Progress, run_all
 from auditor.recordings import content
 from auditor.store.store import Store
 from tests.making.reading_all import count_reads
@@ -77,3 +79,20 @@ def test_a_recording_is_read_for_its_hash_and_for_its_frames(tmp_path, monkeypat
     # Its sensors are learnt from the beginning, which of a short recording is all of it, and is hashed meanwhile.
     # The clock is told by the first chunk.
     assert sum(read) < 2.1 * path.stat().st_size + 2**21
+
+
+def hash_as_it_is_written(path: Path, _: Progress) -> str:
+    hashed = content.FileContent(path)
+    if path.name == "growing.mcap":
+        with path.open("ab") as out:
+            out.write(b"a record more")
+    return hashed.sha256
+
+
+def test_a_recording_that_grows_is_refused_by_the_process_that_reads_it_and_the_others_go_on(tmp_path):
+    paths = [tmp_path / name for name in ("a.mcap", "growing.mcap", "z.mcap")]
+    for path in paths:
+        path.write_bytes(b"a record")
+    outcomes = {one.item.name: one for one in run_all(hash_as_it_is_written, paths, 2, lambda *_: None)}
+    assert outcomes["a.mcap"].result == outcomes["z.mcap"].result == hashlib.sha256(b"a record").hexdigest()
+    assert "changed while it was read: nothing of this is kept; scan it again" in str(outcomes["growing.mcap"].error)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
+from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.pipeline.measure import measure_recording
 from auditor.pipeline.measured import MeasureResult, MeasureTask
+from auditor.pipeline.pictures import location_of
 from auditor.recordings import Location, find_recordings, schemas
 from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.rigs.in_force import CHANGING, TOO_OFTEN
@@ -65,6 +67,23 @@ def test_cameras_and_lidar_in_two_files_are_measured_together(tmp_path: Path, me
     store = Store.open(tmp_path / "a")
     assert store.measurement(done.measurement_ids[0]).measured == COUNT
     assert store.recording(done.recording_id).files == ("cams.mcap", "velo.mcap")
+
+
+def test_two_rosbag2_folders_measured_together_are_said_to_be_and_are_found_again(
+    tmp_path: Path, messages: list[Message]
+) -> None:
+    chosen = {"cams": lambda m: m.schema != schemas.POINT_CLOUD, "velo": lambda m: m.schema == schemas.POINT_CLOUD}
+    for name, choose in chosen.items():
+        write_messages(tmp_path / "in" / name / f"{name}_0.mcap", some(messages, choose))
+        (tmp_path / "in" / name / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    (location,) = find_recordings([tmp_path / "in"]).recordings
+    done = measured(tmp_path / "a", location)
+    assert [remark for remark in done.remarks if "one recording" in remark] == list(location.remarks)
+    record = Store.open(tmp_path / "a").recording(done.recording_id)
+    assert record.files == ("cams/cams_0.mcap", "velo/velo_0.mcap")
+    assert location_of(record) == location
+    with pytest.raises(RecordingError, match="not there any more"):
+        location_of(replace(record, files=("../in/cams/cams_0.mcap", "/velo/velo_0.mcap")))
 
 
 def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(

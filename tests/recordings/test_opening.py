@@ -2,6 +2,10 @@ import gzip
 import os
 import shutil
 import socket
+import sqlite3
+import tarfile
+import zipfile
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -123,6 +127,64 @@ def test_files_of_a_searched_folder_that_are_named_almost_like_recordings_are_to
     assert names(found.recordings) == ["two.mcap"]
     assert [error.where for error in found.errors] == [str(path) for path in overlooked]
     assert all("named almost like a recording" in error.what and "rename it" in error.remedy for error in found.errors)
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "kind"),
+    [
+        ("noext", "b/two.mcap", ".mcap"),
+        ("drive.log", "b/two.mcap", ".mcap"),
+        ("two.mcap (copy)", "b/two.mcap", ".mcap"),
+        ("drive.rosbag", "a/deep/three.bag", ".bag"),
+        ("drive.sqlite", "c/c.db3", ".db3"),
+    ],
+)
+def test_a_recording_under_another_name_is_told_in_a_searched_folder_and_where_it_is_given(
+    fleet: Path, tmp_path: Path, name: str, source: str, kind: str
+) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    (tmp_path / "deeper").mkdir()
+    disguised = tmp_path / "deeper" / name
+    shutil.copy(fleet / source, disguised)
+    for given in (tmp_path, disguised):
+        [error] = find_recordings([given]).errors
+        assert (error.where, error.what) == (
+            str(disguised),
+            f"by its bytes it is an {kind} file, and by its name none: it was not read",
+        )
+        assert f"end with {kind}" in error.remedy
+
+
+def test_an_archive_of_recordings_is_told(fleet: Path, tmp_path: Path) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    with tarfile.open(tmp_path / "pack.tar", "w") as tar:
+        for source in ("notes.txt", "c/c.db3", "a/deep/three.bag"):
+            tar.add(fleet / source, source)
+    with zipfile.ZipFile(tmp_path / "pack.zip", "w") as packed:
+        packed.write(fleet / "notes.txt", "notes.txt")
+        packed.write(fleet / "b" / "two.mcap", "b/two.mcap")
+    assert [error.what for error in find_recordings([tmp_path]).errors] == [
+        "an archive of c.db3 and 1 more recordings: it was not read",
+        "an archive of two.mcap: it was not read",
+    ]
+
+
+def test_other_files_links_to_what_is_read_and_what_datasets_hold_are_no_recordings_under_other_names(
+    fleet: Path, tmp_path: Path
+) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    (tmp_path / "latest").symlink_to(tmp_path / "two.mcap")
+    with closing(sqlite3.connect(tmp_path / "other.sqlite")) as database:
+        database.execute("CREATE TABLE messages (id)")
+    with zipfile.ZipFile(tmp_path / "texts.zip", "w") as packed:
+        packed.write(fleet / "notes.txt", "notes.txt")
+    (tmp_path / "drive" / "image_00" / "data").mkdir(parents=True)
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "drive" / "image_00" / "data" / "0000000000.png")
+    (tmp_path / "short").write_bytes(b"PK\3\4PK\1\2")
+    (tmp_path / "cut.tar").write_bytes(bytes(257) + b"ustar")
+    found = find_recordings([tmp_path])
+    assert not found.errors
+    assert names(found.recordings) == ["drive", "two.mcap"]
 
 
 @pytest.mark.parametrize("left", ["", "rosbag2_bagfile_information:\n  version: 5\n"])

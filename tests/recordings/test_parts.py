@@ -47,6 +47,10 @@ def names(locations: Sequence[Location]) -> list[list[str]]:
     return [[file.name for stream in location.streams for file in stream] or [location.name] for location in locations]
 
 
+def later(recorded: list[Message], by_ns: int) -> list[Message]:
+    return [Message(m.topic, m.schema, m.encoding, m.log_time_ns + by_ns, m.data) for m in recorded]
+
+
 def stamps(location: Location) -> list[int]:
     with open_recording(location) as recording:
         frames, skipped = split(stream_of(recording))
@@ -150,7 +154,7 @@ def test_each_of_many_numbered_files_is_compared_with_those_of_the_numbers_befor
     follows = parts._follows
     monkeypatch.setattr(parts, "FileSummary", Summary)
     monkeypatch.setattr(parts, "_follows", lambda *of: compared.append(of) or follows(*of))
-    assert len(parts.grouped([Path(name) for name in spans], lambda _: False)) == many
+    assert len({*parts.grouped([Path(name) for name in spans], lambda _: ()).values()}) == many
     assert many - 1 <= len(compared) <= many * (DRIVE_PARTS.most_missing + 1)
 
 
@@ -242,7 +246,7 @@ def test_metadata_of_another_recording_or_of_another_form_change_nothing(
     assert damage_of(tmp_path / "log") == []
 
 
-def damage_of(where: Path) -> list[str]:
+def damage_of(where: Path | Location) -> list[str]:
     with open_recording(where) as recording:
         assert list(recording.messages())
         return [str(piece) for piece in recording.damage]
@@ -259,6 +263,68 @@ def test_a_missing_part_is_told_and_the_others_are_one_recording(
         told = [str(piece) for piece in recording.damage]
     assert [frame.stamp_ns for frame in frames] == [START_NS + n * PERIOD_NS for n in (0, 1, 2, 3, 8, 9, 10, 11)]
     assert told == [f"part 1 is missing between drive_0{suffix} and drive_2{suffix}"]
+
+
+def test_a_hole_in_the_numbers_that_leaves_no_time_is_no_missing_part(
+    tmp_path: Path, suffix: str, recorded: list[Message]
+) -> None:
+    parts = write_parts(tmp_path, suffix, recorded, (at(4), at(8)))
+    parts[2].rename(tmp_path / f"drive_5{suffix}")
+    (location,) = found(tmp_path)
+    assert not damage_of(location)
+    assert len(stamps(location)) == FRAMES
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        ("20110926130824", "20110926130825", "20110926130827"),
+        ("20110926125958", "20110926130058", "20110926130159"),
+        ("2011-09-26T13-08-24Z", "2011-09-26T13-09-24Z", "2011-09-27T13-10-24Z"),
+        ("2011_09_26-13_08_24", "2011_09_26-13_09_24", "2011_09_26-13_10_24"),
+        ("1317042504", "1317042564", "1317042624"),
+        ("1317042504123", "1317042564123", "1317042624123"),
+        ("0858", "0859", "0900"),
+        ("20110926_085959", "20110926_090000", "20110926_090001"),
+    ],
+)
+def test_parts_named_by_their_time_are_one_recording_and_nothing_is_missing(
+    tmp_path: Path, in_mcap: list[Message], times: Sequence[str]
+) -> None:
+    parts = write_parts(tmp_path, ".mcap", in_mcap, (at(4), at(8)))
+    for part, time in zip(parts, times, strict=True):
+        part.rename(tmp_path / f"rec_{time}.mcap")
+    (location,) = found(tmp_path)
+    assert location.name == f"rec_{times[0]}"
+    assert not damage_of(location)
+    assert len(stamps(location)) == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("times", "gap_ns"),
+    [
+        (("20110926130824", "20110926130825"), DRIVE_PARTS.most_gap_ns),  # their messages lie too far apart
+        (("0858", "1030"), 0),  # they begin at once, and not after an hour and a half
+        (("0858", "085900"), 0),
+        (("20110926130825", "1317042504"), 0),
+    ],
+)
+def test_parts_named_by_other_times_than_their_own_stay_apart(
+    tmp_path: Path, in_mcap: list[Message], times: Sequence[str], gap_ns: int
+) -> None:
+    before, after = (some(in_mcap, lambda m, late=late: (m.log_time_ns >= at(6)) == late) for late in (False, True))
+    write_messages(tmp_path / f"rec_{times[0]}.mcap", before)
+    write_messages(tmp_path / f"rec_{times[1]}.mcap", later(after, gap_ns))
+    assert len(found(tmp_path)) == 2
+
+
+def test_a_part_named_by_its_time_says_that_the_others_hold_the_calibration(
+    tmp_path: Path, in_mcap: list[Message]
+) -> None:
+    first, second = write_parts(tmp_path, ".mcap", in_mcap, (at(6),))
+    first.rename(tmp_path / "rec_20110926130824.mcap")
+    with open_recording(second.rename(tmp_path / "rec_20110926130924.mcap")) as recording:
+        assert "give rec_20110926130824.mcap too" in " ".join(search_rigs(survey(recording)).reasons)
 
 
 def test_a_part_behind_too_many_missing_ones_is_a_recording_of_its_own(tmp_path: Path, in_mcap: list[Message]) -> None:
@@ -378,3 +444,75 @@ def test_cameras_and_lidar_of_different_times_or_folders_stay_apart(tmp_path: Pa
     shutil.move(files[1], tmp_path / "b" / "deep" / "velo.mcap")
     assert len(found(tmp_path / "b")) == 2
     assert cameras.exists()
+
+
+@pytest.fixture(scope="module")
+def by_three() -> list[Message]:
+    """Three cameras, which are a rig without their LiDAR."""
+    rig = make_rig(3)
+    return messages_of(".mcap", rig, make_frames(rig, FRAMES))
+
+
+def test_cameras_that_are_a_rig_without_the_lidar_are_one_recording_with_it(
+    tmp_path: Path, by_three: list[Message]
+) -> None:
+    cameras_and_lidar(tmp_path, ".mcap", by_three, ("cameras", "lidar"))
+    (location,) = found(tmp_path)
+    with open_recording(location) as recording:
+        assert find_rigs(survey(recording))[0].sensors == (0, 1, 2, 3)
+    (remark,) = location.remarks
+    assert "cameras.mcap, lidar.mcap; if they are of several vehicles" in remark
+
+
+def test_a_lidar_that_tf_does_not_connect_with_the_cameras_stays_apart(tmp_path: Path, by_three: list[Message]) -> None:
+    placed = some(by_three, lambda m: m.schema != schemas.TRANSFORMS)
+    cameras_and_lidar(tmp_path, ".mcap", placed, ("cameras", "lidar"))
+    assert names(found(tmp_path)) == [["cameras.mcap"], ["lidar.mcap"]]
+
+
+@pytest.mark.parametrize("kind", [".mcap", ".db3"])
+def test_two_rosbag2_folders_of_the_same_time_are_one_recording(
+    tmp_path: Path, by_three: list[Message], kind: str
+) -> None:
+    for file in cameras_and_lidar(tmp_path, kind, by_three, ("cameras", "lidar")):
+        folder = tmp_path / "drive" / file.stem
+        folder.mkdir(parents=True)
+        (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+        file.rename(folder / f"{file.stem}_0{kind}")
+    (location,) = found(tmp_path / "drive")
+    assert (location.path, location.given) == (tmp_path / "drive" / "cameras+lidar", tmp_path / "drive" / "cameras")
+    assert {one.path for one in found(tmp_path / "drive" / "lidar", tmp_path / "drive" / "cameras")} == {location.path}
+    assert len(stamps(location)) == FRAMES
+    assert f"cameras/cameras_0{kind}, lidar/lidar_0{kind};" in location.remarks[0]
+    before = identity(location)
+    shutil.move(tmp_path / "drive", tmp_path / "moved")
+    assert identity(found(tmp_path / "moved")[0]) == before
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "together"),
+    [
+        ((("alder_cameras", "alder_lidar"), ("birch_cameras", "birch_lidar")), 2),
+        ((("cameras-2", "lidar-2"), ("cameras-1", "lidar-1")), 2),
+        ((("cameras", "lidar"), ("pictures", "points")), 0),
+    ],
+)
+def test_of_two_vehicles_in_one_folder_those_files_are_one_recording_that_names_put_together(
+    tmp_path: Path, by_three: list[Message], vehicles: tuple[tuple[str, str], ...], together: int
+) -> None:
+    cameras_and_lidar(tmp_path, ".mcap", by_three, vehicles[0])
+    others = later(by_three, PERIOD_NS // 4)
+    clouds = later(some(others, lambda m: m.schema == schemas.POINT_CLOUD), -PERIOD_NS // 3)  # before the other LiDAR's
+    cameras_and_lidar(
+        tmp_path, ".mcap", [*some(others, lambda m: m.schema != schemas.POINT_CLOUD), *clouds], vehicles[1]
+    )
+    pairs = [sorted(file.removesuffix(".mcap") for file in each) for each in names(found(tmp_path)) if len(each) > 1]
+    assert sorted(pairs) == sorted(map(sorted, vehicles[:together]))
+
+
+def test_a_copy_of_the_lidar_s_file_does_not_take_the_lidar_from_the_cameras(
+    tmp_path: Path, by_three: list[Message]
+) -> None:
+    _, lidar = cameras_and_lidar(tmp_path, ".mcap", by_three, ("cameras", "lidar"))
+    shutil.copy(lidar, tmp_path / "lidar of copies.mcap")
+    assert sorted(map(len, names(found(tmp_path)))) == [1, 2]

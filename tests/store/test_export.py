@@ -47,6 +47,14 @@ def test_a_time_is_text_with_every_digit_wherever_it_stands(tmp_path, sql, value
     assert json.loads(encode(table, "json")) == json.loads(json.dumps([{"x": value}]))
 
 
+def test_whole_numbers_of_any_size_are_numbers_in_json_and_fixed_points_are_text(tmp_path):
+    table = answer(
+        tmp_path, "sum(340), 100000000000000000000::HUGEINT AS large, [sum(1)] AS inside, 0.01::DECIMAL(18, 17) AS r, 1"
+    )
+    [row] = json.loads(encode(table, "json"))
+    assert list(row.values()) == [340, 10**20, [1], "0.01000000000000000", 1]
+
+
 def test_csv_holds_the_same_texts_as_json(tmp_path):
     moment = f"make_timestamp_ns({NS}::BIGINT)"
     table = answer(tmp_path, f"{moment} AS at, [{moment}] AS all, DATE '2011-09-26' AS day, 7")

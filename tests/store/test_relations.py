@@ -10,10 +10,12 @@ from auditor.store.maintenance.relations import MIN_CHANGED_FRAMES, relate
 from auditor.store.maintenance.removal import remove_recordings
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import RecordingRecord
-from tests.making.stores import PERIOD_NS, add_frames, add_judgement, make_measurement, make_rig, new_store
+from tests.making.stores import PERIOD_NS, PROCEDURE, add_frames, add_judgement, make_measurement, make_rig, new_store
 
 RIG = make_rig(3)
 START_NS = 1_700_000_000 * 10**9
+ALONE = replace(PROCEDURE, counting_version=1)
+"""How a LiDAR alone is measured: by parameters of its own."""
 
 
 def frames(numbers, *, changed=(), missing=(), shift_ns=0):
@@ -26,12 +28,13 @@ def frames(numbers, *, changed=(), missing=(), shift_ns=0):
         yield replace(made, number=place, fingerprints=made.fingerprints | other)
 
 
-def add(store, letter, made, *, rig=RIG, span=(0, 1000), **about):
-    """A recording, not compared yet, with these frames."""
-    how = {"clock": "utc", "from_ns": START_NS + span[0] * PERIOD_NS, "to_ns": START_NS + span[1] * PERIOD_NS, **about}
-    store.write_recording(RecordingRecord(letter * 64, f"{letter}.mcap", f"/logs/{letter}.mcap", **how))
+def add(store, letter, made, *, rig=RIG, span=(0, 1000), how=PROCEDURE, withheld=None, **about):
+    """A recording, not compared yet, with these frames, measured so."""
+    time_ns = {"from_ns": START_NS + span[0] * PERIOD_NS, "to_ns": START_NS + span[1] * PERIOD_NS}
+    about = {"clock": "utc", **time_ns, **about}
+    store.write_recording(RecordingRecord(letter * 64, f"{letter}.mcap", f"/logs/{letter}.mcap", **about))
     store.write_rig(rig)
-    return add_frames(store, rig, letter * 64, list(made))
+    return add_frames(store, rig, letter * 64, list(made), procedure=how, withheld=withheld)
 
 
 def related(store):
@@ -151,6 +154,45 @@ def test_only_recordings_that_overlap_in_time_are_read(tmp_path):
     for path in store.finished_paths("frames"):
         path.write_bytes(b"")
     assert related(store) == {"a": (None, ""), "b": (None, "")}
+
+
+def of_lidar(made):
+    """The same frames as a part of the drive without its calibration is measured: its LiDAR alone."""
+    for one in made:
+        yield replace(
+            make_measurement(RIG.alone(0), one.number, stamp_ns=one.stamp_ns), fingerprints={0: one.fingerprints[0]}
+        )
+
+
+@pytest.mark.parametrize(
+    ("changed", "withheld", "superseding"), [((), None, "b"), ((5,), None, None), ((), "points fit nowhere", None)]
+)
+def test_a_part_that_was_a_lidar_alone_counts_no_more_where_the_whole_is_measured_with_its_cameras(
+    tmp_path, changed, withheld, superseding
+):
+    store = new_store(tmp_path)
+    add(store, "a", of_lidar(frames(range(4, 8))), rig=RIG.alone(0), how=ALONE)
+    whole = [
+        replace(one, fingerprints=one.fingerprints | {0: 7}) if one.number in changed else one
+        for one in frames(range(8))
+    ]
+    add(store, "b", whole, withheld=withheld)
+    assert related(store)["a"][0] == superseding
+    assert related(store)["b"][0] is None
+
+
+def test_cameras_count_no_more_where_they_are_measured_with_their_lidar(tmp_path):
+    store, cameras = new_store(tmp_path), make_rig(3, lidar=False)
+    made = [
+        replace(
+            make_measurement(cameras, one.number, stamp_ns=one.stamp_ns),
+            fingerprints={s: data for s, data in one.fingerprints.items() if s},
+        )
+        for one in frames(range(6))
+    ]
+    add(store, "a", made, rig=cameras)
+    add(store, "b", frames(range(6)))
+    assert related(store) == {"a": ("b", ""), "b": (None, "")}
 
 
 def test_another_calibration_of_the_same_frames_supersedes_nothing(tmp_path):

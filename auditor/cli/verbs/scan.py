@@ -79,5 +79,6 @@ def command(
         if measuring.shard is not None:
             return tally.exit_code()
         show_known = batch.shows_known or form != "table"
-        show_audit(scan.store if scan.measured else None, form, tally, judged, show_known=show_known)
+        kept, measured = scan.store if scan.measured else None, scan.measured
+        show_audit(kept, form, tally, judged, show_known=show_known, measured=measured)
     return tally.exit_code()

@@ -10,7 +10,7 @@ from auditor.errors import RecordingError, SettingError
 from auditor.pipeline.remote.addresses import Address, address_of
 from auditor.pipeline.remote.object_store import find_object, list_objects
 from auditor.recordings import LocatedRecordings, find_recordings
-from auditor.recordings.formats.files import DB3, MCAP, common_name, file_kind, part_name
+from auditor.recordings.formats.part_names import DB3, MCAP, common_name, file_kind, part_name
 from auditor.recordings.location import Location, Remote, StoredObject
 from auditor.recordings.opening import unknown_kind
 from auditor.store.records import RecordingRecord

@@ -1,20 +1,20 @@
 """The base of MCAP and ROS recordings: one file or several, each read forward.
 
 The parts of a split file are one stream: they are read one after the other. Files that were recorded at the same time
-are several streams: they are read side by side, in the order of their log times. Recorders name the parts of a drive
-`drive_0.mcap`, `drive_1.mcap`, `drive_<time>_2.bag`.
+are several streams: they are read side by side, in the order of their log times.
 """
 
-import re
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from heapq import merge
 from itertools import chain, pairwise
+from os.path import commonpath
 from pathlib import Path
 from types import TracebackType
-from typing import IO, NamedTuple, Self, cast
+from typing import IO, Self, cast
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
@@ -22,7 +22,8 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents
 from auditor.recordings.formats.bag_metadata import listed_and_missing
 from auditor.recordings.formats.found import Channels, DamageLog, Names, Span, total_traffic
-from auditor.recordings.formats.unpacking import PACKED, Source, kind_of, source_of
+from auditor.recordings.formats.part_names import follows_at_once, missing_between
+from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, Traffic
 from auditor.safety.budget import CHUNKS, Spending
 
@@ -95,8 +96,6 @@ class FilesRecording(OpenedRecording, ABC):
             for stream in streams
         )
         self._sources = tuple(chain.from_iterable(self._streams))
-        holes = chain.from_iterable(map(missing_parts, streams))
-        self._missing = tuple(listed_and_missing(tuple(chain.from_iterable(streams)))) or tuple(holes)
         self._unreadable: dict[Source, str] = {}
         self._names = Names()
         self._topics: tuple[Topic, ...] = ()
@@ -111,8 +110,9 @@ class FilesRecording(OpenedRecording, ABC):
     @cached_property
     def recording_id(self) -> str:
         """The hash of its files; what nobody has read of them is read. Raises RecordingError."""
-        # Files given together have the id of the folder that holds them.
-        named = self.path if self.path in self.files else self.files[0].parent
+        # Files given together have the id of the folder that holds them, folders that of the one above them.
+        above = commonpath([file.parent for file in self.files])
+        named = self.path if self.path in self.files else Path(above)
         return self._contents.recording_id(named, self.files)
 
     @cached_property
@@ -125,6 +125,25 @@ class FilesRecording(OpenedRecording, ABC):
         if first is None:
             return "unknown"
         return "utc" if first.log_time_ns >= EARLIEST_UTC_NS else "relative"
+
+    @cached_property
+    def _missing(self) -> tuple[str, ...]:
+        """A sentence for each file that a list names, or else the numbers of parts, and that is not there."""
+        listed = tuple(listed_and_missing([source.path for source in self._sources]))
+        holes = chain.from_iterable(map(self._holes, self._streams))
+        return listed or tuple(holes)
+
+    def _holes(self, stream: Sequence[Source]) -> Iterator[str]:
+        for source, following in pairwise(stream):
+            if (hole := missing_between(source.path, following.path)) and not self._follows_at_once(source, following):
+                yield hole
+
+    def _follows_at_once(self, source: Source, following: Source) -> bool:
+        """True where no time is left between two parts in which another one may have been recorded."""
+        with suppress(RecordingError, OSError):
+            before, after = (self._file_read(one, None, DamageLog()).span_ns() for one in (source, following))
+            return before is not None and after is not None and follows_at_once(before, after)
+        return False
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -251,83 +270,3 @@ class ForwardStream:
             return
         while self.offset < offset:
             self.read(min(offset - self.offset, 1 << 20))
-
-
-_NUMBERED = re.compile(r"(.*?)[_.-]?(\d{1,6})", re.DOTALL)
-_BAG_TIME = re.compile(r"[_-]?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d$")
-"""rosbag writes into the name of each part when the part was begun."""
-
-_ACTIVE = ".active"
-BAG, DB3, MCAP = ".bag", ".db3", ".mcap"
-KINDS = frozenset({BAG, DB3, MCAP})
-
-
-class PartName(NamedTuple):
-    """A name with a number at its end: parts of one drive have the folder, series and kind in common."""
-
-    folder: Path
-    series: str
-    kind: str
-    number: int
-    stem: str
-
-    @property
-    def key(self) -> tuple[Path, str, str]:
-        """What the parts of one drive have in common."""
-        return self.folder, self.series, self.kind
-
-
-def file_kind(file: Path) -> str:
-    """.bag, .db3 or .mcap, also of a packed file and of a bag that was not closed; empty for any other name."""
-    kind = BAG if file.name.lower().endswith(BAG + _ACTIVE) else kind_of(file)
-    return kind if kind in KINDS else ""
-
-
-def stem_of(file: Path) -> str:
-    """A name without its extensions."""
-    name = file.stem if file.suffix.lower() in {*PACKED, _ACTIVE} else file.name
-    return Path(name).stem
-
-
-def part_name(file: Path) -> PartName | None:
-    """The parts of a file's name; None where it has no number at its end, or is no recording in one file."""
-    kind, parts = file_kind(file), _NUMBERED.fullmatch(stem_of(file))
-    if not kind or parts is None:
-        return None
-    series = _BAG_TIME.sub("", parts[1]) if kind == BAG else parts[1]
-    return PartName(file.parent, series, kind, int(parts[2]), parts[1])
-
-
-def common_name(files: Sequence[Path]) -> str:
-    """`drive` for drive_0.mcap and drive_1.mcap; where part 0 and part 1 are not among them `drive_4`."""
-    name = part_name(files[0])
-    if len(files) == 1 or name is None or name.number > 1:
-        return stem_of(files[0])
-    return name.stem or files[0].parent.name
-
-
-def missing_parts(files: Sequence[Path]) -> Iterator[str]:
-    """A sentence for each hole in the numbers of the parts of one drive."""
-    named = [part_name(file) for file in files]
-    for (file, name), (following, after) in pairwise(zip(files, named, strict=True)):
-        if name is None or after is None or name.key != after.key or after.number <= name.number + 1:
-            continue
-        first, last = name.number + 1, after.number - 1
-        which = f"part {first} is" if first == last else f"parts {first} to {last} are"
-        yield f"{which} missing between {file.name} and {following.name}"
-
-
-def other_parts(files: Sequence[Path]) -> tuple[Path, ...]:
-    """The files beside those of a recording that are named as parts of the same drive, in the order of their numbers.
-
-    Raises nothing: a folder that cannot be read has none.
-    """
-    own = {name.key for file in files if (name := part_name(file)) is not None}
-    beside: list[tuple[int, Path]] = []
-    for folder in sorted({folder for folder, _, _ in own}):
-        try:
-            listed = [file for file in folder.iterdir() if file not in files and file.is_file()]
-        except OSError:
-            continue
-        beside += [(name.number, file) for file in listed if (name := part_name(file)) is not None and name.key in own]
-    return tuple(file for _, file in sorted(beside))

@@ -10,9 +10,10 @@ from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import ChangedError
 from auditor.recordings.formats.bag_metadata import METADATA, listed_and_there
-from auditor.recordings.formats.files import BAG, DB3, MCAP, NO_JOURNALS, FilesRecording, Streams, file_kind, part_name
+from auditor.recordings.formats.files import NO_JOURNALS, FilesRecording, Streams
 from auditor.recordings.formats.found import DamageLog
 from auditor.recordings.formats.mcap import McapRecording
+from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind, part_name
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2 import Db3Read, journal_of
 from auditor.recordings.formats.unpacking import Source, kind_of

@@ -58,6 +58,11 @@ class View:
         return sensor_name(self.image.topic.name)
 
     @property
+    def topic(self) -> str:
+        """The topic of its pictures."""
+        return self.image.topic.name
+
+    @property
     def frame_id(self) -> str:
         """The coordinate frame of its pictures: z looks ahead."""
         return optical_frame(self.info.header.frame_id or self.image.frame_id, self.axes)

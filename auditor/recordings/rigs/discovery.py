@@ -53,8 +53,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images and not survey.clouds:
-        if not survey.topics and survey.problems:
-            raise RigError(survey.problems[0], remedy="copy it again, or end its recording first")
+        if survey.lost:
+            raise RigError(survey.lost[0], remedy="copy it again, end its recording first, or write smaller chunks")
         none = "there are no camera images and no points that can be read"
         missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
         raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
@@ -320,11 +320,11 @@ def _collinear(placed: PlacedViews, reasons: list[Reason], beside: list[Reason])
             continue
         step = placed.centres_m[order[-1]] - placed.centres_m[index]
         total = placed.centres_m[order[0]] - placed.centres_m[index]
-        name = placed.views[index].name
+        view = placed.views[index]
         if step[0] < MIN_BASELINE_M:
-            reasons.append(AtOnePlace(name, placed.views[order[-1]].name))
+            reasons.append(AtOnePlace(view, placed.views[order[-1]]))
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
-            beside.append(Reason(f"{name} does not lie on one line with {placed.views[order[0]].name}", name))
+            beside.append(Reason(f"{view.name} does not lie on one line with {placed.views[order[0]].name}", view.name))
         else:
             order.append(index)
     return order

@@ -54,7 +54,7 @@ def apart(cameras: Sequence[Camera], reasons: list[Reason]) -> list[Camera]:
     for camera in cameras:
         near = np.linalg.norm(centres_m[: len(kept)] - camera.centre_m, axis=1) < MIN_BASELINE_M
         if near.any():
-            reasons.append(AtOnePlace(camera.name, kept[int(np.argmax(near))].name))
+            reasons.append(AtOnePlace(camera, kept[int(np.argmax(near))]))
         else:
             centres_m[len(kept)] = camera.centre_m
             kept.append(camera)

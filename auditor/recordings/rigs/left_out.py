@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from operator import itemgetter
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -43,11 +43,24 @@ class TooFew(Reason):
     """Cameras that look the same way are too few for a rig."""
 
 
+class PlacedCamera(Protocol):
+    """A camera that has its place."""
+
+    @property
+    def name(self) -> str:
+        """What people call it; those of two vehicles may have one name."""
+
+    @property
+    def topic(self) -> str:
+        """The topic of its pictures."""
+
+
 class AtOnePlace(Reason):
     """A camera is at the place of another: they may be two topics of one."""
 
-    def __init__(self, name: str, other: str) -> None:
-        super().__init__(f"{name} lies where {other} lies", name, (other,))
+    def __init__(self, camera: PlacedCamera, other: PlacedCamera) -> None:
+        names = (camera.name, other.name) if camera.name != other.name else (camera.topic, other.topic)
+        super().__init__("{} lies where {} lies".format(*names), camera.name, (other.name,))
 
 
 _MOST_NAMED = 100

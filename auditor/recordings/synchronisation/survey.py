@@ -27,7 +27,7 @@ from auditor.recordings.decoding.interface import CameraInfoDecoder, SizePx
 from auditor.recordings.decoding.pictures import depth_of
 from auditor.recordings.decoding.robot_descriptions import describes_robot, fixed_joints
 from auditor.recordings.decoding.sensor_types import SensorKind
-from auditor.recordings.formats.files import other_parts
+from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH, POINT_UNITS, SWEEPS
 from auditor.recordings.recording import Recording, Topic
 from auditor.recordings.rigs.calibrations import STANDARD, Conventions
@@ -104,7 +104,8 @@ class Survey:
     those of the recording that are named as parts of the same drive. `conventions` are how its calibrations are read.
     `moving` are the frames, as parent and child, that move against each other. `metadata` are by topic the texts that
     describe the sensors of packets. `blank_infos` counts by topic the camera infos of zeros before the first other one.
-    `spaces` are namespaces with frames of their own: see vehicles. `transform_problems` are the problems of transforms.
+    `spaces` are namespaces with frames of their own: see vehicles. `lost` are the problems that leave no message, and
+    `transform_problems` those of transforms.
     """
 
     topics: tuple[Topic, ...]
@@ -121,6 +122,7 @@ class Survey:
     metadata: Mapping[str, str] = field(default_factory=dict)
     blank_infos: Mapping[str, int] = field(default_factory=dict)
     spaces: frozenset[str] = frozenset()
+    lost: tuple[str, ...] = ()
     transform_problems: tuple[str, ...] = ()
 
     @property
@@ -182,10 +184,17 @@ class _Surveyor:
             self._take(message)
             if self._enough():
                 break
+<<<<<<< HEAD
         for damage in () if self._recording.topics() else self._recording.damage:
             self._note(f"no message is left in it: {damage}")
         shared = self._shared()
         sensors = [sensor for name, sensor in sorted(self._sensors.items()) if name not in shared]
+=======
+        lost = () if self._messages else [f"no message is left in it: {damage}" for damage in self._recording.damage]
+        for problem in lost:
+            self._note(problem)
+        sensors = [sensor for _, sensor in sorted(self._sensors.items())]
+>>>>>>> menda
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
         pictures = [
@@ -213,6 +222,7 @@ class _Surveyor:
             metadata=self._metadata,
             blank_infos=self._blank_infos,
             spaces=frozenset(self._spaces),
+            lost=tuple(lost),
             transform_problems=tuple(one for one in self._problems if one.partition(": ")[0] in of_transforms),
         )
 

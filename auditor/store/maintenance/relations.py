@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from auditor.model.frames import SensorState
 from auditor.model.measurement import NO_FINGERPRINT
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import locked
 from auditor.store.log.entry import EntryKind
 from auditor.store.log.runs import logged
@@ -166,18 +166,40 @@ class _Comparison:
         return _RecordingMeasurements(record, measurements, record.recording_id in self._labelled)
 
     def _holds(self, later: _RecordingMeasurements, earlier: _RecordingMeasurements) -> bool:
-        """Whether one holds every frame of another, in each way of measuring that they have in common."""
+        """Whether one holds every frame of another, in each way of measuring that they have in common.
+
+        A part of a drive without its calibration is measured as a LiDAR alone, which the whole need not be.
+        """
+        measured_again = {
+            one.measurement_id: [other for other in later.measurements if self._measures_again(other, one)]
+            for one in earlier.measurements
+        }
         procedures = {one.procedure for one in later.measurements}
-        common = [one for one in earlier.measurements if one.procedure in procedures]
+        common = [
+            one for one in earlier.measurements if one.procedure in procedures or measured_again[one.measurement_id]
+        ]
         return bool(common) and all(
             any(
-                other.procedure == one.procedure
-                and _alike(self._rig(one).to_dict(), self._rig(other).to_dict())
-                and _all_held(self._messages(one.measurement_id), self._messages(other.measurement_id))
-                for other in later.measurements
+                _all_held(self._messages(one.measurement_id), self._messages(other.measurement_id))
+                for other in measured_again[one.measurement_id]
             )
             for one in common
         )
+
+    def _measures_again(self, later: StoredMeasurement, earlier: StoredMeasurement) -> bool:
+        """Whether one measures all that another does: with the same rig, or with one that has a LiDAR or cameras more.
+
+        What has more and is withheld would hide what was found without it.
+        """
+        rig, whole = self._rig(earlier), self._rig(later)
+        if later.procedure == earlier.procedure and _alike(rig.to_dict(), whole.to_dict()):
+            return True
+        if later.withheld or not (whole.cameras and whole.lidar):
+            return False
+        if rig.sensors == (LIDAR,):
+            return later.procedure.matcher == earlier.procedure.matcher and rig.topic(LIDAR) == whole.topic(LIDAR)
+        without = replace(whole, lidar=None)
+        return later.procedure == earlier.procedure and _alike(rig.to_dict(), without.to_dict())
 
     def _conflict(self, first: _RecordingMeasurements, other: _RecordingMeasurements) -> bool:
         if not _of_one_clock(first.record, other.record):

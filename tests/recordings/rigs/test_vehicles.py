@@ -11,6 +11,7 @@ from auditor.model.coverage import TopicState
 from auditor.model.frames import Frame, Message
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, search_rigs, survey, synchronise
+from auditor.recordings.rigs.left_out import AtOnePlace
 from auditor.recordings.synchronisation.vehicles import sharing_frames
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_rig
@@ -101,6 +102,12 @@ def test_one_tf_for_vehicles_with_the_same_frames_is_said_to_be_the_reason(tmp_p
     [why] = [one for one in found.left_out if "/one, /two have coordinate frames of the same names" in str(one)]
     assert "/one/tf_static" in str(why)
     assert why.tells_of("cam1")
+
+
+def test_of_two_cameras_of_one_name_at_one_place_the_topics_are_said() -> None:
+    left, right = RIG.cameras[:2]
+    assert str(AtOnePlace(left, right)) == f"{left.name} lies where {right.name} lies"
+    assert str(AtOnePlace(replace(left, topic="/two/left"), left)) == f"/two/left lies where {left.topic} lies"
 
 
 def test_two_cameras_of_one_frame_are_of_one_vehicle() -> None:
