@@ -184,17 +184,11 @@ class _Surveyor:
             self._take(message)
             if self._enough():
                 break
-<<<<<<< HEAD
-        for damage in () if self._recording.topics() else self._recording.damage:
-            self._note(f"no message is left in it: {damage}")
-        shared = self._shared()
-        sensors = [sensor for name, sensor in sorted(self._sensors.items()) if name not in shared]
-=======
         lost = () if self._messages else [f"no message is left in it: {damage}" for damage in self._recording.damage]
         for problem in lost:
             self._note(problem)
-        sensors = [sensor for _, sensor in sorted(self._sensors.items())]
->>>>>>> menda
+        shared = self._shared()
+        sensors = [sensor for name, sensor in sorted(self._sensors.items()) if name not in shared]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
         pictures = [
