@@ -23,7 +23,7 @@ def _method() -> Iterator[str]:
 def _glossary() -> Iterator[str]:
     for check in Check:
         words = check.kind.words
-        yield f"| {words.label} | {words.says} | `checks/{check.where}` |"
+        yield f"| {words.label} | {words.says} | `checks/{check.where.replace('.', '/')}` |"
 
 
 def tables() -> dict[Path, tuple[str, str]]:

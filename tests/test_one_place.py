@@ -137,7 +137,8 @@ def test_each_is_declared_in_two_files_at_most_and_is_measured_judged_stored_and
     package = tmp_path / "auditor"
     (package / "lab/attacks/inked.py").write_text(KIND.lstrip(), encoding="utf-8")
     (package / "measurement/checks/inked_rows.py").write_text(MEASURED.lstrip(), encoding="utf-8")
-    added(package / "model/checks/kinds.py", "\n    _value_: str", CHECK)
+    with (package / "model/checks/kinds.py").open("a", encoding="utf-8") as declared:
+        declared.write(CHECK)
     with (tmp_path / "schemas/frames.toml").open("a", encoding="utf-8") as schema:
         schema.write(COLUMN)
     added(package / "model/measurement.py", '\n\nBRIGHTNESS = ("level"', FIELD)

@@ -85,7 +85,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "no rotation, in three dimensions; pictures that are held",
     ),
     "measurement/moving_things.py": ((3,), "cells that touch"),
-    "measurement/checks/parallax_conflict.py": (
+    "measurement/checks/in_time/parallax_conflict.py": (
         (256, 2048),
         "points and patches compared at once, to bound memory",
     ),
@@ -126,7 +126,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/photometric_consistency.py": ((4,), "pictures that are warped at once"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255, 256), "white; levels of a byte"),
-    "measurement/checks/still_light.py": (
+    "measurement/checks/in_time/still_light.py": (
         (255, 3, 4, 8, 12),
         "white; pixels that touch; sums of two sides; sizes of pictures kept in memory; a pixel's own variance",
     ),

@@ -8,10 +8,10 @@ from math import isnan, nan
 import numpy as np
 
 from auditor.measurement.checks.collect import collect_checks
+from auditor.measurement.checks.in_time.parallax_conflict import ParallaxComparison, parallax_conflicts
+from auditor.measurement.checks.in_time.still_light import Glimpse, OfThePast, measure_still_light
+from auditor.measurement.checks.in_time.still_texture import NUMBERS as STILL_TEXTURE
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, cells_of_points
-from auditor.measurement.checks.parallax_conflict import ParallaxComparison, parallax_conflicts
-from auditor.measurement.checks.still_light import Glimpse, OfThePast, measure_still_light
-from auditor.measurement.checks.still_texture import NUMBERS as STILL_TEXTURE
 from auditor.measurement.disparity.disparity_error import Comparison
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.moment import Moment

@@ -24,7 +24,7 @@ import numpy as np
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.evaluation.sources import Street
 from auditor.measurement import measure_stream, use_one_thread
-from auditor.measurement.checks.parallax_conflict import parallax_conflicts
+from auditor.measurement.checks.in_time.parallax_conflict import parallax_conflicts
 from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.stereo import stereo_map, textured

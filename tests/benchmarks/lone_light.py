@@ -26,8 +26,8 @@ import numpy as np
 from auditor.lab.attacks.paper import PAPER_WIDTH_PX, BogusWall, Facula
 from auditor.lab.evaluation.sources import RecordingSource
 from auditor.measurement import FaultFeatures, measure_stream, use_one_thread
-from auditor.measurement.checks.parallax_conflict import parallax_conflicts
-from auditor.measurement.checks.still_light import OfThePast
+from auditor.measurement.checks.in_time.parallax_conflict import parallax_conflicts
+from auditor.measurement.checks.in_time.still_light import OfThePast
 from auditor.measurement.disparity.stereo import stereo_map, textured
 from auditor.measurement.ego_motion import Motion
 from auditor.measurement.moment import Moment

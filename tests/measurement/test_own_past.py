@@ -9,8 +9,8 @@ import pytest
 
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import measure, measure_stream, own_past
+from auditor.measurement.checks.in_time.parallax_conflict import ParallaxComparison
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.checks.parallax_conflict import ParallaxComparison
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.frame import NOT_LOOKED_AT
 from auditor.model.frames import Frame

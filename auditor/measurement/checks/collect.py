@@ -9,12 +9,12 @@ import numpy as np
 
 from auditor.measurement.checks.false_ranges import PairRanges, directed, false_ranges, pair_ranges
 from auditor.measurement.checks.found import measuring
+from auditor.measurement.checks.in_time.still_light import OfThePast
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verified
 from auditor.measurement.checks.light import LightDifference, difference_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
 from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
 from auditor.measurement.checks.seen import FrameViews
-from auditor.measurement.checks.still_light import OfThePast
 from auditor.measurement.count_grid import (
     ImageGrid,
     PairCells,

@@ -5,27 +5,14 @@ its name. What is counted together (light, inconsistency, ranges, parallax) has 
 prior, how its voters decide together, its rows in documents, and what queries and pages say of it are taken from here.
 """
 
-from enum import StrEnum
+from auditor.model.checks import prior_sources as sources
+from auditor.model.checks.kind import CellUnit, CheckKind, DeclaredCheck, Of, PriorOf, Vote, Words
 
-from auditor.model.checks.kind import CellUnit, CheckKind, Of, PriorOf, Vote, Words
-
-_PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
-_LOST = f"{_PRIOR}; a tail of 1.1, widened: 1.25, 1.4, 1.5 and 1.6 tried on streets 7000 to 7159 (docs/decisions.md)"
-_LIGHT = f"{_PRIOR}, by counting version 12; tails widened on streets 9800 to 10159 (docs/decisions.md)"
-_REAL = "three clean real drives and their attacks; a guard of 56 streets for the tail (docs/ablations.md)"
-_TAILS = f"{_PRIOR}; tails widened on streets 9800 to 10159, of ten seconds (docs/decisions.md)"
-_RANGES = "three real drives and streets 30000 to 30013, clean and attacked: widened by hand (docs/decisions.md)"
-_SCATTERED = "three real drives and streets 7000 to 7059: 0.07 at most, 0 nearly always (docs/decisions.md)"
-_IN_TIME = f"{_PRIOR}, of one camera by itself (docs/decisions.md)"
-_NO_CLEAN = "statistics that clean frames have none of (docs/decisions.md): widened by hand"
-_UNMATCHED = "62 clean frames of three real drives and 480 of streets 7000 to 7059: widened by hand (docs/decisions.md)"
-_FOREIGN = "62 clean frames of three real drives and 60 of streets 7000 to 7029: widened by hand (docs/decisions.md)"
-
-_LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), _REAL)
-_SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), _NO_CLEAN)
+_LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), sources.REAL)
+_SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), sources.NO_CLEAN)
 
 
-class Check(StrEnum):
+class Check(DeclaredCheck):
     """A kind of statistic of a sensor. A new one stands last: measurements keep this order, old ones lack the last."""
 
     LIDAR_CONFLICT = (
@@ -39,7 +26,7 @@ class Check(StrEnum):
                 "the cameras disagree with the LiDAR",
                 evidence_by_two="S_{i} and S_{k} both disagree with the LiDAR",
             ),
-            (PriorOf("conflict", (-1.4, 0.45, 0.29, 1.0), _PRIOR),),
+            (PriorOf("conflict", (-1.4, 0.45, 0.29, 1.0), sources.FITTED),),
             CellUnit.POINTS,
             Vote.MEAN,
             common=True,
@@ -59,8 +46,8 @@ class Check(StrEnum):
             ),
             (
                 _LIGHT_OF_ONE,
-                PriorOf("light_of_two", (-2.2, 0.33, 0.33, 1.3), _REAL),
-                PriorOf("light", (-2.92, 0.3, 0.29, 1.9), _LIGHT),
+                PriorOf("light_of_two", (-2.2, 0.33, 0.33, 1.3), sources.REAL),
+                PriorOf("light", (-2.92, 0.3, 0.29, 1.9), sources.LIGHT),
             ),
             CellUnit.LIGHT,
             Vote.LIGHT,
@@ -83,8 +70,8 @@ class Check(StrEnum):
             ),
             (
                 _LIGHT_OF_ONE,
-                PriorOf("darkness_of_two", (-2.75, 0.33, 0.35, 2.0), _PRIOR),
-                PriorOf("darkness", (-3.15, 0.26, 0.24, 2.0), _LIGHT),
+                PriorOf("darkness_of_two", (-2.75, 0.33, 0.35, 2.0), sources.FITTED),
+                PriorOf("darkness", (-3.15, 0.26, 0.24, 2.0), sources.LIGHT),
             ),
             CellUnit.LIGHT,
             Vote.SMALLEST,
@@ -108,9 +95,9 @@ class Check(StrEnum):
                 "S_{i} and S_{k} do not see the same",
             ),
             (
-                PriorOf("inconsistency_of_one", (-2.5, 0.59, 0.4, 1.45), _PRIOR),
-                PriorOf("inconsistency_of_two", (-3.3, 0.46, 0.31, 1.7), _TAILS),
-                PriorOf("inconsistency", (-3.3, 0.52, 0.3, 1.95), _TAILS),
+                PriorOf("inconsistency_of_one", (-2.5, 0.59, 0.4, 1.45), sources.FITTED),
+                PriorOf("inconsistency_of_two", (-3.3, 0.46, 0.31, 1.7), sources.TAILS),
+                PriorOf("inconsistency", (-3.3, 0.52, 0.3, 1.95), sources.TAILS),
             ),
             CellUnit.PIXELS,
             Vote.SMALLEST,
@@ -129,7 +116,7 @@ class Check(StrEnum):
                 "the LiDAR lacks points",
                 evidence_by_two="the LiDAR lacks points in the view of S_{k}",
             ),
-            (PriorOf("point_dropout", (-0.35, 0.38, 0.22, 1.35), _PRIOR),),
+            (PriorOf("point_dropout", (-0.35, 0.38, 0.22, 1.35), sources.FITTED),),
             where="point_distribution",
             common=True,
         ),
@@ -145,7 +132,7 @@ class Check(StrEnum):
                 "the LiDAR has isolated points",
                 evidence_by_two="the LiDAR has isolated points in the view of S_{k}",
             ),
-            (PriorOf("isolated_points", (-2.0, 0.46, 0.33, 1.0), _PRIOR),),
+            (PriorOf("isolated_points", (-2.0, 0.46, 0.33, 1.0), sources.FITTED),),
             where="point_distribution",
             common=True,
         ),
@@ -160,7 +147,7 @@ class Check(StrEnum):
                 "sees light of one colour that the others do not",
                 "S_{i} sees light of one colour that others do not",
             ),
-            (PriorOf("coloured_light", (-3.1, 0.36, 0.25, 1.9), _TAILS),),
+            (PriorOf("coloured_light", (-3.1, 0.36, 0.25, 1.9), sources.TAILS),),
             CellUnit.LIGHT,
             Vote.MEAN,
             of_colours=True,
@@ -176,7 +163,7 @@ class Check(StrEnum):
                 "cameras see a surface where it scans and has a hole",
                 "has no return from what the cameras see",
             ),
-            (PriorOf("lost_returns", (-3.78, 0.56, 0.1, 1.4), _LOST),),
+            (PriorOf("lost_returns", (-3.78, 0.56, 0.1, 1.4), sources.LOST),),
             CellUnit.SURFACES,
             Vote.SMALLEST,
         ),
@@ -207,7 +194,7 @@ class Check(StrEnum):
                 "cameras contradict a cluster, or see a sector shifted",
                 "has points where the cameras see nothing",
             ),
-            (PriorOf("false_ranges", (-3.88, 0.45, 0.15, 1.7), _RANGES),),
+            (PriorOf("false_ranges", (-3.88, 0.45, 0.15, 1.7), sources.RANGES),),
             vote=Vote.RANGES,
         ),
     )
@@ -222,7 +209,7 @@ class Check(StrEnum):
                 "the LiDAR's ranges are noisy in a part",
                 evidence_by_two="the LiDAR's ranges are noisy in a part of the view of S_{k}",
             ),
-            (PriorOf("rough_ranges", (-3.8, 0.7, 0.3, 1.45), _RANGES),),
+            (PriorOf("rough_ranges", (-3.8, 0.7, 0.3, 1.45), sources.RANGES),),
             where="point_distribution",
         ),
     )
@@ -236,9 +223,10 @@ class Check(StrEnum):
                 "the camera and its own past agree with each other and not with it",
                 "the camera and its own past disagree with the LiDAR",
             ),
-            (PriorOf("parallax_conflict", (-3.4, 0.7, 0.2, 1.7), _IN_TIME),),
+            (PriorOf("parallax_conflict", (-3.4, 0.7, 0.2, 1.7), sources.IN_TIME),),
             CellUnit.POINTS,
             Vote.MEAN,
+            where="in_time.parallax_conflict",
         ),
     )
     STILL_LIGHT = (
@@ -251,22 +239,9 @@ class Check(StrEnum):
                 "has light that stays in its picture while the scene moves",
                 "S_{i} has light that stays in its picture while the scene moves",
             ),
-            (PriorOf("still_light", (-3.6, 0.65, 0.3, 1.0), _IN_TIME),),
+            (PriorOf("still_light", (-3.6, 0.65, 0.3, 1.0), sources.IN_TIME),),
             of_light=True,
-        ),
-    )
-    STILL_TEXTURE = (
-        "still_texture",
-        CheckKind(
-            Of.LIDAR,
-            Words(
-                "still texture",
-                "something stays at its place in its picture while the scene moves, by the LiDAR's ranges",
-                "shows something that stays in its picture while the scene moves",
-                "S_{i} shows something that stays in its picture while the scene moves",
-            ),
-            (PriorOf("still_texture", (-3.6, 0.8, 0.3, 1.45), _IN_TIME),),
-            of_light=True,
+            where="in_time.still_light",
         ),
     )
     FREE_SPACE_CONFLICT = (
@@ -290,7 +265,7 @@ class Check(StrEnum):
                 "cameras contradict a cluster whose points scatter, as in dust",
                 "has points that scatter where the cameras see nothing, as in dust",
             ),
-            (PriorOf("scattered_ranges", (-3.88, 0.45, 0.15, 1.2), _SCATTERED),),
+            (PriorOf("scattered_ranges", (-3.88, 0.45, 0.15, 1.2), sources.SCATTERED),),
             vote=Vote.MEAN,
             where="false_ranges",
             of_aerosol=True,
@@ -355,7 +330,7 @@ class Check(StrEnum):
                 "one of the two has a patch that is brighter than all that the other shows there",
                 "S_{i} or S_{k} has a patch that is brighter than all that the other shows there",
             ),
-            (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), _UNMATCHED), _SELDOM),
+            (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), sources.UNMATCHED), _SELDOM),
             vote=Vote.SMALLEST,
             of_light=True,
             never_of_two=True,
@@ -386,28 +361,24 @@ class Check(StrEnum):
                 "shows something else where others agree what is there",
                 "S_{i} shows something else where others agree what is there",
             ),
-            (PriorOf("foreign_texture", (-3.9, 0.5, 0.2, 1.75), _FOREIGN),),
+            (PriorOf("foreign_texture", (-3.9, 0.5, 0.2, 1.75), sources.FOREIGN),),
             vote=Vote.SMALLEST,
             never_of_two=True,
             by_two_others=True,
         ),
     )
-
-    _value_: str
-    kind: CheckKind
-
-    def __new__(cls, name: str, *declared: CheckKind) -> "Check":
-        """A check of a name, as it is declared."""
-        made = str.__new__(cls, name)
-        made._value_, [made.kind] = name, declared
-        return made
-
-    @property
-    def counted_as(self) -> "Check":
-        """The check under which its counts are kept."""
-        return Check(self.kind.opposite_of or self)
-
-    @property
-    def where(self) -> str:
-        """The module of `measurement/checks` that measures it."""
-        return self.kind.where or self.value
+    STILL_TEXTURE = (
+        "still_texture",
+        CheckKind(
+            Of.LIDAR,
+            Words(
+                "still texture",
+                "something stays at its place in its picture while the scene moves, by the LiDAR's ranges",
+                "shows something that stays in its picture while the scene moves",
+                "S_{i} shows something that stays in its picture while the scene moves",
+            ),
+            (PriorOf("still_texture", (-3.6, 0.8, 0.3, 1.45), sources.IN_TIME),),
+            of_light=True,
+            where="in_time.still_texture",
+        ),
+    )

@@ -185,27 +185,24 @@ class _Surveyor:
             if self._enough():
                 break
         lost = () if self._messages else [f"no message is left in it: {damage}" for damage in self._recording.damage]
-        for problem in lost:
-            self._note(problem)
         shared = self._shared()
         sensors = [sensor for name, sensor in sorted(self._sensors.items()) if name not in shared]
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
-        clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
         pictures = [
             ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
             for t, f, size in images
         ]
         places = (*self._mountings.all(), *self._beyond_tf())
         infos, transforms, notes = completed_by_texts(self._recording, pictures, self._infos, places)
-        for note in notes:
-            self._note(note)
+        for problem in (*lost, *notes):
+            self._note(problem)
         unseen = self._note_unseen()
         self._note_undecodable()
         of_transforms = self._by_kind("transforms")
         return Survey(
             topics=self._recording.topics(),
             images=tuple(pictures),
-            clouds=tuple(self._cloud(topic, frame_id, points) for topic, frame_id, points in clouds),
+            clouds=tuple(self._cloud(t, f, points) for t, f, points in sensors if isinstance(points, int)),
             camera_infos=dict(sorted(infos.items())),
             transforms=transforms,
             problems=tuple(self._problems),
@@ -366,7 +363,6 @@ class _Surveyor:
             self._problems[problem] = None
 
     def _note_undecodable(self) -> None:
-        """Note the topics of a sensor's schema in an encoding without a decoder."""
         for topic in self._recording.topics():
             if topic.schema in decoder_table() and self._decoders.of(topic.schema, topic.encoding) is None:
                 self._note(f"{topic.name}: {topic.schema} in the encoding {topic.encoding!r} cannot be decoded")

@@ -9,7 +9,7 @@ import numpy as np
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure_stream
-from auditor.measurement.checks.parallax_conflict import (
+from auditor.measurement.checks.in_time.parallax_conflict import (
     _alike,
     _in_halves,
     _patches,

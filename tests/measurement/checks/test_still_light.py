@@ -10,7 +10,7 @@ import pytest
 from auditor.lab.attacks.paper import Facula
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import measure_stream
-from auditor.measurement.checks.still_light import Glimpse
+from auditor.measurement.checks.in_time.still_light import Glimpse
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.ego_motion import Motion
 from auditor.model.checks import Check, SensorCheck

@@ -9,8 +9,8 @@ import numpy as np
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure_stream
-from auditor.measurement.checks.parallax_conflict import parallax_conflicts
-from auditor.measurement.checks.still_texture import NUMBERS, measure_still_texture, staying
+from auditor.measurement.checks.in_time.parallax_conflict import parallax_conflicts
+from auditor.measurement.checks.in_time.still_texture import NUMBERS, measure_still_texture, staying
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.moment import Moment

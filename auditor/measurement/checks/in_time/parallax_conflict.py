@@ -16,9 +16,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from auditor.measurement.checks.in_time.still_texture import NUMBERS as STILL_TEXTURE
+from auditor.measurement.checks.in_time.still_texture import measure_still_texture, staying
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
-from auditor.measurement.checks.still_texture import NUMBERS as STILL_TEXTURE
-from auditor.measurement.checks.still_texture import measure_still_texture, staying
 from auditor.measurement.disparity.stereo import textured
 from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
 from auditor.measurement.moment import Moment
