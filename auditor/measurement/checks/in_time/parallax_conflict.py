@@ -101,7 +101,7 @@ class ParallaxComparison(NamedTuple):
     still_texture: float | None = None
 
 
-class _Found(NamedTuple):
+class _ComparedPoints(NamedTuple):
     """Which points were `compared`, which agree with the picture before, and which `conflicts` are found at a `place`.
 
     They are numbers of points; places are (C, 2).
@@ -150,7 +150,7 @@ def parallax_conflicts(
 
 
 def _staying(
-    now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, found: _Found
+    now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, found: _ComparedPoints
 ) -> tuple[Indices, float | None]:
     """The points that stay in the picture though they should have moved, and how much of it does."""
     differing = np.setdiff1d(found.compared, found.agrees, assume_unique=True)
@@ -210,7 +210,7 @@ def _outnumbered(now: Moment, stays: Indices, conflicts: Indices, moved: Mask) -
     return np.asarray(around(stays) > STILL_TEXTURE.outnumber * around(conflicts[moved]))
 
 
-def _sampled(now: Moment, before: Moment, sought: _Sought) -> _Found:
+def _sampled(now: Moment, before: Moment, sought: _Sought) -> _ComparedPoints:
     """A sample of the points, compared with the picture before, and all around those that are found elsewhere."""
     first = np.arange(0, sought.point.size, max(-(-sought.point.size // PARALLAX_CONFLICT.first_points), 1))
     found = _compared(now, before, sought, first)
@@ -220,10 +220,10 @@ def _sampled(now: Moment, before: Moment, sought: _Sought) -> _Found:
     around = cv2.dilate(elsewhere, _AROUND).ravel()[there]
     around[first] = 0
     further = _compared(now, before, sought, np.flatnonzero(around))
-    return _Found(*(np.concatenate(both) for both in zip(found, further, strict=True)))
+    return _ComparedPoints(*(np.concatenate(both) for both in zip(found, further, strict=True)))
 
 
-def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _Found:
+def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _ComparedPoints:
     """Some points, compared with the picture before."""
     agree, conflicts, place = [some[:0]], [some[:0]], [np.zeros((0, 2))]
     for times in np.unique(sought.halvings[some]).tolist():
@@ -234,7 +234,7 @@ def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _F
         agree.append(alike[agrees])
         conflicts.append(alike[elsewhere])
         place.append((there + 1 / 2) * HALF**times - 1 / 2 if times else there)
-    return _Found(some, np.concatenate(agree), np.concatenate(conflicts), np.concatenate(place))
+    return _ComparedPoints(some, np.concatenate(agree), np.concatenate(conflicts), np.concatenate(place))
 
 
 def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
