@@ -235,7 +235,7 @@ class Check(DeclaredCheck):
             Of.LIDAR,
             Words(
                 "still light",
-                "light stays in its picture while the scene moves, by the LiDAR's ranges",
+                "light stays in its picture while the scene moves, by LiDAR ranges",
                 "has light that stays in its picture while the scene moves",
                 "S_{i} has light that stays in its picture while the scene moves",
             ),
@@ -373,7 +373,7 @@ class Check(DeclaredCheck):
             Of.LIDAR,
             Words(
                 "still texture",
-                "something stays at its place in its picture while the scene moves, by the LiDAR's ranges",
+                "something stays in its picture while the scene moves",
                 "shows something that stays in its picture while the scene moves",
                 "S_{i} shows something that stays in its picture while the scene moves",
             ),

@@ -102,12 +102,12 @@ class ParallaxComparison(NamedTuple):
 
 
 class _ComparedPoints(NamedTuple):
-    """Which points were `compared`, which agree with the picture before, and which `conflicts` are found at a `place`.
+    """The numbers of points that were compared, of those that agree with the picture before, and of `conflicts`.
 
-    They are numbers of points; places are (C, 2).
+    The latter are found at a `place` (C, 2).
     """
 
-    compared: Indices
+    every: Indices
     agrees: Indices
     conflicts: Indices
     place: Floats
@@ -132,12 +132,12 @@ def parallax_conflicts(
         if motion is not None:
             moved_m = float(np.linalg.norm(motion.translation_m))
             sought = _seen_before(now, some, motion)
-            found = _sampled(now, before, sought)
-            valid[sought.point[found.agrees]] = True
-            stays, texture = _staying(now, before, long_ago, sought, found)
-            moved = ~np.isin(found.conflicts, stays)
-            moved &= ~_outnumbered(now, sought.point[stays], sought.point[found.conflicts], moved)
-            things, place = sought.chosen(found.conflicts[moved]), found.place[moved]
+            compared = _sampled(now, before, sought)
+            valid[sought.point[compared.agrees]] = True
+            stays, texture = _staying(now, before, long_ago, sought, compared)
+            moved = ~np.isin(compared.conflicts, stays)
+            moved &= ~_outnumbered(now, sought.point[stays], sought.point[compared.conflicts], moved)
+            things, place = sought.chosen(compared.conflicts[moved]), compared.place[moved]
             alike = _alike(things, place)
             things, place = things.chosen(alike), place[alike]
             K = before.camera.intrinsics
@@ -150,14 +150,14 @@ def parallax_conflicts(
 
 
 def _staying(
-    now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, found: _ComparedPoints
+    now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, compared: _ComparedPoints
 ) -> tuple[Indices, float | None]:
     """The points that stay in the picture though they should have moved, and how much of it does."""
-    differing = np.setdiff1d(found.compared, found.agrees, assume_unique=True)
+    differing = np.setdiff1d(compared.every, compared.agrees, assume_unique=True)
     stays = differing[staying(now, (before.half, long_ago), sought.point[differing])]
     if long_ago is None:
         return stays, None
-    moving = found.compared[np.hypot(*(sought.predicted - sought.pixel)[found.compared].T) >= STILL_TEXTURE.least_px]
+    moving = compared.every[np.hypot(*(sought.predicted - sought.pixel)[compared.every].T) >= STILL_TEXTURE.least_px]
     return stays, measure_still_texture(now, sought.point[moving], np.isin(moving, stays))
 
 
@@ -213,14 +213,14 @@ def _outnumbered(now: Moment, stays: Indices, conflicts: Indices, moved: Mask) -
 def _sampled(now: Moment, before: Moment, sought: _Sought) -> _ComparedPoints:
     """A sample of the points, compared with the picture before, and all around those that are found elsewhere."""
     first = np.arange(0, sought.point.size, max(-(-sought.point.size // PARALLAX_CONFLICT.first_points), 1))
-    found = _compared(now, before, sought, first)
+    compared = _compared(now, before, sought, first)
     there = now.view.place(HALF, now.half.shape[1])[sought.point]
     elsewhere = np.zeros(now.half.shape, dtype=np.uint8)
-    elsewhere.ravel()[there[found.conflicts]] = 1
+    elsewhere.ravel()[there[compared.conflicts]] = 1
     around = cv2.dilate(elsewhere, _AROUND).ravel()[there]
     around[first] = 0
     further = _compared(now, before, sought, np.flatnonzero(around))
-    return _ComparedPoints(*(np.concatenate(both) for both in zip(found, further, strict=True)))
+    return _ComparedPoints(*(np.concatenate(both) for both in zip(compared, further, strict=True)))
 
 
 def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _ComparedPoints:
