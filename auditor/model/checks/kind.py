@@ -1,7 +1,8 @@
 """What is declared of a check: whom it is of, how it is counted and voted on, its prior, and its words."""
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
+from typing import Self
 
 
 class Of(Enum):
@@ -102,3 +103,26 @@ class CheckKind:
     never_of_two: bool = False
     by_two_others: bool = False
     by_all_but_one: bool = False
+
+
+class DeclaredCheck(StrEnum):
+    """A check by its name, and its `kind` as it is declared."""
+
+    _value_: str
+    kind: CheckKind
+
+    def __new__(cls, name: str, *declared: CheckKind) -> Self:
+        """A check of a name, as it is declared."""
+        made = str.__new__(cls, name)
+        made._value_, [made.kind] = name, declared
+        return made
+
+    @property
+    def counted_as(self) -> Self:
+        """The check under which its counts are kept."""
+        return type(self)(self.kind.opposite_of or self)
+
+    @property
+    def where(self) -> str:
+        """The module of `measurement/checks` that measures it."""
+        return self.kind.where or self.value
