@@ -20,6 +20,9 @@ from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Verdict
 
+_UNPREDICTED = (Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT, Check.ADDED_TEXTURE)
+"""The checks of light that no tone curve predicts."""
+
 
 def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     """An aerosol, where the strongest of what fired is that returns scatter."""
@@ -89,9 +92,9 @@ class CameraScores(NamedTuple):
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturated_px`
     is that of Coverage, NaN where it is not known. `coloured` is the z of light of one colour, NaN
     where no other colour camera voted; `striped` that of light in rows, and `unpredicted` that of unmatched or veiling
-    light, which no tone curve predicts, NaN where they were not measured. `shown_s` are
-    the seconds nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it
-    does not; NaN where no other frame is known.
+    light or of added texture, which no tone curve predicts, NaN where they were not measured. `shown_s` are the seconds
+    nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it does not; NaN
+    where no other frame is known.
     """
 
     added: float
@@ -164,7 +167,7 @@ def seen_of(
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
         coloured, striped, *unpredicted = (
             nan if (column := own.get(check)) is None else float(z[column])
-            for check in (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT)
+            for check in (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, *_UNPREDICTED)
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)

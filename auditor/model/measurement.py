@@ -56,7 +56,7 @@ class Region:
 
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
-    ComparedTo.CAMERAS: 35,
+    ComparedTo.CAMERAS: 36,
     ComparedTo.PAST: 36,
     ComparedTo.SCANS: 33,
     ComparedTo.LIDARS: 33,

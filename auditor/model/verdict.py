@@ -74,11 +74,11 @@ class Cause(StrEnum):
     """What other than an attack may cause a finding.
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
-    SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. BLURRED: a camera shows far
+    SOILED: dirt or drops on a lens, or whatever else changes what a camera sees as they do. BLURRED: a camera shows far
     less detail than the others, out of focus or behind something that scatters light. BLIND: it shows hardly any of
     the detail that another one shows, or a camera alone showed seconds before or after. EXPOSURE: a camera's exposure,
-    gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not. DARK,
-    GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
+    gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not. DARK: too
+    little light in all cameras. GLARE: light scatters in a camera's lens. RAIN: the LiDAR sees drops all around.
     AEROSOL: it has returns that scatter as those of dust, steam and exhaust.
     """
 

@@ -552,9 +552,10 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
     weaker[columns[Check.ADDED_LIGHT, 1, (2, 3)]] = 3.0
     clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, weaker]), span_s=0.3))
     assert clean[1][8:] == pytest.approx((0.1, 2 / 3)), "by the strongest of its checks"
-    lit = z.copy()
-    lit[columns[Check.UNMATCHED_LIGHT, 1, (2, 3)]] = 6.0
-    assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].unpredicted == 6.0, "no veil shows, unmatched light does"
+    for check in (Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT, Check.ADDED_TEXTURE):
+        lit = z.copy()
+        lit[columns[check, 1, (2, 3)]] = 6.0
+        assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].unpredicted == 6.0, "one of them is enough"
     light_of_both = seen_of(both, z, statistics, SYSTEM, LIGHT)[1]
     assert light_of_both[:8] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 12, 0, 0, 0)
     assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4]), "it was measured before light was kept"

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.measurement.frame_views import FrameViews
 from auditor.model.arrays import Mask
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.rig import Camera, Lidar, Rig

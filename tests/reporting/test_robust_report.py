@@ -34,6 +34,7 @@ def test_an_incident_tells_its_evidence_by_sensor_and_check_with_z_and_the_limit
     (incident,) = part_of(store).incidents
     assert sorted((line.check, line.sensor, line.other, line.frames) for line in incident.checks) == [
         ("added_light", 1, None, 10),
+        ("added_texture", 1, None, 10),
         ("coloured_light", 1, None, 10),
         ("foreign_texture", 1, None, 10),
         ("photometric_inconsistency", 1, None, 10),

@@ -58,3 +58,9 @@ def test_every_cause_has_words_of_its_own(tmp_path):
     sql = f"SELECT DISTINCT cause_in_words(cause, 2) AS told FROM (VALUES {causes}) AS known(cause)"
     told = {row["told"] for row in run_sql(new_store(tmp_path), sql).to_pylist()}
     assert len(told - {None}) == len(Cause)
+
+
+@pytest.mark.parametrize("cause", sorted(set(Cause) - {Cause.DARK}))
+def test_what_affects_one_sensor_names_it(tmp_path, cause):
+    [row] = run_sql(new_store(tmp_path), f"SELECT cause_in_words('{cause}', 2) AS told").to_pylist()
+    assert "S_2" in row["told"]

@@ -15,7 +15,6 @@ from auditor.measurement.checks.collect import (
     shares_of_ranges,
     with_pairs,
 )
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.count_grid import ImageGrid
 from auditor.measurement.disparity.disparity_error import compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
@@ -33,6 +32,7 @@ from auditor.measurement.fault_features.collect import (
     fingerprint_of_points,
 )
 from auditor.measurement.frame import brightness
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, matched
 from auditor.model.arrays import Image, Mask

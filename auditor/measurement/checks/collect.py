@@ -14,7 +14,6 @@ from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verifie
 from auditor.measurement.checks.light import LightDifference, difference_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, matchable
 from auditor.measurement.checks.point_distribution import isolated_of, shares_of_isolated, thinned
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.count_grid import (
     ImageGrid,
     PairCells,
@@ -27,6 +26,7 @@ from auditor.measurement.count_grid import (
 )
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.frame_views import FrameViews
 from auditor.model.arrays import Image, Indices, Mask, Points
 from auditor.model.checks import DIRECTION_CHECKS, SHARE_CHECKS, Check, CountedPair, Pair, SensorCheck, resolves_depth
 from auditor.model.checks.kind import Of

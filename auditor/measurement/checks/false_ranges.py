@@ -24,9 +24,9 @@ from auditor.measurement.checks.lidar_conflict import PointVotes
 from auditor.measurement.checks.lost_returns import scanned
 from auditor.measurement.checks.scattered_returns import NUMBERS as SCATTERED_RETURNS
 from auditor.measurement.checks.scattered_returns import scatter
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES
 from auditor.model.arrays import Floats, Floats32, Indices, Mask, median_of

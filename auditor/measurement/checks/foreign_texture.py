@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import Patches, consistency_of
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import halve, warp
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.parameters import BY_HAND, parameter

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.count_grid import cells_of_directions
 from auditor.measurement.disparity.disparity_error import inconsistent
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import COUNT_GRID, HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import FALSE_RANGES, LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask

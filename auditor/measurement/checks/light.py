@@ -15,8 +15,8 @@ import numpy as np
 
 from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.photometric_consistency import consistency_of
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import warp
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import LIGHT
 from auditor.measurement.tone_curve import Classes, chroma_classes, predict, saturation_level
 from auditor.model.arrays import Floats32, Image, Mask

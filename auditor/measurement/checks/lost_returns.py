@@ -22,10 +22,10 @@ import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import PairConsistency, consistency_of, ncc_at
 from auditor.measurement.checks.point_distribution import thinned
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.count_grid import cells_of_directions
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import COUNT_GRID, HALF, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.measurement.point_parameters import LOST_RETURNS
 from auditor.model.arrays import Floats32, Image, Indices, Mask

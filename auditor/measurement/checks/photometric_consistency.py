@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import warp
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import HALF, LIGHT, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.measurement.tone_curve import saturates_from, saturation_level
 from auditor.model.arrays import Floats32, Image, Indices, Mask

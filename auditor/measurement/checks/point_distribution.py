@@ -11,8 +11,8 @@ from math import isnan, sqrt, tau
 
 import numpy as np
 
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT, POINT_SPACING, ROUGH_RANGES
 from auditor.model.arrays import Floats, Indices, Mask, Points, median_of, quantile_of
 from auditor.model.fault_features import IsolatedShares

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from auditor.measurement.checks.seen import FrameViews
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.tone_curve import saturation_level
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.parameters import BY_HAND, parameter

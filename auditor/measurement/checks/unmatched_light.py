@@ -12,7 +12,7 @@ import numpy as np
 
 from auditor.measurement.checks.light import UNITS, WHITE, CameraLevels, view_of
 from auditor.measurement.checks.photometric_consistency import matched_samples
-from auditor.measurement.checks.seen import FrameViews
+from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import HALF
 from auditor.measurement.tone_curve import Classes, Prediction, predict
 from auditor.model.arrays import Image, Indices, Mask

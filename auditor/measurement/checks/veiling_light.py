@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import matched_samples
-from auditor.measurement.checks.seen import FrameViews
+from auditor.measurement.frame_views import FrameViews
 from auditor.model.arrays import Image, quantile_of
 from auditor.model.parameters import BY_HAND, parameter
 

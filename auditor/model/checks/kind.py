@@ -106,7 +106,7 @@ class CheckKind:
 
 
 class DeclaredCheck(StrEnum):
-    """What each check has: its name, and what is declared of it."""
+    """A check by its name, and its `kind` as it is declared."""
 
     _value_: str
     kind: CheckKind

@@ -1,15 +1,11 @@
 """The checks. Each is declared here, once: all that knows checks by their names follows from this table.
 
-A check is measured in the module `where` of `measurement/checks`: most by `measure_x` of `Check.X`, which is found by
-its name. What is counted together (light, inconsistency, ranges, parallax) has functions of other names. Its
-prior, how its voters decide together, its rows in documents, and what queries and pages say of it are taken from here.
+A check is measured in the module `where` of `measurement/checks`, by `measure_x` of `Check.X` or, where several are
+counted together, by a function of another name. Its prior, its vote and what all texts say of it are taken from here.
 """
 
 from auditor.model.checks import prior_sources as sources
 from auditor.model.checks.kind import CellUnit, CheckKind, DeclaredCheck, Of, PriorOf, Vote, Words
-
-_LIGHT_OF_ONE = PriorOf("light_of_one", (-2.1, 0.35, 0.35, 1.75), sources.REAL)
-_SELDOM = PriorOf("seldom", (-3.93, 0.4, 0.1, 1.8), sources.NO_CLEAN)
 
 
 class Check(DeclaredCheck):
@@ -45,7 +41,7 @@ class Check(DeclaredCheck):
                 "S_{i} or S_{k} alone sees light",
             ),
             (
-                _LIGHT_OF_ONE,
+                sources.LIGHT_OF_ONE,
                 PriorOf("light_of_two", (-2.2, 0.33, 0.33, 1.3), sources.REAL),
                 PriorOf("light", (-2.92, 0.3, 0.29, 1.9), sources.LIGHT),
             ),
@@ -69,7 +65,7 @@ class Check(DeclaredCheck):
                 "S_{i} or S_{k} alone lacks light",
             ),
             (
-                _LIGHT_OF_ONE,
+                sources.LIGHT_OF_ONE,
                 PriorOf("darkness_of_two", (-2.75, 0.33, 0.35, 2.0), sources.FITTED),
                 PriorOf("darkness", (-3.15, 0.26, 0.24, 2.0), sources.LIGHT),
             ),
@@ -180,7 +176,7 @@ class Check(DeclaredCheck):
                 "one of the two has light in some rows that the other does not",
                 "S_{i} or S_{k} alone has light in some rows",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
             vote=Vote.SMALLEST,
             of_light=True,
         ),
@@ -253,7 +249,7 @@ class Check(DeclaredCheck):
                 "points stand where its beams passed a moment ago",
                 "has points where its beams passed a moment ago",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
         ),
     )
     SCATTERED_RANGES = (
@@ -280,11 +276,10 @@ class Check(DeclaredCheck):
                 "points scatter where its beams passed a moment ago, as in dust",
                 "has points that scatter where its beams passed a moment ago, as in dust",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
             of_aerosol=True,
         ),
     )
-
     CONTESTED_RETURNS = (
         "contested_returns",
         CheckKind(
@@ -297,7 +292,7 @@ class Check(DeclaredCheck):
                 "one of the two has points where the other's beams passed",
                 "S_{i} has points where the beams of S_{k} passed: two LiDARs do not tell which of them is wrong",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
             vote=Vote.SMALLEST,
         ),
     )
@@ -313,7 +308,7 @@ class Check(DeclaredCheck):
                 "one of the two has light in its darkest parts that the other does not",
                 "S_{i} or S_{k} alone has light in its darkest parts",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
             vote=Vote.SMALLEST,
             of_light=True,
         ),
@@ -330,7 +325,7 @@ class Check(DeclaredCheck):
                 "one of the two has a patch that is brighter than all that the other shows there",
                 "S_{i} or S_{k} has a patch that is brighter than all that the other shows there",
             ),
-            (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), sources.UNMATCHED), _SELDOM),
+            (PriorOf("unmatched_light_of_one", (-3.9, 0.45, 0.25, 1.8), sources.UNMATCHED), sources.SELDOM),
             vote=Vote.SMALLEST,
             of_light=True,
             never_of_two=True,
@@ -346,11 +341,10 @@ class Check(DeclaredCheck):
                 "points stand where its beams passed just before, on all sides",
                 "has points where its beams passed a moment ago",
             ),
-            (_SELDOM,),
+            (sources.SELDOM,),
             where="free_space_conflict",
         ),
     )
-
     FOREIGN_TEXTURE = (
         "foreign_texture",
         CheckKind(
@@ -380,5 +374,27 @@ class Check(DeclaredCheck):
             (PriorOf("still_texture", (-3.6, 0.8, 0.3, 1.45), sources.IN_TIME),),
             of_light=True,
             where="in_time.still_texture",
+        ),
+    )
+    ADDED_TEXTURE = (
+        "added_texture",
+        CheckKind(
+            Of.CAMERAS,
+            Words(
+                "added texture",
+                "it has texture where the others are smooth",
+                "has texture where the others see smooth surfaces",
+                "S_{i} has texture where others see smooth surfaces",
+                "one of the two has texture where the other sees smooth surfaces",
+                "S_{i} or S_{k} alone has texture where the other sees smooth surfaces",
+            ),
+            (
+                PriorOf("added_texture_of_one", (-3.55, 0.43, 0.22, 1.75), sources.TEXTURE),
+                PriorOf("added_texture_of_two", (-3.77, 0.36, 0.1, 1.95), sources.TEXTURE),
+                PriorOf("added_texture", (-3.9, 0.3, 0.1, 1.9), sources.TEXTURE),
+            ),
+            vote=Vote.SMALLEST,
+            of_light=True,
+            never_of_two=True,
         ),
     )

@@ -135,7 +135,7 @@ def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there()
         for check, x in zip(attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True)
         if x is not None
     }
-    of_pictures = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
+    of_pictures = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT, Check.ADDED_TEXTURE)
     of_cameras = (*CAMERA_CHECKS, *of_pictures)
     assert asked == {
         *(c for c in rig_sensor_checks(RIG) if c.check in DIRECTION_CHECKS and {1, 4} <= set(c.others)),

@@ -15,7 +15,7 @@ from auditor.model.checks import LIDAR_CHECKS, Check, CountedPair, SensorCheck, 
 from auditor.model.frames import CameraImage
 from tests.making.scenes import RIG, plane_frame, plane_rig, scene
 
-OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT)
+OF_PICTURES = (Check.STRIPED_LIGHT, Check.VEILING_LIGHT, Check.UNMATCHED_LIGHT, Check.ADDED_TEXTURE)
 """The checks of two grey cameras that are measured as they are."""
 OF_THREE = {SensorCheck(Check.FOREIGN_TEXTURE, 2, (1, 3)), SensorCheck(Check.FOREIGN_TEXTURE, 1, (2, 3))}
 """The reference and each other camera say how far away is what the third one has to show."""

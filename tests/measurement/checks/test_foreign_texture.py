@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from auditor.measurement.checks.foreign_texture import measure_foreign_texture
-from auditor.measurement.checks.seen import FrameViews
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.measurement.frame_views import FrameViews
 from tests.making.scenes import plane_images, plane_rig
 
 SIZE_PX = (640, 240)
