@@ -137,9 +137,9 @@ def test_each_is_declared_in_two_files_at_most_and_is_measured_judged_stored_and
     package = tmp_path / "auditor"
     (package / "lab/attacks/inked.py").write_text(KIND.lstrip(), encoding="utf-8")
     (package / "measurement/checks/inked_rows.py").write_text(MEASURED.lstrip(), encoding="utf-8")
-    added(package / "model/checks/kinds.py", "\n    _value_: str", CHECK)
-    with (tmp_path / "schemas/frames.toml").open("a", encoding="utf-8") as schema:
-        schema.write(COLUMN)
+    for last, text in ((package / "model/checks/kinds.py", CHECK), (tmp_path / "schemas/frames.toml", COLUMN)):
+        with last.open("a", encoding="utf-8") as declared:
+            declared.write(text)
     added(package / "model/measurement.py", '\n\nBRIGHTNESS = ("level"', FIELD)
     write_drive(tmp_path / "drive.mcap", 16, positions_m=THREE_CAMERAS)
     (tmp_path / "used.py").write_text(USED, encoding="utf-8")
